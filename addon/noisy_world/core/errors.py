@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The errors that a user can cause, and mend.
+
+Every one of them becomes a single line and a non-zero exit on the command line, and a report in the status bar of the
+add-on. Anything else that is raised is a bug and keeps its traceback.
+"""
+
+from pathlib import Path
+
+
+class NoisyWorldError(Exception):
+    """What went wrong, where, and what to do about it, in one line."""
+
+
+class InputError(NoisyWorldError):
+    """A file that the user gave is not what it should be.
+
+    The message reads `FILE: WHERE: PROBLEM; REMEDY`, where WHERE is a key of a preset or a line of a text file.
+    """
+
+    def __init__(self, file: str | Path, problem: str, *, where: str = "", remedy: str = "") -> None:
+        self.file = str(file)
+        self.where = where
+        self.problem = problem
+        self.remedy = remedy
+        place = f"{file}: {where}: " if where else f"{file}: "
+        super().__init__(place + problem + (f"; {remedy}" if remedy else ""))
+
+
+class MissingDependencyError(NoisyWorldError):
+    """A library that this work needs is not installed here; the message gives the command that gets it."""
+
+
+class StorageError(NoisyWorldError):
+    """The dataset cannot be written or continued where it lies: disk full, no permission, or another run's data."""
+
+
+class InterruptedRunError(NoisyWorldError):
+    """The user stopped the run; the message says how to go on."""
