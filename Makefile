@@ -1,0 +1,52 @@
+# The README gives `make demo` and `make test`; each sets everything up by itself. `make help` lists the rest.
+PYTHON ?= python3.13
+BLENDER ?= blender
+VENV := .venv
+PY := $(VENV)/bin/python
+
+.DEFAULT_GOAL := help
+.PHONY: help venv demo test lint format lock blender-env peer-env clean
+
+help: ## list the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+
+venv: $(VENV)/.installed ## make .venv with the pinned packages
+
+$(VENV)/.installed: requirements.lock
+	@command -v $(PYTHON) >/dev/null || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, and say PYTHON=... if it has another name" >&2; exit 1; }
+	test -x $(PY) || $(PYTHON) -m venv $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
+	$(PY) headless/system_libraries.py
+	touch $@
+
+demo: venv ## render presets/demo.yaml into out/demo
+	$(PY) headless/generate.py presets/demo.yaml --out out/demo
+
+test: venv ## run the tests
+	$(PY) -m pytest
+
+lint: venv ## check style, layers and formatting
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+
+format: venv ## format the code
+	$(VENV)/bin/ruff check --fix .
+	$(VENV)/bin/ruff format .
+
+blender-env: venv ## install the packages that a Blender program lacks, beside the project: BLENDER=/path/to/blender
+	$(PY) headless/blender_env.py $(BLENDER)
+
+peer-env: .venv-peer/.installed ## an environment with Open3D, which some tests compare with; needs Python 3.11
+
+.venv-peer/.installed: tests/peer/requirements.txt
+	@for python in python3.11 /usr/bin/python3.11; do \
+	  if $$python -c pass 2>/dev/null; then rm -rf .venv-peer; $$python -m venv .venv-peer && exit 0; fi; \
+	done; echo "make: Open3D needs Python 3.11, which is not here" >&2; exit 1
+	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -r $<
+	touch $@
+
+lock: ## pin the newest packages that pyproject.toml allows; needs uv
+	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --no-emit-index-url --upgrade -o requirements.lock
+
+clean: ## remove what the targets made
+	rm -rf $(VENV) .venv-peer .blender-env out dist .pytest_cache .ruff_cache

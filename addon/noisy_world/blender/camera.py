@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pinhole intrinsics on a Blender camera, and trajectories as its keyframes."""
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import (
+    Intrinsics,
+    blender_from_opencv_c2w,
+    continuous_quats,
+    opencv_from_blender_c2w,
+    pose,
+    quat_wxyz_from_rotation,
+    rotation_from_quat_wxyz,
+)
+from .scene import get_origin
+
+SENSOR_WIDTH_MM = 36.0
+SMALLEST_PX = 4  # Blender renders no image that is narrower or lower
+
+
+def add_camera(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
+    """Link a camera that turns by quaternions, and make it the scene's if the scene has none."""
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    camera.rotation_mode = "QUATERNION"
+    scene.collection.objects.link(camera)
+    if scene.camera is None:
+        scene.camera = camera
+    return camera
+
+
+def set_intrinsics(
+    scene: bpy.types.Scene, camera: bpy.types.Object, intrinsics: Intrinsics, *, near_m: float, far_m: float
+) -> None:
+    """Give the camera and the scene's image the intrinsics; what lies outside [near_m, far_m] is void.
+
+    Blender's shift is measured from the image's centre, in widths; the image's centre is at pixel (width - 1) / 2 where
+    integer coordinates name pixel centres. fx != fy is a pixel aspect, which Blender takes from 1 up. An image smaller
+    than Blender's smallest is rendered larger, to the right and below.
+    """
+    width_px = max(intrinsics.width_px, SMALLEST_PX)
+    height_px = max(intrinsics.height_px, SMALLEST_PX)
+    scene.render.resolution_x = width_px
+    scene.render.resolution_y = height_px
+    scene.render.resolution_percentage = 100
+    scene.render.use_border = False
+    aspect = intrinsics.fx_px / intrinsics.fy_px
+    scene.render.pixel_aspect_x = max(1.0, 1.0 / aspect)
+    scene.render.pixel_aspect_y = max(1.0, aspect)
+    data = camera.data
+    data.type = "PERSP"
+    data.sensor_fit = "HORIZONTAL"
+    data.sensor_width = SENSOR_WIDTH_MM
+    data.lens_unit = "MILLIMETERS"
+    data.lens = intrinsics.fx_px * SENSOR_WIDTH_MM / width_px
+    data.shift_x = ((width_px - 1) / 2 - intrinsics.cx_px) / width_px
+    data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2) * aspect / width_px
+    data.clip_start = near_m
+    data.clip_end = far_m
+    data.dof.use_dof = False
+
+
+def key_trajectory(
+    scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64], *, first_frame: int = 0
+) -> None:
+    """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, on consecutive frames.
+
+    Quaternion signs are continuous, so that Blender's interpolation between two keys takes the short way.
+    """
+    blender_c2w = blender_from_opencv_c2w(c2w)
+    location_m = blender_c2w[:, :3, 3] - get_origin(scene)
+    quat_wxyz = continuous_quats(quat_wxyz_from_rotation(blender_c2w[:, :3, :3]))
+    camera.animation_data_clear()
+    camera.animation_data_create()
+    action = bpy.data.actions.new(f"{camera.name} trajectory")
+    camera.animation_data.action = action
+    frames = np.arange(first_frame, first_frame + len(c2w))
+    for path, values in (("location", location_m), ("rotation_quaternion", quat_wxyz)):
+        for index, column in enumerate(values.T):
+            curve = action.fcurve_ensure_for_datablock(camera, path, index=index)
+            _set_keys(curve, frames, column)
+    scene.frame_start = first_frame
+    scene.frame_end = first_frame + len(c2w) - 1
+
+
+def _set_keys(curve: bpy.types.FCurve, frames: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+    points = curve.keyframe_points
+    points.add(len(frames))
+    points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())
+    linear = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
+    points.foreach_set("interpolation", np.full(len(frames), linear, dtype=np.int32))
+    curve.update()
+
+
+def read_trajectory_keys(
+    scene: bpy.types.Scene, camera: bpy.types.Object, frames: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the poses (len(frames), 4, 4) float64 of the camera's curves, camera-to-world, OpenCV axes, metres."""
+    action = camera.animation_data.action
+
+    def values(path: str, size: int) -> NDArray[np.float64]:
+        curves = [action.fcurve_ensure_for_datablock(camera, path, index=index) for index in range(size)]
+        return np.array([[curve.evaluate(float(frame)) for curve in curves] for frame in frames])
+
+    quat_wxyz = values("rotation_quaternion", 4)
+    rotation = rotation_from_quat_wxyz(quat_wxyz / np.linalg.norm(quat_wxyz, axis=1, keepdims=True))
+    return opencv_from_blender_c2w(pose(rotation, values("location", 3) + get_origin(scene)))

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A dataset on disk: what is finished, what is missing, and the papers that say how it was made.
+
+While a run lasts, `OUT/.noisy_world` holds its identity, a journal a sequence with a line for each finished frame, and
+unfinished files. When all is done the journals become each sequence's frames.jsonl and the folder goes. A frame counts
+as finished when the journal names it and its files have the hashes written there; everything else is made again. So a
+killed run, a torn line, a truncated image or a power cut cost time and nothing else.
+"""
+
+import contextlib
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .errors import StorageError
+from .layouts import Layout
+from .preset import canonical
+from .storage import (
+    FolderLock,
+    link_or_copy,
+    sha256_of_bytes,
+    sha256_of_file,
+    storage_errors,
+    write_atomic,
+)
+
+WORK_FOLDER = ".noisy_world"
+MANIFEST = "manifest.json"
+RUN = "run.json"
+OVERVIEW = "overview.png"
+FRAMES = "frames.jsonl"
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """A finished frame: its number, its time stamp and the SHA-256 of each file by name inside the sequence."""
+
+    frame: int
+    time_s: float
+    files: dict[str, str]
+
+    def line(self) -> str:
+        """The record as a line of JSON."""
+        record = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        return json.dumps(record, separators=(", ", ": ")) + "\n"
+
+
+def _read_records(path: Path) -> Iterator[FrameRecord]:
+    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if record := _parse_record(line):
+                yield record
+
+
+def _parse_record(line: str) -> FrameRecord | None:
+    """Read a line of a journal; None where it is torn."""
+    try:
+        record = json.loads(line)
+        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]))
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+class Dataset:
+    """The folder of a dataset while a run writes to it."""
+
+    def __init__(self, out: Path, layout: Layout) -> None:
+        self.out = out
+        self.layout = layout
+        self._work = out / WORK_FOLDER
+        self.scratch = self._work / "unfinished"
+        self._lock: FolderLock | None = None
+
+    def open(self, identity: dict[str, Any], *, overwrite: bool) -> None:
+        """Take the folder for a run that is described by `identity`, and keep others out.
+
+        Raises StorageError where the folder holds something else, and where another run is at it.
+        """
+        if self.out.exists() and not self.out.is_dir():
+            raise StorageError(f"{self.out}: is a file, not a folder; choose another with --out")
+        there = self._identity_there()
+        if there is None and self._holds_other_things():
+            raise StorageError(
+                f"{self.out}: is not empty and holds no dataset of Noisy World; choose another folder with --out"
+            )
+        self._lock = FolderLock(self._work / "lock")
+        there = self._identity_there()
+        difference = None if there is None else first_difference(there, identity)
+        if difference and not overwrite:
+            self._lock.release()
+            raise StorageError(
+                f"{self.out}: holds a dataset made otherwise ({difference}); choose another folder with --out, or "
+                "replace it with --overwrite"
+            )
+        if there is not None and overwrite:
+            self._remove_dataset(there)
+        with storage_errors(self.scratch):
+            shutil.rmtree(self.scratch, ignore_errors=True)
+            self.scratch.mkdir(parents=True, exist_ok=True)
+        self._write(self._work / "identity.json", canonical(identity))
+
+    def join(self) -> None:
+        """Take part in a run that another process has opened."""
+        if not self.scratch.is_dir():
+            raise StorageError(f"{self.out}: no run is open here")
+
+    def close(self) -> None:
+        """Let go of the folder, leaving what is unfinished for the next run."""
+        if self._lock is not None:
+            self._lock.release()
+
+    def _holds_other_things(self) -> bool:
+        return self.out.is_dir() and any(item.name != WORK_FOLDER for item in self.out.iterdir())
+
+    def _identity_there(self) -> dict[str, Any] | None:
+        for path in (self._work / "identity.json", self.out / MANIFEST):
+            with contextlib.suppress(FileNotFoundError):
+                try:
+                    content = json.loads(path.read_text(encoding="utf-8"))
+                    return content if path.name == "identity.json" else content["identity"]
+                except (ValueError, KeyError, TypeError):
+                    return {"unreadable": path.name}
+        return None
+
+    def _remove_dataset(self, identity: dict[str, Any]) -> None:
+        """Remove the files of the dataset that is there, and no file that is not one of its own."""
+        with storage_errors(self.out):
+            for folder in identity.get("sequences", []):
+                sequence = self.out / folder
+                for pattern in self.layout.patterns:
+                    for path in sequence.glob(pattern):
+                        path.unlink()
+                for path in (sequence.parent / "cam_params.json",):
+                    path.unlink(missing_ok=True)
+                for empty in (*(sequence / name for name in ("results", "rgb", "depth")), sequence, sequence.parent):
+                    with contextlib.suppress(OSError):
+                        empty.rmdir()
+            for name in (MANIFEST, RUN, OVERVIEW):
+                (self.out / name).unlink(missing_ok=True)
+            for journal in self._work.glob("*/**/journal-*.jsonl"):
+                journal.unlink()
+
+    def _write(self, path: Path, text: str) -> str:
+        data = text.encode()
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, data, self.scratch)
+        return sha256_of_bytes(data)
+
+    # --- frames ---
+
+    def take_stock(self, folder: str) -> set[int]:
+        """Return the frames of a sequence whose files are there as they were written.
+
+        From then on the journals alone say what is finished; records of frames that were lost or damaged are dropped.
+        """
+        intact = {record.frame: record for record in self._recorded(folder) if self._is_intact(folder, record)}
+        kept = self._work / folder / "journal-kept.jsonl"
+        if intact:
+            self._write(kept, "".join(record.line() for record in intact.values()))
+        for journal in (self._work / folder).glob("journal-*.jsonl"):
+            if journal != kept or not intact:
+                journal.unlink()
+        return set(intact)
+
+    def records(self, folder: str) -> dict[int, FrameRecord]:
+        """Return the finished frames of a sequence by number, in order."""
+        found = {record.frame: record for path in self._journals(folder) for record in _read_records(path)}
+        return {frame: found[frame] for frame in sorted(found)}
+
+    def _journals(self, folder: str) -> list[Path]:
+        return sorted((self._work / folder).glob("journal-*.jsonl"))
+
+    def _recorded(self, folder: str) -> Iterator[FrameRecord]:
+        for path in (self.out / folder / FRAMES, *self._journals(folder)):
+            yield from _read_records(path)
+
+    def _is_intact(self, folder: str, record: FrameRecord) -> bool:
+        return all(sha256_of_file(self.out / folder / name) == digest for name, digest in record.files.items())
+
+    def journal(self, folder: str, worker: int) -> "Journal":
+        """Open the journal of a sequence for a worker, and make the sequence's folders."""
+        with storage_errors(self.out / folder):
+            for name in self.layout.folders:
+                (self.out / folder / name).mkdir(parents=True, exist_ok=True)
+        return Journal(self._work / folder / f"journal-{worker}.jsonl")
+
+    def write_frame(self, folder: str, files: dict[str, bytes]) -> dict[str, str]:
+        """Write the files of a frame and return their SHA-256 by name."""
+        for name, data in files.items():
+            write_atomic(self.out / folder / name, data, self.scratch)
+        return {name: sha256_of_bytes(data) for name, data in files.items()}
+
+    def share_frame(self, source: str, folder: str, names: Iterable[str]) -> None:
+        """Give the files of a frame of one sequence to another that has the same pixels."""
+        for name in names:
+            link_or_copy(self.out / source / name, self.out / folder / name, self.scratch)
+
+    # --- papers ---
+
+    def finish_sequence(self, folder: str, texts: dict[str, str], records: Iterable[FrameRecord]) -> dict[str, str]:
+        """Write a sequence's text files and its frames.jsonl; return their SHA-256 by name."""
+        contents = {**texts, FRAMES: "".join(record.line() for record in records)}
+        return {name: self._write(self.out / folder / name, text) for name, text in sorted(contents.items())}
+
+    def write_text(self, name: str, text: str) -> str:
+        """Write a text file of the dataset; return its SHA-256."""
+        return self._write(self.out / name, text)
+
+    def write_bytes(self, name: str, data: bytes) -> str:
+        """Write a binary file of the dataset; return its SHA-256."""
+        write_atomic(self.out / name, data, self.scratch)
+        return sha256_of_bytes(data)
+
+    def seal(self) -> None:
+        """End a run that has finished everything: nothing but the dataset stays."""
+        # The identity goes last, with the lock: until then the folder is one that can be resumed.
+        with storage_errors(self._work):
+            for path in sorted(self._work.iterdir()):
+                if path.name not in ("identity.json", "lock"):
+                    shutil.rmtree(path)
+            shutil.rmtree(self._work)
+        self.close()
+
+
+class Journal:
+    """The lines of finished frames, appended one by one."""
+
+    def __init__(self, path: Path) -> None:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _cut_torn_line(path)
+            self._file = path.open("ab", buffering=0)
+        self._path = path
+
+    def append(self, record: FrameRecord) -> None:
+        """Add a frame whose files are in place."""
+        line = record.line().encode()
+        with storage_errors(self._path):
+            if self._file.write(line) != len(line):  # an unbuffered write may stop short at a full disk
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _cut_torn_line(path: Path) -> None:
+    """Remove what a killed process left after the last whole line, lest the next line be glued to it."""
+    with contextlib.suppress(FileNotFoundError):
+        data = path.read_bytes()
+        if data and not data.endswith(b"\n"):
+            with path.open("r+b") as file:
+                file.truncate(data.rfind(b"\n") + 1)
+
+
+def first_difference(there: dict[str, Any], here: dict[str, Any], prefix: str = "") -> str | None:
+    """Name the first key in which two identities differ, with both values, or None."""
+    for name in sorted({*there, *here}):
+        left, right = there.get(name), here.get(name)
+        if isinstance(left, dict) and isinstance(right, dict):
+            if found := first_difference(left, right, f"{prefix}{name}."):
+                return found
+        elif left != right:
+            return f"{prefix}{name} was {_short(left)}, is {_short(right)}"
+    return None
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preset may say, and reading it: YAML in, checked frozen dataclasses out. A preset runs no code."""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+from .errors import InputError
+from .schema import Place, key, parse
+
+EMBEDDED_ROOM = "embedded:room"
+
+
+def _safe_name(name: str) -> str:
+    if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+        return ""
+    return f"is {name!r}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
+
+
+def _scene_name(name: str) -> str:
+    return "" if "*" in name else _safe_name(name)
+
+
+@dataclass(frozen=True)
+class HandheldSpec:
+    """A seeded path of a camera held in the hand, walking through the scene."""
+
+    frames: int = key("length of the path", unit="frames", minimum=1, maximum=1_000_000)
+    rate_hz: float = key("frames a second", unit="Hz", default=20.0, above=0, maximum=10_000)
+    seed: int | None = key("seed of the path, where it should not follow the preset's", default=None, minimum=0)
+    speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10)
+    clearance_m: float = key("distance kept from everything", unit="m", default=0.45, above=0, maximum=10)
+
+
+@dataclass(frozen=True)
+class TrajectorySpec:
+    """Where the camera goes: a file, or a path made here; a bare text is a file."""
+
+    SHORTHAND: ClassVar[str] = "file"
+
+    file: str | None = key("Replica, TUM or KITTI trajectory, relative to the preset; * allowed", default=None)
+    handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
+    pose: Literal["c2w", "w2c"] = key("whether the file holds camera-to-world or world-to-camera", default="c2w")
+    axes: Literal["opencv", "opengl", "robot"] = key(
+        "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up",
+        default="opencv",
+    )
+    rate_hz: float = key(
+        "frames a second, where the file has no time stamps", unit="Hz", default=20.0, above=0, maximum=10_000
+    )
+    start: int = key("first pose used", default=0, minimum=0)
+    stop: int | None = key("the pose after the last one used", default=None, minimum=1)
+    every: int = key("use every n-th pose", default=1, minimum=1)
+    resample_hz: float | None = key(
+        "interpolate the poses to this rate (slerp, shortest path)", unit="Hz", default=None, above=0, maximum=10_000
+    )
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """A scene and the way through it."""
+
+    mesh: str = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}")
+    trajectory: TrajectorySpec = key("the way of the camera, or of the robot that carries it")
+    name: str | None = key(
+        "the scene's folder in the dataset; * stands for what the * of mesh matched",
+        default=None,
+        pattern=_scene_name,
+    )
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """Pinhole intrinsics; integer pixel coordinates name pixel centres."""
+
+    width: int = key("image width", unit="px", minimum=1, maximum=65500)
+    height: int = key("image height", unit="px", minimum=1, maximum=65500)
+    fx: float = key("focal length", unit="px", above=0, maximum=1e6)
+    fy: float = key("focal length", unit="px", above=0, maximum=1e6)
+    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
+    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
+    near_m: float = key("what is nearer is not seen", unit="m", default=0.01, minimum=1e-6, maximum=1e6)
+    far_m: float = key("what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6)
+
+
+@dataclass(frozen=True)
+class SensorSpec:
+    """Where a sensor sits on the robot: the sensor's OpenCV axes in the robot's frame. One rotation at most."""
+
+    translation_m: tuple[float, float, float] = key("position", unit="m", default=(0.0, 0.0, 0.0))
+    quat_wxyz: tuple[float, float, float, float] | None = key("rotation, as a quaternion", default=None)
+    rotation_euler_deg: tuple[float, float, float] | None = key(
+        "rotation about x, y and z, as Rz Ry Rx", unit="deg", default=None
+    )
+    matrix: tuple[tuple[float, float, float, float], ...] | None = key(
+        "the whole pose as 4 rows of 4, instead of the others", default=None
+    )
+
+
+@dataclass(frozen=True)
+class RigSpec:
+    """A robot with sensors; the trajectory is then the robot's centre."""
+
+    rgb: SensorSpec = key("the colour sensor")
+    depth: SensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
+
+
+@dataclass(frozen=True)
+class RenderSpec:
+    """How frames are rendered."""
+
+    engine: Literal["cycles"] = key("the render engine", default="cycles")
+    samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
+
+
+@dataclass(frozen=True)
+class SettingSpec:
+    """A setting of the benchmark: what is done to every scene."""
+
+    name: str = key("the setting's folder in the dataset", pattern=_safe_name)
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """How the dataset is written."""
+
+    layout: Literal["replica", "tum"] = key("the layout of the files", default="replica")
+    image: Literal["jpg", "png"] | None = key(
+        "colour images; jpg is quality 98 without chroma subsampling; default jpg for replica, png for tum",
+        default=None,
+    )
+    overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
+
+
+REPLICA_CAMERA = CameraSpec(width=1200, height=680, fx=600.0, fy=600.0, cx=599.5, cy=339.5)
+
+
+@dataclass(frozen=True)
+class PresetSpec:
+    """A whole preset."""
+
+    scenes: tuple[SceneSpec, ...] = key("the scenes")
+    seed: int = key("the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1)
+    camera: CameraSpec = key("the camera; default Replica's 1200 x 680", default=REPLICA_CAMERA)
+    rig: RigSpec | None = key("the robot that carries the sensors", default=None)
+    render: RenderSpec = key("the rendering", default=RenderSpec())
+    settings: tuple[SettingSpec, ...] = key("the settings", default=(SettingSpec("clean"),))
+    output: OutputSpec = key("the dataset", default=OutputSpec())
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A checked preset: the file, the document as it stands there (with overrides), and what it says."""
+
+    path: Path
+    document: dict[str, Any]
+    spec: PresetSpec
+
+    @property
+    def sha256(self) -> str:
+        """The hash of the document as canonical JSON: comments and the order of keys do not count."""
+        text = json.dumps(self.document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def place(self, path: str) -> Place:
+        """Return the place of a key, for an error about it."""
+        return Place(self.path, path)
+
+
+def read_preset(path: Path, overrides: Sequence[str] = ()) -> Preset:
+    """Read and check a preset.
+
+    overrides: `key.path=value` texts, the value in YAML, list entries by their number; relative paths in them are
+    relative to the preset, as they are inside it.
+
+    Raises InputError naming the file and the key.
+    """
+    document = _load_yaml(path)
+    for text in overrides:
+        _override(document, text, path)
+    spec = parse(PresetSpec, document, Place(path))
+    _check(spec, Place(path))
+    return Preset(path, document, spec)
+
+
+def _load_yaml(path: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        near = ", ".join(sorted(item.name for item in path.parent.glob("*.yaml"))) if path.parent.is_dir() else ""
+        raise InputError(
+            path, "no such preset", remedy=f"presets there: {near}" if near else "check the path"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read as text: {error}") from error
+    try:
+        document = yaml.load(text, Loader=_loader())  # noqa: S506 - a subclass of SafeLoader
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise InputError(
+            path, f"is not valid YAML: {problem}", where=f"line {mark.line + 1}" if mark else ""
+        ) from error
+    except RecursionError as error:
+        raise InputError(path, "is nested too deeply") from error
+    if not isinstance(document, dict):
+        raise InputError(path, "is empty" if document is None else "is not a mapping of keys", remedy="see --list keys")
+    return document
+
+
+def _loader() -> type:
+    """Make a safe YAML loader that refuses a key given twice, and that reads 1e-3 as the number it is."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+            seen: set[str] = set()
+            for key_node, _ in node.value:
+                if key_node.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"the key {key_node.value!r} is given twice", key_node.start_mark
+                    )
+                if isinstance(key_node.value, str):
+                    seen.add(key_node.value)
+            return super().construct_mapping(node, deep)
+
+    number = re.compile(r"^[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9_]+)[eE][-+]?[0-9]+$")
+    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789."))
+    # Dates have no place here, and JSON cannot hold them.
+    Loader.yaml_implicit_resolvers = {
+        letter: [item for item in resolvers if item[0] != "tag:yaml.org,2002:timestamp"]
+        for letter, resolvers in Loader.yaml_implicit_resolvers.items()
+    }
+    return Loader
+
+
+def _override(document: dict[str, Any], text: str, path: Path) -> None:
+    import yaml
+
+    name, equals, value_text = text.partition("=")
+    keys = name.strip().split(".")
+    if not equals or not all(keys):
+        raise InputError(path, f"--set {text}: has to be key.path=value")
+    try:
+        value = yaml.load(value_text, Loader=_loader())  # noqa: S506 - a subclass of SafeLoader
+    except yaml.YAMLError as error:
+        raise InputError(path, f"--set {text}: the value is not valid YAML") from error
+    node: Any = document
+    for index, step in enumerate(keys):
+        where = Place(path, ".".join(keys[: index + 1]))
+        last = index == len(keys) - 1
+        if isinstance(node, list):
+            if not step.isdecimal() or int(step) >= len(node):
+                raise where.error(f"--set: {step!r} is no entry of this list", f"it has {len(node)}, counted from 0")
+            step = int(step)  # noqa: PLW2901
+        elif not isinstance(node, dict):
+            raise where.error("--set: leads into a value that has no keys")
+        if last:
+            node[step] = value
+        elif isinstance(node, dict):
+            if not isinstance(node.get(step), (dict, list)):
+                # A bare text stands for its mapping: trajectory.every may be set where only the file was named.
+                node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
+            node = node[step]
+        else:
+            node = node[step]
+
+
+def _check(spec: PresetSpec, place: Place) -> None:
+    """Check what one key alone cannot tell."""
+    if not spec.scenes:
+        raise place.at("scenes").error("is empty", "name a scene")
+    if not spec.settings:
+        raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
+    names = [setting.name for setting in spec.settings]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise place.at("settings").at(index).at("name").error(f"{name!r} is given twice")
+    if spec.camera.far_m <= spec.camera.near_m:
+        raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
+    if spec.output.layout == "tum" and spec.output.image == "jpg":
+        raise place.at("output").at("image").error("is jpg, but the TUM layout's readers expect png", "use png")
+    for index, scene in enumerate(spec.scenes):
+        _check_trajectory(scene.trajectory, place.at("scenes").at(index).at("trajectory"))
+    if spec.rig:
+        for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
+            if sensor:
+                _check_sensor(sensor, place.at("rig").at(name))
+
+
+def _check_trajectory(spec: TrajectorySpec, place: Place) -> None:
+    if (spec.file is None) == (spec.handheld is None):
+        raise place.error("needs either file or handheld", "name one of them")
+    if spec.stop is not None and spec.stop <= spec.start:
+        raise place.at("stop").error(f"is {spec.stop}, not beyond start ({spec.start})")
+
+
+def _check_sensor(spec: SensorSpec, place: Place) -> None:
+    rotations = [spec.quat_wxyz, spec.rotation_euler_deg, spec.matrix]
+    if sum(item is not None for item in rotations) > 1:
+        raise place.error("gives more than one rotation", "keep one of quat_wxyz, rotation_euler_deg and matrix")
+    if spec.matrix is not None and spec.translation_m != (0.0, 0.0, 0.0):
+        raise place.error("gives matrix and translation_m", "put the translation into the matrix")
+    if spec.matrix is not None and len(spec.matrix) != 4:
+        raise place.at("matrix").error(f"has {len(spec.matrix)} rows, but has to have 4")
+
+
+def canonical(value: Mapping[str, Any]) -> str:
+    """Return JSON text that is the same for the same content, for files that people read."""
+    return json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"

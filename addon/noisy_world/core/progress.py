@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How work tells that it goes on, whoever listens: a terminal, a log, a Blender window or a test."""
+
+import time
+from collections.abc import Callable
+from typing import Protocol, TextIO
+
+
+class Progress(Protocol):
+    """A listener. Calls come from one thread."""
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Begin a stretch of `total` frames, of which `done` exist already."""
+
+    def advance(self, count: int = 1) -> None:
+        """Tell that `count` more are done."""
+
+    def note(self, text: str) -> None:
+        """Say a sentence that the user should see."""
+
+    def finish(self) -> None:
+        """End the stretch."""
+
+
+class TerminalProgress:
+    """A bar with rate and time left, for a person who watches."""
+
+    def __init__(self, stream: TextIO) -> None:
+        from tqdm import tqdm
+
+        self._make: Callable[..., tqdm] = tqdm
+        self._stream = stream
+        self._bar: tqdm | None = None
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Open the bar."""
+        self.finish()
+        self._bar = self._make(
+            total=total, initial=done, desc=label, unit="frame", file=self._stream, dynamic_ncols=True, smoothing=0.1
+        )
+
+    def advance(self, count: int = 1) -> None:
+        """Move the bar."""
+        if self._bar is not None:
+            self._bar.update(count)
+
+    def note(self, text: str) -> None:
+        """Print above the bar."""
+        if self._bar is not None:
+            self._bar.clear()
+        print(text, file=self._stream, flush=True)
+        if self._bar is not None:
+            self._bar.refresh()
+
+    def finish(self) -> None:
+        """Leave the bar where it stands."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+class PlainProgress:
+    """A line now and then, for a log file."""
+
+    def __init__(self, stream: TextIO, *, every_s: float = 5.0, clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._every_s = every_s
+        self._clock = clock
+        self._label = ""
+        self._total = self._done = self._first = 0
+        self._start_s = self._last_s = 0.0
+        self._open = False
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Say what begins."""
+        self.finish()
+        self._label, self._total, self._done, self._first = label, total, done, done
+        self._start_s = self._last_s = self._clock()
+        self._open = True
+        self.note(f"{label}: {total} frames" + (f", {done} there already" if done else ""))
+
+    def advance(self, count: int = 1) -> None:
+        """Say the rate and the time left, at most every few seconds."""
+        self._done += count
+        if self._clock() - self._last_s >= self._every_s:
+            self._say()
+
+    def _say(self) -> None:
+        self._last_s = self._clock()
+        made = self._done - self._first
+        elapsed_s = self._last_s - self._start_s
+        rate = made / elapsed_s if elapsed_s > 0 else 0.0
+        left = f", {(self._total - self._done) / rate:.0f} s left" if rate > 0 else ""
+        self.note(f"{self._label}: {self._done}/{self._total} frames, {rate:.2f} frames/s{left}")
+
+    def note(self, text: str) -> None:
+        """Print a line."""
+        print(text, file=self._stream, flush=True)
+
+    def finish(self) -> None:
+        """Say the last count."""
+        if self._open:
+            self._open = False
+            self._say()

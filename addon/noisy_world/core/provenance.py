@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a dataset was made from and with: everything that can reach a byte of it."""
+
+import platform
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .machine import processor_features
+from .plan import Plan, input_hashes
+
+FORMAT = 1
+
+CONVENTIONS = {
+    "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
+    "depth": "planar depth z of the pixel's centre; uint16 = round(metres * depth_scale_per_m); 0 is void",
+    "rgb": "RGB, 8 bits, sRGB-encoded; void is black",
+    "pixel": "integer coordinates name pixel centres; the principal point is given in them",
+    "time": "seconds",
+}
+
+
+def package_version() -> str:
+    """Return this package's version, which blender_manifest.toml alone holds: beside the package or at the top."""
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package, *package.parents[:2]):
+        manifest = folder / "blender_manifest.toml"
+        if manifest.is_file():
+            found = re.search(r'^version\s*=\s*"([^"]+)"', manifest.read_text(encoding="utf-8"), re.MULTILINE)
+            if found:
+                return found[1]
+    raise RuntimeError(f"no blender_manifest.toml with a version at {package} or above")
+
+
+def identity(plan: Plan, blender_version: str) -> dict[str, Any]:
+    """Return what decides every byte of a dataset; two runs with the same identity write the same files.
+
+    Which frames a run makes (--frames) is no part of it: frames keep their numbers and their bytes.
+    """
+    import cv2
+    import OpenEXR
+
+    return {
+        "format": FORMAT,
+        "preset": plan.preset.document,
+        "preset_sha256": plan.preset.sha256,
+        "inputs": input_hashes(plan),
+        "sequences": [sequence.folder for sequence in plan.sequences],
+        "versions": {
+            "noisy_world": package_version(),
+            "blender": blender_version,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "opencv": cv2.__version__,
+            "openexr": OpenEXR.__version__,
+        },
+        "processor": {
+            "machine": platform.machine(),
+            "byte_order": sys.byteorder,
+            "features": processor_features(),
+        },
+    }
+
+
+def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
+    """Return the manifest's content.
+
+    files: SHA-256 by name of the dataset's own files and, a level deeper, of each sequence's and setting's.
+    frames: how many frames each sequence has.
+    """
+    camera = plan.camera
+    spec = plan.preset.spec
+    return {
+        "identity": identity_,
+        "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},
+        "camera": {
+            "width_px": camera.width_px,
+            "height_px": camera.height_px,
+            "fx_px": camera.fx_px,
+            "fy_px": camera.fy_px,
+            "cx_px": camera.cx_px,
+            "cy_px": camera.cy_px,
+            "near_m": spec.camera.near_m,
+            "far_m": spec.camera.far_m,
+        },
+        "depth_scale_per_m": plan.layout.depth_scale_per_m,
+        "depth_limit_m": plan.layout.depth_limit_m,
+        "conventions": CONVENTIONS,
+        "frames": frames,
+        "files": files,
+    }
+
+
+def render_seed(seed: int) -> int:
+    """Return the seed of the renderer's sampling pattern, which takes 31 bits."""
+    return seed % 2**31

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light baked into the colours: daylight through the windows, the sun's patches, two lamps, and corner shadows.
+
+Light is found on a coarse lattice of every sheet against the blockers' boxes, and interpolated; display values go with
+its square root, which is near the sRGB curve and exact on every processor. Only the sun is found vertex by vertex.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, WINDOWS_M, Y0, Y1, pane_bars_m
+from .surfaces import Array, Piece, Sheet
+
+LATTICE_M = 0.12
+THIN_M = 0.04  # one sample across anything narrower
+REACH_M = 1.3  # ambient shadows of things farther than this are not seen
+SUN = np.array([0.36, -1.0, -0.66])  # the way that sunlight travels, with y = -1
+SUN_RGB = np.array([1.45, 1.28, 0.95])
+DAY_RGB = np.array([0.95, 1.0, 1.06])
+AMBIENT_RGB = np.array([0.53, 0.52, 0.505])
+REVEAL_LIGHT = 0.35
+BOUNCE_RGB = np.array([0.07, 0.03, -0.01])
+# Lamp bulbs: x, y, z, strength.
+LAMPS = ((-2.86, 2.06, 1.55, 0.24), (1.75, 0.35, 1.62, 0.26))
+LAMP_RGB = np.array([1.25, 0.95, 0.62])
+_NEAR_M = 0.012
+_DIRECTIONS = 32
+
+
+@dataclass(frozen=True)
+class _Lattice:
+    """The coarse points of all sheets: (N, 3) positions, (N, 3) normals, and per sheet its row and column numbers."""
+
+    points_m: Array
+    normals: Array
+    rows: list[Array]
+    columns: list[Array]
+
+
+def _picked(points_m: Array) -> Array:
+    """Numbers of the rows to sample: about LATTICE_M apart, first and last included."""
+    count = len(points_m)
+    x, y, z = (points_m[1:] - points_m[:-1]).T
+    length = float(np.sqrt(x * x + y * y + z * z).sum())
+    if length < THIN_M:
+        return np.array([count // 2])
+    wanted = min(count - 1, max(1, round(length / LATTICE_M)))
+    return np.arange(wanted + 1) * (count - 1) // wanted
+
+
+def _lattice(sheets: tuple[Sheet, ...]) -> _Lattice:
+    points, normals, rows, columns = [], [], [], []
+    for s in sheets:
+        r = _picked(s.points_m[:, s.points_m.shape[1] // 2])
+        c = _picked(s.points_m[s.points_m.shape[0] // 2])
+        points.append(s.points_m[r][:, c].reshape(-1, 3))
+        normals.append(s.normals[r][:, c].reshape(-1, 3))
+        rows.append(r)
+        columns.append(c)
+    return _Lattice(np.concatenate(points), np.concatenate(normals), rows, columns)
+
+
+def _spread(coarse: Array, r: Array, c: Array, shape: tuple[int, int]) -> Array:
+    """(len(r), len(c), 3) values -> (R, C, 3) by linear interpolation over row and column numbers."""
+
+    def along(values: Array, at: Array, count: int) -> Array:
+        if len(at) == count:
+            return values
+        if len(at) == 1:
+            return np.repeat(values, count, 0)
+        k = np.searchsorted(at, np.arange(count), side="right").clip(1, len(at) - 1)
+        t = ((np.arange(count) - at[k - 1]) / (at[k] - at[k - 1]))[:, None, None]
+        return values[k - 1] * (1 - t) + values[k] * t
+
+    return along(along(coarse, r, shape[0]).swapaxes(0, 1), c, shape[1]).swapaxes(0, 1)
+
+
+def _first_hit(origins_m: Array, directions: Array, boxes_m: Array) -> Array:
+    """(N,) distance in units of the directions, (N, 3) or (3,), to the nearest box (B, 2, 3) entered from outside.
+
+    Infinite where there is none. Single precision: sums and products, so every processor agrees.
+    """
+    if not len(boxes_m):
+        return np.full(len(origins_m), np.inf)
+    enter = np.full((len(boxes_m), len(origins_m)), -np.inf, np.float32)
+    leave = np.full_like(enter, np.inf)
+    for k in range(3):
+        d = directions[..., k]
+        inverse = np.float32(1.0) / np.where(abs(d) < 1e-6, 1e-6, d).astype(np.float32)
+        o = origins_m[:, k]
+        a, b = (boxes_m[:, 0, k, None] - o) * inverse, (boxes_m[:, 1, k, None] - o) * inverse
+        np.maximum(enter, np.minimum(a, b), out=enter)
+        np.minimum(leave, np.maximum(a, b), out=leave)
+    hit = np.where((enter < leave) & (enter > 0), enter, np.inf)
+    return hit.min(0)
+
+
+def _within(boxes_m: Array, low: Array, high: Array) -> Array:
+    """The boxes that touch the box from low to high."""
+    return boxes_m[((boxes_m[:, 0] < high) & (boxes_m[:, 1] > low)).all(1)]
+
+
+def _room_distance(origins_m: Array, d: Array) -> Array:
+    """(N,) distance along a direction to the walls, floor or ceiling; points in a window's reveal see out."""
+    best = np.full(len(origins_m), np.inf)
+    for k in range(3):
+        if abs(d[k]) > 1e-9:
+            plane = (INTERIOR_MAX_M if d[k] > 0 else INTERIOR_MIN_M)[k]
+            ahead = (plane - origins_m[:, k]) / d[k]
+            best = np.minimum(best, np.where(ahead < -1e-3, np.inf, ahead))
+    return np.maximum(best, 0.0)
+
+
+def _sphere(count: int) -> Array:
+    """(count, 3) directions spread evenly over the sphere."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * 2.399963229728653
+    radius = np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], -1)
+
+
+def _ambient(origins_m: Array, normals: Array, boxes_m: Array) -> tuple[Array, Array]:
+    """(N,) how open the surroundings are, 0 to 1, and (N,) how much of what is seen is the floor."""
+    total, floor, weight = (np.zeros(len(origins_m)) for _ in range(3))
+    low, high = origins_m.min(0), origins_m.max(0)
+    near = _within(boxes_m, low - REACH_M, high + REACH_M)
+    for d in _sphere(_DIRECTIONS):
+        cos = normals[:, 0] * d[0] + normals[:, 1] * d[1] + normals[:, 2] * d[2]
+        k = np.nonzero(cos > 0.05)[0]
+        if not len(k):
+            continue
+        sweep = REACH_M * d
+        met = _within(near, low + np.minimum(sweep, 0), high + np.maximum(sweep, 0))
+        hit = _first_hit(origins_m[k], d, met)
+        free = np.minimum(np.minimum(hit, _room_distance(origins_m[k], d) * 1.6) / REACH_M, 1.0)
+        total[k] += cos[k] * np.sqrt(free)
+        floor[k] += cos[k] * max(-d[2], 0.0) * free
+        weight[k] += cos[k]
+    weight = np.maximum(weight, 1e-9)
+    return total / weight, floor / weight
+
+
+def _from_point(origins_m: Array, normals: Array, light_m: Array, boxes_m: Array) -> tuple[Array, Array, Array]:
+    """Unblocked share (N,) of a light point, the cosine (N,) at the surface, and the vectors (N, 3) towards it."""
+    away = light_m - origins_m
+    distance = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2)
+    dot = away[:, 0] * normals[:, 0] + away[:, 1] * normals[:, 1] + away[:, 2] * normals[:, 2]
+    cos = dot / np.maximum(distance, 1e-6)
+    k = np.nonzero(cos > 0)[0]
+    clear = np.zeros(len(origins_m))
+    if len(k):
+        low, high = np.minimum(origins_m[k].min(0), light_m), np.maximum(origins_m[k].max(0), light_m)
+        clear[k] = _first_hit(origins_m[k], away[k], _within(boxes_m, low, high)) >= 1.0
+    return clear, np.maximum(cos, 0.0), away
+
+
+def _windows(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
+    """(N,) daylight: each window is a grid of points on the wall's inner face."""
+    total = np.zeros(len(origins_m))
+    for x_low, x_high, z_low, z_high in WINDOWS_M:
+        cells = (x_high - x_low) * (z_high - z_low) / 9
+        for i in range(3):
+            for j in range(3):
+                # The rows are skewed, so that shadows of straight edges do not come in steps.
+                x = x_low + (x_high - x_low) * (i + 0.25 + 0.25 * j) / 3
+                at = np.array([x, Y1 - 0.005, z_low + (z_high - z_low) * (j + 0.5) / 3])
+                clear, cos, away = _from_point(origins_m, normals, at, boxes_m)
+                square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
+                total += clear * cos * np.maximum(away[:, 1], 0) / np.sqrt(square + 1e-9) * cells / (square + 0.12)
+    return total
+
+
+def _lamps(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
+    """(N,) light of the lamps, each a small cross of points."""
+    total = np.zeros(len(origins_m))
+    for x, y, z, strength in LAMPS:
+        for dx, dy in ((0.1, 0.03), (-0.03, 0.1), (-0.1, -0.03), (0.03, -0.1)):
+            clear, cos, away = _from_point(origins_m, normals, np.array([x + dx, y + dy, z]), boxes_m)
+            square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
+            total += 0.25 * strength * clear * (0.15 + 0.85 * cos) * (cos > 0) / (square + 0.15)
+    return total
+
+
+def _gathered(points_m: Array, normals: Array, boxes_m: Array) -> Array:
+    """(N, 3) light on points, handled in neighbourhoods so that each meets few boxes."""
+    light = np.empty_like(points_m)
+    origins = (points_m + _NEAR_M * normals).astype(np.float32)
+    normals = normals.astype(np.float32)
+    cell = np.floor(origins / 1.5).astype(np.int64) + 8
+    key = (cell[:, 0] * 32 + cell[:, 1]) * 32 + cell[:, 2]
+    order = np.argsort(key, kind="stable")
+    for group in np.split(order, np.nonzero(np.diff(key[order]))[0] + 1):
+        for chunk in np.array_split(group, len(group) // 2000 + 1):
+            o, n = origins[chunk], normals[chunk]
+            open_, floor = _ambient(o, n, boxes_m)
+            # What comes back from the room favours surfaces that look towards the windows.
+            bright = 1.0 + 0.12 * n[:, 1] * (o[:, 1] < Y0 + 1) - 0.08 * (n[:, 1] < -0.5)
+            light[chunk] = (
+                AMBIENT_RGB * (bright * (0.12 + 0.88 * open_))[:, None]
+                + BOUNCE_RGB * floor[:, None]
+                + DAY_RGB * (1.2 * _windows(o, n, boxes_m))[:, None]
+                + LAMP_RGB * _lamps(o, n, boxes_m)[:, None]
+                + DAY_RGB * (REVEAL_LIGHT * (o[:, 1] > Y1))[:, None]
+            )
+    return light
+
+
+def _sunlit(points_m: Array, normals: Array, boxes_m: Array) -> Array:
+    """(N,) sunlight in [0, 1]: what comes through the panes, past the glazing bars and the furniture."""
+    cos = np.maximum(-(normals[:, 0] * SUN[0] + normals[:, 1] * SUN[1] + normals[:, 2] * SUN[2]), 0.0)
+    cos /= np.sqrt(float((SUN * SUN).sum()))
+    back = Y1 + 0.1 - points_m[:, 1]
+    x, z = points_m[:, 0] - SUN[0] * back, points_m[:, 2] - SUN[2] * back
+    share = np.zeros(len(points_m))
+    for window in WINDOWS_M:
+        x_low, x_high, z_low, z_high = window
+        blur = 0.008 + 0.004 * back
+        inside = np.minimum(np.minimum(x - x_low, x_high - x), np.minimum(z - z_low, z_high - z)) - 0.055
+        upright, level = pane_bars_m(window)
+        for at in upright:
+            inside = np.minimum(inside, abs(x - at) - 0.026)
+        for at in level:
+            inside = np.minimum(inside, abs(z - at) - 0.016)
+        share = np.maximum(share, np.clip(0.5 + inside / (2 * blur), 0, 1))
+    k = np.nonzero((share > 0) & (cos > 0) & (back > 0.02))[0]
+    result = np.zeros(len(points_m))
+    origins = (points_m[k] + _NEAR_M * normals[k]).astype(np.float32)
+    for chunk in np.array_split(np.arange(len(k)), len(k) // 4000 + 1):
+        o = origins[chunk]
+        towards = -SUN * (Y1 - o[:, 1])[:, None]
+        if len(o):
+            near = _within(boxes_m, np.minimum(o, o + towards).min(0), np.maximum(o, o + towards).max(0))
+            result[k[chunk]] = _first_hit(o, towards, near) >= 1.0
+    return result * share * cos
+
+
+def lit(piece: Piece) -> Array:
+    """(V, 3) display-encoded colours of all sheets, one after another, under the room's light, as whole 255ths."""
+    boxes = np.array(piece.blockers_m, np.float32)
+    lattice = _lattice(piece.sheets)
+    coarse = _gathered(lattice.points_m, lattice.normals, boxes)
+    colours: list[Array] = []
+    points = np.concatenate([s.points_m.reshape(-1, 3) for s in piece.sheets])
+    normals = np.concatenate([s.normals.reshape(-1, 3) for s in piece.sheets])
+    sun = _sunlit(points, normals, boxes)
+    at, first = 0, 0
+    for s, r, c in zip(piece.sheets, lattice.rows, lattice.columns, strict=True):
+        count = len(r) * len(c)
+        if s.glow >= 1:
+            shown = s.rgb
+        else:
+            light = _spread(coarse[at : at + count].reshape(len(r), len(c), 3), r, c, s.points_m.shape[:2])
+            own = sun[first : first + s.rgb[..., 0].size].reshape(s.points_m.shape[:2])
+            light = light + SUN_RGB * own[..., None]
+            shown = s.rgb * (np.sqrt(np.maximum(light, 0.0)) * (1 - s.glow) + s.glow)
+        at += count
+        first += s.rgb[..., 0].size
+        colours.append(shown.reshape(-1, 3))
+    shown = np.concatenate(colours)
+    return np.round(_shoulder(shown) * 255.0) / 255.0
+
+
+def _shoulder(x: Array) -> Array:
+    """Compresses values above 0.75 so that highlights keep their hue and drawing, and never pass 1."""
+    over = np.maximum(x - 0.75, 0.0)
+    return np.clip(np.minimum(x, 0.75) + over / (1 + over / 0.25), 0.0, 1.0)

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a plain YAML value to a frozen dataclass, with errors that name the file, the key and the nearest valid name.
+
+A dataclass describes itself: `key(...)` holds a field's meaning, unit, range and choices, and everything else (checks,
+the list of keys, later the panel's sliders) is derived from it.
+"""
+
+import difflib
+import math
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class KeyInfo:
+    """What a key means. minimum and maximum are inclusive unless above is given, which is exclusive."""
+
+    meaning: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    pattern: Callable[[str], str] | None = None
+
+
+def key(
+    meaning: str,
+    *,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    above: float | None = None,
+    pattern: Callable[[str], str] | None = None,
+) -> Any:
+    """Declare a dataclass field that a preset may set. `pattern` returns a sentence on what is wrong, or nothing."""
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern)
+    return field(default=default, default_factory=default_factory, metadata={"key": info})  # type: ignore[call-overload]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a value stands: the file and the keys that lead to it."""
+
+    file: str | Path
+    path: str = ""
+
+    def at(self, name: str | int) -> "Place":
+        """Return the place of a value inside this one."""
+        return Place(self.file, f"{self.path}.{name}" if self.path else str(name))
+
+    def error(self, problem: str, remedy: str = "") -> InputError:
+        """Make the error that names this place."""
+        return InputError(self.file, problem, where=self.path, remedy=remedy)
+
+
+def parse[T](cls: type[T], value: object, place: Place) -> T:
+    """Check `value` against the dataclass `cls` and build it; raise InputError on the first thing that is wrong.
+
+    A class attribute `SHORTHAND` names the field that a value which is no mapping stands for.
+    """
+    shorthand = getattr(cls, "SHORTHAND", None)
+    if shorthand and not isinstance(value, Mapping):
+        value = {shorthand: value}
+    if not isinstance(value, Mapping):
+        raise place.error(f"is {describe(value)}, but has to be a mapping of {', '.join(_names(cls))}")
+    hints = get_type_hints(cls)
+    known = {item.name: item for item in fields(cls)}  # type: ignore[arg-type]
+    for name in value:
+        if name not in known:
+            raise unknown_name(place.at(str(name)), "key", str(name), list(known))
+    arguments = {}
+    for name, item in known.items():
+        if name in value:
+            arguments[name] = _parse_value(hints[name], value[name], place.at(name), item)
+        elif item.default is MISSING and item.default_factory is MISSING:
+            raise place.at(name).error("is missing", f"add it: {item.metadata['key'].meaning}")
+    return cls(**arguments)
+
+
+def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
+    """Make the error for a name that does not exist, with the nearest one that does."""
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+    return place.error(f"unknown {kind} {name!r}", remedy)
+
+
+def describe(value: object) -> str:
+    """Name a YAML value as a person would."""
+    match value:
+        case None:
+            return "empty"
+        case bool():
+            return f"the truth value {str(value).lower()}"
+        case int() | float():
+            return f"the number {value}"
+        case str():
+            return f"the text {value!r}"
+        case Mapping():
+            return "a mapping"
+        case Sequence():
+            return "a list"
+        case _:
+            return f"a {type(value).__name__}"
+
+
+def _names(cls: type) -> list[str]:
+    return [item.name for item in fields(cls)]
+
+
+def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> Any:
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        options = get_args(hint)
+        if value is None and type(None) in options:
+            return None
+        (hint,) = (option for option in options if option is not type(None))
+        return _parse_value(hint, value, place, item)
+    if origin is Literal:
+        return _parse_choice(get_args(hint), value, place)
+    if origin is tuple:
+        return _parse_list(get_args(hint), value, place, item)
+    if is_dataclass(hint) and isinstance(hint, type):
+        return parse(hint, value, place)
+    return _parse_plain(hint, value, place, item.metadata["key"])
+
+
+def _parse_choice(choices: tuple[str, ...], value: object, place: Place) -> str:
+    if isinstance(value, str) and value in choices:
+        return value
+    if isinstance(value, str):
+        raise unknown_name(place, "value", value, choices)
+    raise place.error(f"is {describe(value)}, but has to be one of {', '.join(choices)}")
+
+
+def _parse_list(hints: tuple[Any, ...], value: object, place: Place, item: Field[Any]) -> tuple[Any, ...]:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise place.error(f"is {describe(value)}, but has to be a list")
+    if len(hints) == 2 and hints[1] is Ellipsis:
+        hints = (hints[0],) * len(value)
+    if len(value) != len(hints):
+        raise place.error(f"has {len(value)} entries, but has to have {len(hints)}")
+    return tuple(
+        _parse_value(hint, entry, place.at(index), item)
+        for index, (hint, entry) in enumerate(zip(hints, value, strict=True))
+    )
+
+
+def _parse_plain(hint: type, value: object, place: Place, info: KeyInfo) -> object:
+    wanted = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}[hint]
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    fits = {
+        int: is_number and (isinstance(value, int) or float(value).is_integer()),  # type: ignore[arg-type]
+        float: is_number,
+        str: isinstance(value, str),
+        bool: isinstance(value, bool),
+    }[hint]
+    if not fits:
+        remedy = "put it in quotes" if hint is str and isinstance(value, (bool, int, float)) else ""
+        raise place.error(f"is {describe(value)}, but has to be {wanted}", remedy)
+    if hint in (int, float):
+        return _parse_number(hint, value, place, info)  # type: ignore[arg-type]
+    if hint is str and info.pattern and (problem := info.pattern(value)):  # type: ignore[arg-type]
+        raise place.error(problem)
+    return value
+
+
+def _parse_number(hint: type, value: float, place: Place, info: KeyInfo) -> float:
+    try:
+        number = hint(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise place.error(f"is {value}, but has to be finite")
+    too_low = info.minimum is not None and number < info.minimum
+    too_high = info.maximum is not None and number > info.maximum
+    if too_low or too_high or (info.above is not None and number <= info.above):
+        raise place.error(f"is {value}{_unit(info)}, out of range", f"allowed: {allowed_range(info)}")
+    return number
+
+
+def _unit(info: KeyInfo) -> str:
+    return f" {info.unit}" if info.unit else ""
+
+
+def allowed_range(info: KeyInfo) -> str:
+    """Say the range of a number in words, or nothing where there is none."""
+    low = "" if info.minimum is None else f"{info.minimum:g}"
+    if info.above is not None:
+        return (
+            f"above {info.above:g}" + (f", at most {info.maximum:g}" if info.maximum is not None else "") + _unit(info)
+        )
+    if low and info.maximum is not None:
+        return f"{low} to {info.maximum:g}{_unit(info)}"
+    if low:
+        return f"at least {low}{_unit(info)}"
+    return f"at most {info.maximum:g}{_unit(info)}" if info.maximum is not None else ""
+
+
+def list_keys(cls: type, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield (key, meaning with default, unit and range) of a dataclass and of those inside it, in order."""
+    hints = get_type_hints(cls)
+    for item in fields(cls):
+        info: KeyInfo = item.metadata["key"]
+        hint, suffix = _unwrap(hints[item.name])
+        yield f"{prefix}{item.name}{suffix}", _explain(item, info, hint)
+        if is_dataclass(hint) and isinstance(hint, type):
+            yield from list_keys(hint, f"{prefix}{item.name}{suffix}.")
+
+
+def _unwrap(hint: Any) -> tuple[Any, str]:
+    if get_origin(hint) in (Union, types.UnionType):
+        hint = next(option for option in get_args(hint) if option is not type(None))
+    if get_origin(hint) is tuple and get_args(hint)[-1] is Ellipsis:
+        return get_args(hint)[0], "[]"
+    return hint, ""
+
+
+def _explain(item: Field[Any], info: KeyInfo, hint: Any) -> str:
+    parts = [info.meaning]
+    if get_origin(hint) is Literal:
+        parts.append("one of " + ", ".join(get_args(hint)))
+    if limits := allowed_range(info):
+        parts.append(limits)
+    elif info.unit:
+        parts.append(info.unit)
+    if item.default is not MISSING and item.default is not None and not is_dataclass(item.default):
+        parts.append(f"default {item.default}")
+    elif item.default is MISSING and item.default_factory is MISSING:
+        parts.append("required")
+    return "; ".join(parts)

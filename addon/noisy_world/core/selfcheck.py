@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A look at a rendered frame from the other side: the mesh, the pose and the intrinsics, without any renderer.
+
+Pose conventions are what users of such datasets lose most time with. If axes, principal point, focal lengths, scale or
+the pose went wrong on the way through the renderer, vertices turn up in front of the surface that it saw.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .geometry import Intrinsics, invert_pose
+from .mesh import Mesh
+
+SAMPLES = 20_000
+TOLERANCE = 0.03  # of the depth; between pixels a slanted surface comes nearer
+ALLOWED = 0.02  # of the vertices: those of things too thin for any pixel's centre
+LEAST = 200  # vertices in view, for a share to mean something
+
+
+def share_in_front(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> float | None:
+    """Return the share of the vertices in view that lie in front of all that was rendered around their pixel.
+
+    c2w: (4, 4) with OpenCV axes, metres. depth_m: (H, W) planar depth, 0 = void. None where too few are in view.
+    """
+    used = mesh.corner_vertices[:: max(1, len(mesh.corner_vertices) // SAMPLES)]
+    w2c = invert_pose(c2w)
+    points_m = mesh.vertices_m[used] @ w2c[:3, :3].T + w2c[:3, 3]
+    points_m = points_m[points_m[:, 2] > 0.1]
+    column = np.rint(points_m[:, 0] / points_m[:, 2] * camera.fx_px + camera.cx_px)
+    row = np.rint(points_m[:, 1] / points_m[:, 2] * camera.fy_px + camera.cy_px)
+    inside = (column >= 1) & (column < camera.width_px - 1) & (row >= 1) & (row < camera.height_px - 1)
+    if np.count_nonzero(inside) < LEAST:
+        return None
+    column, row = column[inside].astype(int), row[inside].astype(int)
+    around_m = np.stack([depth_m[row + i, column + j] for i in (-1, 0, 1) for j in (-1, 0, 1)])
+    nearest_m = np.where(around_m > 0, around_m, np.inf).min(axis=0)
+    return float(np.mean(points_m[inside, 2] < nearest_m * (1 - TOLERANCE)))
+
+
+def reprojection_problem(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> str | None:
+    """Say what is wrong with a rendered depth; None where nothing is."""
+    share = share_in_front(mesh, c2w, camera, depth_m)
+    if share is None or share <= ALLOWED:
+        return None
+    return f"{share:.0%} of the mesh in view lies in front of the rendered depth: pose or intrinsics went wrong"

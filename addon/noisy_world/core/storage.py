@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files that are either whole or not there, and a lock that a killed process gives back."""
+
+import contextlib
+import errno
+import hashlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from .errors import StorageError
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+
+
+@contextlib.contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turn an operating system's refusal to write into one line that names the file and the remedy."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL:
+            remedy = "make room there and run the same command again: finished frames are kept"
+            raise StorageError(f"{path}: no space left to write it ({error.strerror}); {remedy}") from error
+        remedy = "mend that or choose another --out"
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {remedy}") from error
+
+
+def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
+    """Write a file so that under its name there is the whole content or what was there before.
+
+    scratch: a folder on the same file system for the unfinished file. A power cut can still lose what the system had
+    not brought to the disk; hashes, checked when a dataset is taken up again, find that.
+
+    Raises StorageError; the unfinished file is removed.
+    """
+    unfinished = scratch / f"{os.getpid()}-{path.parent.name}-{path.name}"
+    with storage_errors(path):
+        try:
+            unfinished.write_bytes(data)
+            unfinished.replace(path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                unfinished.unlink(missing_ok=True)
+            raise
+
+
+def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
+    """Give a finished file a second name, atomically; where the file system has no hard links, copy it."""
+    unfinished = scratch / f"{os.getpid()}-link-{target.parent.name}-{target.name}"
+    with storage_errors(target):
+        unfinished.unlink(missing_ok=True)
+        try:
+            unfinished.hardlink_to(source)
+        except OSError as error:
+            if error.errno in FULL:
+                raise
+            write_atomic(target, source.read_bytes(), scratch)
+            return
+        unfinished.replace(target)
+        # Renaming one name of a file onto another of the same file does nothing, and leaves both.
+        unfinished.unlink(missing_ok=True)
+
+
+def sha256_of_bytes(data: bytes) -> str:
+    """Return the SHA-256 of the bytes, in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def sha256_of_file(path: Path) -> str | None:
+    """Return the SHA-256 of a file, in hexadecimal; None where there is no such file."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError:
+        return None
+
+
+class FolderLock:
+    """Keeps two runs out of one dataset. The system lets go of it when the process ends, however it ends."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the lock or raise StorageError at once."""
+        self._path = path
+        while True:
+            with storage_errors(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                self._file = path.open("a+b")
+            if not _try_lock(self._file.fileno()):
+                self._file.close()
+                raise StorageError(f"{path.parent.parent}: another run is writing here; wait for it, or stop it")
+            # The run before may have removed the file between our opening and our locking it.
+            with contextlib.suppress(FileNotFoundError):
+                if path.stat().st_ino == os.fstat(self._file.fileno()).st_ino:
+                    return
+            self._file.close()
+
+    def release(self) -> None:
+        """Let go, leaving the file to whoever removes the folder."""
+        self._file.close()
+
+
+def _try_lock(descriptor: int) -> bool:
+    try:
+        if sys.platform == "win32":
+            import msvcrt  # noqa: PLC0415 - only there
+
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl  # noqa: PLC0415 - not there
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno in (errno.EACCES, errno.EAGAIN, errno.EDEADLK):
+            return False
+        raise
+    return True

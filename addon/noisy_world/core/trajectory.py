@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera's path through a scene: poses with time stamps."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .geometry import (
+    invert_pose,
+    opencv_from_blender_c2w,
+    opencv_from_robot_c2w,
+    pose,
+    quat_wxyz_from_rotation,
+    rotation_from_quat_wxyz,
+    slerp,
+)
+
+type Direction = Literal["c2w", "w2c"]
+type Axes = Literal["opencv", "opengl", "robot"]
+
+DIRECTIONS: tuple[str, ...] = get_args(Direction.__value__)
+AXES: tuple[str, ...] = get_args(Axes.__value__)
+
+# Stamps in files are rounded to microseconds: a last frame that is late by as much is still there.
+_STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses of a camera, one a frame; the arrays are copied and cannot be written to.
+
+    c2w: (N, 4, 4) float64, N >= 1, rigid, metres, from OpenCV's camera axes (x right, y down, z forward) to the world.
+    stamps_s: (N,) float64, seconds, strictly increasing.
+    Raises ValueError for other shapes, values that are not finite and stamps that do not increase.
+    """
+
+    c2w: NDArray[np.float64]
+    stamps_s: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        c2w = np.array(self.c2w, dtype=np.float64, order="C")
+        stamps_s = np.array(self.stamps_s, dtype=np.float64)
+        if c2w.ndim != 3 or c2w.shape[1:] != (4, 4) or len(c2w) == 0:
+            raise ValueError(f"a trajectory is (N, 4, 4) with N >= 1, not {c2w.shape}")
+        if stamps_s.shape != (len(c2w),):
+            raise ValueError(f"{len(c2w)} poses need as many time stamps, not {stamps_s.shape}")
+        if not (np.isfinite(c2w).all() and np.isfinite(stamps_s).all()):
+            raise ValueError("a trajectory holds finite numbers only")
+        if np.any(np.diff(stamps_s) <= 0.0):
+            raise ValueError("time stamps must increase from frame to frame")
+        c2w.setflags(write=False)
+        stamps_s.setflags(write=False)
+        object.__setattr__(self, "c2w", c2w)
+        object.__setattr__(self, "stamps_s", stamps_s)
+
+    def __len__(self) -> int:
+        return len(self.c2w)
+
+
+def evenly_stamped(c2w: ArrayLike, rate_hz: float = 20.0) -> Trajectory:
+    """(N, 4, 4) c2w -> a trajectory with stamps 0, 1 / rate_hz, 2 / rate_hz, ... seconds."""
+    c2w = np.asarray(c2w, dtype=np.float64)
+    return Trajectory(c2w, np.arange(len(c2w)) / _checked_rate(rate_hz))
+
+
+def subsample(trajectory: Trajectory, start: int = 0, stop: int | None = None, every: int = 1) -> Trajectory:
+    """Frames start, start + every, ... before stop (None: to the end), with their own stamps.
+
+    Raises ValueError for a negative start or stop, for every < 1 and where no frame is left.
+    """
+    if start < 0 or every < 1 or (stop is not None and stop < 0):
+        raise ValueError(f"start and stop must be >= 0 and every >= 1, not {start}, {stop} and {every}")
+    chosen = slice(start, stop, every)
+    if len(trajectory.stamps_s[chosen]) == 0:
+        raise ValueError(f"no frame is left of {len(trajectory)} with start {start} and stop {stop}")
+    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[chosen])
+
+
+def resample(trajectory: Trajectory, rate_hz: float) -> Trajectory:
+    """Poses at t0 + k / rate_hz up to the last stamp (within a microsecond), t0 the first stamp.
+
+    Positions are interpolated linearly, rotations by slerp on the shorter way; a pose that is met exactly is kept.
+    """
+    rate_hz = _checked_rate(rate_hz)
+    old_s = trajectory.stamps_s - trajectory.stamps_s[0]
+    count = int(np.floor((old_s[-1] + min(_STAMP_TOLERANCE_S, 0.1 / rate_hz)) * rate_hz)) + 1
+    new_s = np.arange(count) / rate_hz
+    before = np.clip(np.searchsorted(old_s, new_s, side="right") - 1, 0, max(len(trajectory) - 2, 0))
+    after = np.minimum(before + 1, len(trajectory) - 1)
+    gap_s = np.where(after > before, old_s[after] - old_s[before], 1.0)
+    u = np.clip((new_s - old_s[before]) / gap_s, 0.0, 1.0)
+    c2w = _interpolated(trajectory.c2w[before], trajectory.c2w[after], u)
+    return Trajectory(c2w, trajectory.stamps_s[0] + new_s)
+
+
+def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) -> NDArray[np.float64]:
+    """(..., 4, 4) rigid poses in a declared convention -> c2w with OpenCV's camera axes.
+
+    direction: "c2w" (camera to world) or "w2c". axes, of the camera: "opencv" (x right, y down, z forward), "opengl"
+    (x right, y up, z backward; Blender, NeRF) or "robot" (x forward, y left, z up; ROS). The world stays as it is.
+    Raises ValueError for another name.
+    """
+    if direction not in DIRECTIONS:
+        raise ValueError(f"direction is one of {', '.join(DIRECTIONS)}, not {direction!r}")
+    if axes not in AXES:
+        raise ValueError(f"axes is one of {', '.join(AXES)}, not {axes!r}")
+    c2w = invert_pose(poses) if direction == "w2c" else np.array(poses, dtype=np.float64)
+    if axes == "opengl":
+        return opencv_from_blender_c2w(c2w)
+    if axes == "robot":
+        return opencv_from_robot_c2w(c2w)
+    return c2w
+
+
+def _interpolated(first: NDArray[np.float64], second: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray:
+    quats = slerp(quat_wxyz_from_rotation(first[:, :3, :3]), quat_wxyz_from_rotation(second[:, :3, :3]), u)
+    position = first[:, :3, 3] + u[:, None] * (second[:, :3, 3] - first[:, :3, 3])
+    between = pose(rotation_from_quat_wxyz(quats), position)
+    exact = [u == 0.0, u == 1.0]
+    return np.select([e[:, None, None] for e in exact], [first, second], between)
+
+
+def _checked_rate(rate_hz: float) -> float:
+    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise ValueError(f"a frame rate is a positive number of hertz, not {rate_hz}")
+    return float(rate_hz)

@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Plan -> render once -> write for every setting -> dataset: the only orchestration there is."""
+
+import shutil
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord, Journal
+from .core.errors import InterruptedRunError
+from .core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
+from .core.machine import peak_memory_bytes
+from .core.mesh import Mesh
+from .core.overview import draw_overview
+from .core.plan import Plan, Render, Sequence, estimate, load_mesh, load_trajectory, sensor_trajectories
+from .core.preset import canonical
+from .core.progress import Progress
+from .core.provenance import identity, manifest, render_seed
+from .core.selfcheck import reprojection_problem
+from .core.trajectory import Trajectory
+
+# Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
+WAITING_FRAMES = 3
+ENCODERS = 2
+
+
+@dataclass
+class Report:
+    """What a run did, and how fast: what goes to run.json and to the user."""
+
+    frames_rendered: int = 0
+    frames_kept: int = 0
+    loading_s: float = 0.0
+    first_frame_s: float | None = None
+    rendering_s: float = 0.0
+    total_s: float = 0.0
+    peak_memory_bytes: int | None = None
+    jobs: int = 1
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def frames_per_s(self) -> float | None:
+        """Frames a second from the first frame on, loading not counted."""
+        return self.frames_rendered / self.rendering_s if self.frames_rendered and self.rendering_s > 0 else None
+
+    def merge(self, other: "Report") -> None:
+        """Add what another process did at the same time."""
+        self.frames_rendered += other.frames_rendered
+        self.loading_s = max(self.loading_s, other.loading_s)
+        self.rendering_s = max(self.rendering_s, other.rendering_s)
+        first = [value for value in (self.first_frame_s, other.first_frame_s) if value is not None]
+        self.first_frame_s = min(first) if first else None
+
+
+type Work = dict[str, list[int]]
+"""Frames to be rendered, by scene."""
+
+type Workers = Callable[[list[Work], Progress], Report]
+"""Runs each of several pieces of work in a process of its own and returns when all are done."""
+
+
+class Run:
+    """One run of a plan into a folder."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        out: Path,
+        *,
+        progress: Progress,
+        stop: threading.Event,
+        overwrite: bool = False,
+        jobs: int = 1,
+        workers: Workers | None = None,
+    ) -> None:
+        """Prepare a run.
+
+        stop: when set, the run ends after the frame in hand. workers: what runs the jobs where there are several.
+        """
+        self._plan = plan
+        self._progress = progress
+        self._stop = stop
+        self._overwrite = overwrite
+        self._jobs = jobs
+        self._workers = workers
+        self._dataset = Dataset(out, plan.layout)
+        self._trajectories: dict[str, Mapping[str, Trajectory]] = {}
+        self._warned: set[str] = set()
+        self.report = Report(jobs=jobs)
+
+    def __call__(self) -> Report:
+        """Make the dataset, or what is missing of it.
+
+        Raises InterruptedRunError when stopped, StorageError when the disk refuses; what is finished stays, and the
+        same run again goes on from there.
+        """
+        from .blender.session import blender_version
+
+        start_s = time.perf_counter()
+        who = identity(self._plan, blender_version())
+        self._dataset.open(who, overwrite=self._overwrite)
+        try:
+            work = self._missing()
+            self._warn_of_space(sum(map(len, work.values())))
+            self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+            if self._jobs > 1 and self._workers is not None and work:
+                self.report.merge(self._workers(split_work(work, self._jobs), self._progress))
+            else:
+                self._render(work, worker=0)
+            self._progress.finish()
+            self._finish(who)
+            self.report.total_s = time.perf_counter() - start_s
+            self.report.peak_memory_bytes = peak_memory_bytes()
+            self._dataset.write_text(RUN, canonical(run_content(self.report)))
+            self._dataset.seal()
+        finally:
+            self._progress.finish()
+            self._dataset.close()
+        return self.report
+
+    def take_part(self, work: Work, worker: int) -> Report:
+        """Render a piece of the work of a run that another process has opened."""
+        self._dataset.join()
+        self._render(work, worker)
+        return self.report
+
+    def _missing(self) -> Work:
+        """Find what is to be rendered: frames that some sequence does not have."""
+        work: Work = {}
+        for render in self._plan.renders:
+            finished = [self._dataset.take_stock(sequence.folder) for sequence in render.sequences]
+            frames = [frame for frame in render.frames if not all(frame in there for there in finished)]
+            self.report.frames_kept += len(render.frames) - len(frames)
+            if frames:
+                work[render.scene.name] = frames
+        return work
+
+    def _warn_of_space(self, missing_frames: int) -> None:
+        needed = estimate(self._plan).bytes_written * missing_frames / max(self._plan.frame_count, 1)
+        free = shutil.disk_usage(self._dataset.out).free
+        if needed > free:
+            self._note(f"about {needed / 1e9:.1f} GB are to be written and {free / 1e9:.1f} GB are free")
+
+    def _note(self, text: str) -> None:
+        self.report.notes.append(text)
+        self._progress.note(text)
+
+    # --- rendering ---
+
+    def _render(self, work: Work, worker: int) -> None:
+        for render in self._plan.renders:
+            frames = work.get(render.scene.name)
+            if frames:
+                self._render_scene(render, frames, worker)
+
+    def _render_scene(self, render: Render, frames: list[int], worker: int) -> None:
+        from .blender.session import RenderOptions, Session
+
+        start_s = time.perf_counter()
+        scene = render.scene
+        mesh: Mesh | None = load_mesh(scene)
+        for note in mesh.notes:
+            self._note(f"{scene.name}: {note}")
+        trajectories = sensor_trajectories(self._plan, load_trajectory(self._plan, scene, mesh))
+        self._trajectories[scene.name] = trajectories
+        spec = self._plan.preset.spec
+        options = RenderOptions(
+            near_m=spec.camera.near_m,
+            far_m=spec.camera.far_m,
+            samples=spec.render.samples,
+            seed=render_seed(spec.seed),
+        )
+        with Session(mesh, scene.name, trajectories, self._plan.camera, options) as session:
+            if session.origin_m.any():
+                where = ", ".join(f"{value:g}" for value in session.origin_m)
+                self._note(f"{scene.name}: far from the origin, so rendered around ({where}) m; poses stay as given")
+            loaded_s = time.perf_counter()
+            self.report.loading_s += loaded_s - start_s
+            stamps_s = trajectories[""].stamps_s
+            with FrameWriter(self._dataset, render.sequences, worker) as writer:
+                for frame in frames:
+                    if self._stop.is_set():
+                        break
+                    rendered = session.render(frame)
+                    if self.report.first_frame_s is None:
+                        self.report.first_frame_s = time.perf_counter() - loaded_s
+                    assert rendered.rgb is not None
+                    assert rendered.depth_m is not None
+                    if not rendered.depth_m.any():
+                        self._warn_of_void(scene.name, frame)
+                    if mesh is not None:
+                        eye = trajectories.get("depth", trajectories[""]).c2w[frame]
+                        if problem := reprojection_problem(mesh, eye, self._plan.camera, rendered.depth_m):
+                            self._note(f"{scene.name}: frame {frame}: {problem}")
+                        mesh = None  # one frame tells, and the memory is free
+                    finished = writer.submit(frame, float(stamps_s[frame]), rendered.rgb, rendered.depth_m)
+                    self._count(finished)
+                self._count(writer.drain())
+            self.report.rendering_s += time.perf_counter() - loaded_s
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
+
+    def _count(self, frames: int) -> None:
+        self.report.frames_rendered += frames
+        if frames:
+            self._progress.advance(frames)
+
+    def _warn_of_void(self, scene: str, frame: int) -> None:
+        if scene not in self._warned:
+            self._warned.add(scene)
+            self._note(
+                f"{scene}: frame {frame} sees nothing; is the trajectory of this mesh, and are its pose and axes "
+                "declared as the file has them?"
+            )
+
+    # --- papers ---
+
+    def _finish(self, who: dict[str, object]) -> None:
+        files: dict[str, object] = {}
+        counts: dict[str, int] = {}
+        pictured: dict[str, list[int]] = {}
+        with_overview = self._plan.preset.spec.output.overview
+        for render in self._plan.renders:
+            trajectories = self._trajectories_of(render)
+            for sequence in render.sequences:
+                records = self._dataset.records(sequence.folder)
+                texts = self._plan.layout.sequence_texts(list(records), dict(trajectories))
+                files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
+                counts[sequence.folder] = len(records)
+                if with_overview:
+                    pictured[sequence.folder] = list(records)
+        for setting in self._plan.preset.spec.settings:
+            for name, text in self._plan.layout.setting_texts(self._plan.camera).items():
+                path = f"{setting.name}/{name}"
+                files[path] = self._dataset.write_text(path, text)
+        if with_overview:
+            picture = draw_overview(self._dataset.out, self._plan.layout, pictured)
+            files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
+        self._dataset.write_text("manifest.json", canonical(manifest(self._plan, who, files, counts)))
+
+    def _trajectories_of(self, render: Render) -> Mapping[str, Trajectory]:
+        scene = render.scene
+        if scene.name not in self._trajectories:
+            mesh = load_mesh(scene) if scene.trajectory is None else None
+            trajectory = load_trajectory(self._plan, scene, mesh)
+            self._trajectories[scene.name] = sensor_trajectories(self._plan, trajectory)
+        return self._trajectories[scene.name]
+
+
+class FrameWriter:
+    """Encodes and writes frames in threads beside the rendering, in as many places as have the same pixels."""
+
+    def __init__(self, dataset: Dataset, sequences: tuple[Sequence, ...], worker: int) -> None:
+        self._dataset = dataset
+        self._folders = [sequence.folder for sequence in sequences]
+        self._journals: list[Journal] = [dataset.journal(folder, worker) for folder in self._folders]
+        self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
+        self._waiting: deque[Future[None]] = deque()
+        self._lock = threading.Lock()
+
+    def submit(self, frame: int, time_s: float, rgb: np.ndarray, depth_m: np.ndarray) -> int:
+        """Hand over a frame; wait while too many wait. Return how many frames were finished meanwhile.
+
+        Raises what went wrong with an earlier frame.
+        """
+        self._waiting.append(self._pool.submit(self._write, frame, time_s, rgb, depth_m))
+        finished = 0
+        while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
+            self._waiting.popleft().result()
+            finished += 1
+        return finished
+
+    def drain(self) -> int:
+        """Wait for all; return how many were finished."""
+        finished = len(self._waiting)
+        while self._waiting:
+            self._waiting.popleft().result()
+        return finished
+
+    def _write(self, frame: int, time_s: float, rgb: np.ndarray, depth_m: np.ndarray) -> None:
+        layout = self._dataset.layout
+        files = {
+            layout.rgb_name(frame): encode_rgb(rgb_bytes(rgb), layout.image),
+            layout.depth_name(frame): encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m)),
+        }
+        first, *others = self._folders
+        record = FrameRecord(frame, time_s, self._dataset.write_frame(first, files))
+        for folder in others:
+            self._dataset.share_frame(first, folder, files)
+        with self._lock:
+            for journal in self._journals:
+                journal.append(record)
+
+    def __enter__(self) -> "FrameWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # What waits is let go where an error ends the run: the next run makes it again.
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        for journal in self._journals:
+            journal.close()
+
+
+def split_work(work: Work, parts: int) -> list[Work]:
+    """Share the frames out in runs of neighbours, so that each part loads as few scenes as can be."""
+    flat = [(scene, frame) for scene, frames in work.items() for frame in frames]
+    pieces: list[Work] = []
+    for chunk in np.array_split(np.arange(len(flat)), min(parts, len(flat))):
+        piece: Work = {}
+        for index in chunk:
+            scene, frame = flat[index]
+            piece.setdefault(scene, []).append(frame)
+        pieces.append(piece)
+    return pieces
+
+
+def run_content(report: Report) -> dict[str, object]:
+    """Return what run.json says."""
+    rate = report.frames_per_s
+    return {
+        "frames_rendered": report.frames_rendered,
+        "frames_kept": report.frames_kept,
+        "frames_per_s": None if rate is None else round(rate, 3),
+        "loading_s": round(report.loading_s, 3),
+        "first_frame_s": None if report.first_frame_s is None else round(report.first_frame_s, 3),
+        "rendering_s": round(report.rendering_s, 3),
+        "total_s": round(report.total_s, 3),
+        "peak_memory_bytes": report.peak_memory_bytes,
+        "jobs": report.jobs,
+        "notes": report.notes,
+    }

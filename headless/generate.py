@@ -1,0 +1,458 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make the dataset that a preset describes.
+
+    python headless/generate.py presets/demo.yaml
+    blender -b -P headless/generate.py -- presets/demo.yaml
+
+Both take the same options and write the same dataset; the second runs inside a Blender program.
+"""
+
+import argparse
+import contextlib
+import importlib.util
+import json
+import os
+import queue
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+import traceback
+from pathlib import Path
+from types import FrameType
+from typing import IO, TYPE_CHECKING, Any
+
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPT = Path(__file__).resolve()
+WORKER_PREFIX = "@noisy-world "
+NEEDED = {
+    "numpy": "numpy",
+    "yaml": "pyyaml",
+    "cv2": "opencv-contrib-python-headless",
+    "OpenEXR": "OpenEXR",
+    "tqdm": "tqdm",
+    "bpy": "bpy",
+}
+INTERRUPTED = 130
+
+if TYPE_CHECKING:
+    from noisy_world.core.plan import Plan
+    from noisy_world.core.progress import Progress
+    from noisy_world.pipeline import Report, Work
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    prepare_imports()
+    options = parse_arguments(arguments)
+    if problem := missing_package():
+        return fail(problem)
+    from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415 - found just now
+
+    try:
+        return run(options)
+    except InterruptedRunError:
+        if options.worker is not None:
+            return INTERRUPTED
+        say(f"stopped; what is finished stays, and the same command goes on from there:\n  {own_command(options)}")
+        return INTERRUPTED
+    except NoisyWorldError as error:
+        if options.worker is not None:
+            tell_parent({"error": str(error)})
+        return fail(str(error))
+
+
+def prepare_imports() -> None:
+    """Find the add-on's package and, in a Blender program, the packages that `make blender-env` installed for it."""
+    sys.path.insert(0, str(ROOT / "addon"))
+    side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)
+    # Last, so that what Blender brings (numpy above all) stays its own.
+    if inside_blender() and side.is_dir():
+        sys.path.append(str(side))
+
+
+def inside_blender() -> bool:
+    """Tell whether this is a Blender program, not a Python with the bpy package."""
+    bpy = sys.modules.get("bpy")
+    return bpy is not None and bool(bpy.app.binary_path)
+
+
+def missing_package() -> str:
+    """Say which package cannot be had and the command that gets it; nothing where all are there."""
+    missing = [name for name in NEEDED if name not in sys.modules and importlib.util.find_spec(name) is None]
+    if missing:
+        packages = ", ".join(NEEDED[name] for name in missing)
+        python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
+        if inside_blender():
+            binary = sys.modules["bpy"].app.binary_path
+            return f"{packages}: missing in this Blender's {python}; run: make -C {ROOT} blender-env BLENDER={binary}"
+        remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
+        return f"{packages}: missing in this {python}; {remedy}"
+    return ""
+
+
+def parse_arguments(arguments: list[str]) -> argparse.Namespace:
+    """Parse the command line; exits with a usage line where it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog="generate.py",
+        description="Make the RGB-D dataset that a preset describes.",
+        epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
+        "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
+    )
+    parser.add_argument("preset", metavar="PRESET", nargs="?", type=Path, help="the preset, a YAML file")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="the dataset's folder (default: out/<name of the preset>)"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        action="append",
+        default=[],
+        nargs="+",
+        dest="overrides",
+        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
+    )
+    parser.add_argument(
+        "--frames",
+        metavar="A:B",
+        type=frame_slice,
+        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
+    parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
+    parser.add_argument(
+        "--list",
+        metavar="WHAT",
+        nargs="?",
+        const="sequences",
+        choices=["keys", "presets", "scenes", "settings", "sequences"],
+        help="list keys (all that a preset may say), presets (those shipped), or this preset's scenes, settings or "
+        "sequences (default), and do nothing",
+    )
+    parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    parser.add_argument("--worker", metavar="K", type=int, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    options.overrides = [text for group in options.overrides for text in group]
+    if options.preset is None and options.list not in ("keys", "presets"):
+        parser.error("name a preset, presets/demo.yaml for instance")
+    return options
+
+
+def frame_slice(text: str) -> slice:
+    """Parse A:B."""
+    start, colon, stop = text.partition(":")
+    if not colon or not all(part == "" or part.isdecimal() for part in (start, stop)):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be A:B, two frame numbers of which either may be left out")
+    return slice(int(start) if start else None, int(stop) if stop else None)
+
+
+def positive(text: str) -> int:
+    """Parse a number from 1 up."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be a whole number from 1 up")
+    return int(text)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Do what the command line asks."""
+    from noisy_world.core.plan import make_plan  # noqa: PLC0415
+    from noisy_world.core.preset import read_preset  # noqa: PLC0415
+
+    if options.list in ("keys", "presets"):
+        return list_known(options.list)
+    preset = read_preset(options.preset, options.overrides)
+    plan = make_plan(preset, options.frames)
+    if options.list:
+        return list_plan(plan, options.list)
+    if options.dry_run:
+        return print_plan(plan, out_folder(options))
+    if options.worker is not None:
+        return work_for_parent(plan, options)
+    return generate(plan, options)
+
+
+def out_folder(options: argparse.Namespace) -> Path:
+    """Return where the dataset goes."""
+    return options.out if options.out is not None else Path("out") / options.preset.stem
+
+
+def list_known(what: str) -> int:
+    """List what does not depend on a preset."""
+    from noisy_world.core.preset import PresetSpec  # noqa: PLC0415
+    from noisy_world.core.schema import list_keys  # noqa: PLC0415
+
+    if what == "presets":
+        for path in sorted((ROOT / "presets").glob("*.yaml")):
+            print(path.relative_to(ROOT))
+        return 0
+    rows = list(list_keys(PresetSpec))
+    width = max(len(name) for name, _ in rows)
+    for name, meaning in rows:
+        print(f"{name:<{width}}  {meaning}")
+    return 0
+
+
+def list_plan(plan: "Plan", what: str) -> int:
+    """List what a preset holds."""
+    if what == "scenes":
+        for render in plan.renders:
+            source = render.scene.mesh_path or render.scene.spec.mesh
+            print(f"{render.scene.name}  {len(render.frames)} frames  {source}")
+    elif what == "settings":
+        for setting in plan.preset.spec.settings:
+            print(setting.name)
+    else:
+        for sequence in plan.sequences:
+            print(sequence.folder)
+    return 0
+
+
+def print_plan(plan: "Plan", out: Path) -> int:
+    """Print what a run would do."""
+    from noisy_world.core.plan import estimate  # noqa: PLC0415
+
+    guess = estimate(plan)
+    camera = plan.camera
+    print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
+    print(f"dataset    {out} ({plan.layout.name} layout, {plan.layout.image} and 16-bit png)")
+    print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    print(f"sequences  {len(plan.sequences)}")
+    for render in plan.renders:
+        settings = ", ".join(sequence.setting for sequence in render.sequences)
+        print(f"  {render.scene.name}: {len(render.frames)} frames, settings {settings}")
+    print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
+    print(f"estimate   {guess.bytes_written / 1e6:.0f} MB, {duration(guess.seconds)} on two cores (rough)")
+    return 0
+
+
+def duration(seconds: float) -> str:
+    """Say a time as a person would."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
+
+
+def generate(plan: "Plan", options: argparse.Namespace) -> int:
+    """Make the dataset, and say what came of it."""
+    from noisy_world.core.progress import PlainProgress, TerminalProgress  # noqa: PLC0415
+    from noisy_world.pipeline import Run  # noqa: PLC0415
+
+    out = out_folder(options)
+    # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
+    stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
+    progress: Progress = TerminalProgress(stream) if stream.isatty() else PlainProgress(stream)
+    stop = stop_on_signal(stream)
+    make = Run(
+        plan,
+        out,
+        progress=progress,
+        stop=stop,
+        overwrite=options.overwrite,
+        jobs=options.jobs,
+        workers=lambda pieces, listener: run_workers(pieces, listener, options, stop),
+    )
+    report = make()
+    for sequence in plan.sequences:
+        print(f"wrote {out / sequence.folder}")
+    if plan.preset.spec.output.overview:
+        print(f"wrote {out / 'overview.png'}")
+    print(figures(report))
+    return 0
+
+
+def figures(report: "Report") -> str:
+    """Say the figures of a run in a line."""
+    parts = [f"{report.frames_rendered} frames rendered"]
+    if report.frames_kept:
+        parts.append(f"{report.frames_kept} kept")
+    if report.frames_per_s is not None:
+        parts.append(f"{report.frames_per_s:.2f} frames/s")
+        parts.append(f"loading {report.loading_s:.1f} s")
+    parts.append(f"{report.total_s:.1f} s in all")
+    if report.peak_memory_bytes is not None:
+        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
+    return ", ".join(parts)
+
+
+def stop_on_signal(stream: IO[str]) -> threading.Event:
+    """Let Ctrl-C and a batch system's SIGTERM end the run after the frame in hand; a second Ctrl-C ends it at once."""
+    stop = threading.Event()
+
+    def handle(number: int, _: FrameType | None) -> None:
+        if stop.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        stop.set()
+        print("\nstopping after the frames in hand", file=stream, flush=True)
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+    return stop
+
+
+# --- several processes ---
+
+
+def own_command(options: argparse.Namespace, *, worker: int | None = None) -> str:
+    """Return the command line that does the same again, for a person to paste."""
+    return shlex.join(command(options, worker=worker))
+
+
+def command(options: argparse.Namespace, *, worker: int | None = None) -> list[str]:
+    """Return the command that does the same again, or a worker's part of it."""
+    words = [str(options.preset), "--out", str(out_folder(options))]
+    if options.overrides:
+        words += ["--set", *options.overrides]
+    if options.frames is not None:
+        words += [
+            "--frames",
+            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
+        ]
+    words += ["--jobs", str(options.jobs)] if worker is None and options.jobs > 1 else []
+    words += ["--worker", str(worker)] if worker is not None else []
+    if inside_blender():
+        return [sys.modules["bpy"].app.binary_path, "-b", "-P", str(SCRIPT), "--", *words]
+    return [sys.executable, str(SCRIPT), *words]
+
+
+def run_workers(
+    pieces: list["Work"], progress: "Progress", options: argparse.Namespace, stop: threading.Event
+) -> "Report":
+    """Run each piece of work in a process of its own, and gather what they tell."""
+    from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415
+    from noisy_world.pipeline import Report  # noqa: PLC0415
+
+    messages: queue.Queue[dict[str, Any]] = queue.Queue()
+    workers = [start_worker(command(options, worker=number), piece, messages) for number, piece in enumerate(pieces)]
+    total = Report()
+    errors: list[str] = []
+    open_workers = len(workers)
+    told_to_stop = False
+    while open_workers:
+        if (errors or stop.is_set()) and not told_to_stop:
+            told_to_stop = True
+            for process in workers:
+                process.terminate()
+        with contextlib.suppress(queue.Empty):
+            match messages.get(timeout=0.2):
+                case {"advance": count}:
+                    progress.advance(count)
+                case {"note": text}:
+                    progress.note(text)
+                case {"report": content}:
+                    total.merge(Report(**content))
+                case {"error": text}:
+                    errors.append(text)
+                case {"end": status}:
+                    open_workers -= 1
+                    errors += [] if told_to_stop else unexpected_end(status)
+    if errors:
+        raise NoisyWorldError(errors[0])
+    if stop.is_set():
+        raise InterruptedRunError("stopped")
+    return total
+
+
+def unexpected_end(status: int) -> list[str]:
+    """Say what is wrong with a worker's exit status, if anything; one that failed properly has told its error."""
+    return [] if status in (0, 1, INTERRUPTED) else [f"a worker ended with status {status}; its messages are above"]
+
+
+def start_worker(words: list[str], piece: "Work", messages: "queue.Queue[dict[str, Any]]") -> "subprocess.Popen[str]":
+    """Start a worker on a piece of work, and a thread that puts what it tells into the queue."""
+    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    threading.Thread(target=listen, args=(process, piece, messages), daemon=True).start()
+    return process
+
+
+def listen(process: "subprocess.Popen[str]", piece: "Work", messages: "queue.Queue[dict[str, Any]]") -> None:
+    """Hand a worker its work and pass on what it tells until it ends."""
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with contextlib.suppress(BrokenPipeError):  # its end, below, tells that it died
+        process.stdin.write(json.dumps(piece))
+        process.stdin.close()
+    for line in process.stdout:
+        if line.startswith(WORKER_PREFIX):
+            messages.put(json.loads(line.removeprefix(WORKER_PREFIX)))
+    messages.put({"end": process.wait()})
+
+
+class ParentProgress:
+    """Passes progress on to the process that started this one."""
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Say nothing: the parent has a bar for all."""
+
+    def advance(self, count: int = 1) -> None:
+        """Tell that frames are done."""
+        tell_parent({"advance": count})
+
+    def note(self, text: str) -> None:
+        """Pass a sentence on."""
+        tell_parent({"note": text})
+
+    def finish(self) -> None:
+        """Say nothing."""
+
+
+def work_for_parent(plan: "Plan", options: argparse.Namespace) -> int:
+    """Render the frames that are named on standard input."""
+    from dataclasses import asdict  # noqa: PLC0415
+
+    from noisy_world.core.machine import peak_memory_bytes  # noqa: PLC0415
+    from noisy_world.pipeline import Run  # noqa: PLC0415
+
+    global parent_stream  # noqa: PLW0603 - the one way out of this process
+    parent_stream = os.fdopen(os.dup(1), "w", buffering=1)
+    stop = stop_on_signal(open(os.devnull, "w"))  # noqa: SIM115, PTH123 - the parent speaks
+    part = Run(plan, out_folder(options), progress=ParentProgress(), stop=stop)
+    report = part.take_part(json.load(sys.stdin), options.worker)
+    report.peak_memory_bytes = peak_memory_bytes()
+    tell_parent({"report": asdict(report)})
+    return 0
+
+
+parent_stream: IO[str] = sys.stdout
+
+
+def tell_parent(message: dict[str, Any]) -> None:
+    """Send a message to the process that started this one; end where it is gone."""
+    try:
+        print(WORKER_PREFIX + json.dumps(message), file=parent_stream, flush=True)
+    except BrokenPipeError:
+        os._exit(INTERRUPTED)
+
+
+# --- the program ---
+
+
+def say(text: str) -> None:
+    """Print a line for a person."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def fail(text: str) -> int:
+    """Print what is wrong; return the exit status of a user's error."""
+    say(f"generate.py: {text}")
+    return 1
+
+
+def script_arguments() -> list[str]:
+    """Return the command line's arguments; in a Blender program, those after --."""
+    if not inside_blender():
+        return sys.argv[1:]
+    return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+
+
+if __name__ == "__main__":
+    # Blender would go on after a script's exception, with status 0.
+    try:
+        status = main(script_arguments())
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception:  # noqa: BLE001 - a bug keeps its traceback
+        traceback.print_exc()
+        status = 70
+    sys.exit(status)

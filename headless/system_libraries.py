@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Find the system libraries that the bpy package needs and this machine lacks; as root on Debian, install them.
+
+    .venv/bin/python headless/system_libraries.py
+
+Rendering with Cycles needs no display, but the library is linked against X and GL all the same.
+"""
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+DEBIAN_PACKAGES = {
+    "libX11.so.6": "libx11-6",
+    "libXrender.so.1": "libxrender1",
+    "libXfixes.so.3": "libxfixes3",
+    "libXi.so.6": "libxi6",
+    "libXext.so.6": "libxext6",
+    "libXxf86vm.so.1": "libxxf86vm1",
+    "libxkbcommon.so.0": "libxkbcommon0",
+    "libSM.so.6": "libsm6",
+    "libICE.so.6": "libice6",
+    "libGL.so.1": "libgl1",
+    "libEGL.so.1": "libegl1",
+    "libgomp.so.1": "libgomp1",
+}
+
+
+def main() -> int:
+    """Install or name what is missing; return the exit status."""
+    names = missing_libraries()
+    if not names:
+        return 0
+    packages = debian_packages(names)
+    if os.geteuid() == 0 and shutil.which("apt-get"):
+        print(f"system libraries are missing ({', '.join(names)}): installing {' '.join(packages)}", file=sys.stderr)
+        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+        for step in (["update"], ["install", "-y", "--no-install-recommends", *packages]):
+            subprocess.run(["apt-get", "-q", *step], check=True, env=environment, stdout=sys.stderr)  # noqa: S607
+        names = missing_libraries()
+        if not names:
+            return 0
+    print(advice(names), file=sys.stderr)
+    return 1
+
+
+def advice(names: list[str]) -> str:
+    """Say in a line what is missing and how to get it."""
+    packages = " ".join(debian_packages(names))
+    return f"bpy needs system libraries that are missing here: {', '.join(names)}; run: apt-get install {packages}"
+
+
+def debian_packages(names: list[str]) -> list[str]:
+    """Return the Debian packages of the libraries; a library that is not known stands for itself."""
+    return sorted({DEBIAN_PACKAGES.get(name, name) for name in names})
+
+
+def missing_libraries() -> list[str]:
+    """Return the libraries that the dynamic linker does not find for bpy; none where it cannot be asked."""
+    spec = importlib.util.find_spec("bpy")
+    if spec is None or spec.origin is None or not sys.platform.startswith("linux") or not shutil.which("ldd"):
+        return []
+    library = Path(spec.origin).with_name("__init__.so")
+    linked = subprocess.run(["ldd", library], capture_output=True, text=True, check=False)  # noqa: S607 - our own
+    return parse_ldd(linked.stdout)
+
+
+def parse_ldd(text: str) -> list[str]:
+    """Return the names that ldd says are not found."""
+    return sorted(set(re.findall(r"^\s*(\S+) => not found", text, re.MULTILINE)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datasets survive: a crash at every single step, damage, full disks, two runs at once and other people's files."""
+
+import errno
+import json
+import os
+import sys
+import threading
+from pathlib import Path
+
+import fake_session
+import pytest
+from worlds import content, write_world
+
+from noisy_world.core import storage
+from noisy_world.core.errors import InterruptedRunError, StorageError
+from noisy_world.core.plan import make_plan
+from noisy_world.core.preset import read_preset
+from noisy_world.pipeline import Run
+
+
+class Listener:
+    def __init__(self):
+        self.notes = []
+
+    def start(self, label, total, done=0):
+        pass
+
+    def advance(self, count=1):
+        pass
+
+    def note(self, text):
+        self.notes.append(text)
+
+    def finish(self):
+        pass
+
+
+@pytest.fixture(autouse=True)
+def _no_blender(monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    fake_session.Session.rendered.clear()
+
+
+def run(preset, out, *, frames=None, stop=None, overwrite=False):
+    plan = make_plan(read_preset(preset), frames)
+    listener = Listener()
+    report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite)()
+    return report, listener
+
+
+@pytest.fixture
+def world(tmp_path):
+    return write_world(tmp_path / "world", frames=4, size=(8, 6), settings=[{"name": "clean"}, {"name": "same"}])
+
+
+@pytest.fixture
+def whole(world, tmp_path):
+    run(world, tmp_path / "whole")
+    return content(tmp_path / "whole")
+
+
+def test_layout_and_papers(world, whole, tmp_path):
+    out = tmp_path / "whole"
+    names = {f"{kind}{k:06d}.png" for k in range(4) for kind in ("frame", "depth")}
+    for setting in ("clean", "same"):
+        assert {path.name for path in (out / setting / "box" / "results").iterdir()} == names
+        poses = (out / setting / "box" / "traj.txt").read_text().splitlines()
+        assert len(poses) == 4
+        assert all(len(line.split()) == 16 for line in poses)
+        camera = json.loads((out / setting / "cam_params.json").read_text())["camera"]
+        assert camera == {"w": 8, "h": 6, "fx": 4.0, "fy": 4.0, "cx": 3.5, "cy": 2.5, "scale": 6553.5}
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["frames"] == {"clean/box": 4, "same/box": 4}
+    for folder in ("clean/box", "same/box"):
+        for name, digest in manifest["files"][folder].items():
+            assert whole[f"{folder}/{name}"] == digest
+        for line in (out / folder / "frames.jsonl").read_text().splitlines():
+            for name, digest in json.loads(line)["sha256"].items():
+                assert whole[f"{folder}/{name}"] == digest
+    assert {path.name for path in out.iterdir()} == {"clean", "same", "manifest.json", "run.json"}
+
+
+def test_settings_with_the_same_pixels_share_files(whole, tmp_path):
+    names = [tmp_path / "whole" / setting / "box/results/depth000002.png" for setting in ("clean", "same")]
+    assert names[0].samefile(names[1])
+    assert fake_session.Session.rendered == [0, 1, 2, 3]
+
+
+def test_the_same_again_renders_nothing(world, whole, tmp_path):
+    fake_session.Session.rendered.clear()
+    report, _ = run(world, tmp_path / "whole")
+    assert (report.frames_rendered, report.frames_kept) == (0, 4)
+    assert fake_session.Session.rendered == []
+    assert content(tmp_path / "whole") == whole
+
+
+CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "open")
+
+
+def crash_at(step, work):
+    """Run `work` in a child process that ends, as if killed, before its step-th call to the file system.
+
+    Return whether it came to its end.
+    """
+    child = os.fork()
+    if child:
+        _, status = os.waitpid(child, 0)
+        assert os.waitstatus_to_exitcode(status) in (0, 9)
+        return os.waitstatus_to_exitcode(status) == 0
+    counter = iter(range(10**9))
+    lock = threading.Lock()
+
+    def wrapped(function):
+        def call(*arguments, **options):
+            with lock:
+                if next(counter) == step:
+                    os._exit(9)
+            return function(*arguments, **options)
+
+        return call
+
+    for name in CALLS:
+        setattr(Path, name, wrapped(getattr(Path, name)))
+    os.write = wrapped(os.write)
+    try:
+        work()
+    except BaseException:  # noqa: BLE001 - the parent has to see it
+        os._exit(1)
+    os._exit(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_crash_at_every_step_costs_nothing(world, whole, tmp_path):
+    step, finished = 0, False
+    while not finished:
+        out = tmp_path / f"crashed-{step}"
+        finished = crash_at(step, lambda out=out: run(world, out))
+        # Whatever lies under a final name is whole.
+        for path in out.glob("*/box/results/*"):
+            assert content_of(path) == whole[str(path.relative_to(out))]
+        run(world, out)
+        assert content(out) == whole, f"after a crash before step {step}"
+        step += 1
+    assert step > 60, "the steps were not counted"
+
+
+def content_of(path):
+    import hashlib
+
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_torn_journal_line_is_dropped(world, whole, tmp_path):
+    out = tmp_path / "torn"
+    assert not crash_at(60, lambda: run(world, out))
+    (journal,) = (out / ".noisy_world" / "clean" / "box").glob("journal-0.jsonl")
+    data = journal.read_bytes()
+    assert data.count(b"\n") >= 1
+    journal.write_bytes(data + data[: len(data) // 2].replace(b"\n", b""))
+    run(world, out)
+    assert content(out) == whole
+
+
+@pytest.mark.parametrize("damage", ["truncate", "flip", "remove", "empty"])
+def test_damaged_frames_are_made_again(world, whole, tmp_path, damage):
+    out = tmp_path / "whole"
+    path = out / "clean/box/results/frame000001.png"
+    data = path.read_bytes()
+    path.unlink()  # the other setting's name for the same file stays whole
+    if damage != "remove":
+        path.write_bytes({"truncate": data[:-7], "flip": data[:-7] + b"x" + data[-6:], "empty": b""}[damage])
+    fake_session.Session.rendered.clear()
+    run(world, out)
+    assert fake_session.Session.rendered == [1]
+    assert content(out) == whole
+
+
+def test_stopped_and_resumed(world, whole, tmp_path):
+    stop = threading.Event()
+    out = tmp_path / "stopped"
+    original = fake_session.Session.render
+
+    def render(self, frame):
+        if frame == 2:
+            stop.set()
+        return original(self, frame)
+
+    fake_session.Session.render = render
+    try:
+        with pytest.raises(InterruptedRunError):
+            run(world, out, stop=stop)
+    finally:
+        fake_session.Session.render = original
+    assert len(list((out / "clean/box/results").iterdir())) == 6
+    fake_session.Session.rendered.clear()
+    run(world, out)
+    assert fake_session.Session.rendered == [3]
+    assert content(out) == whole
+
+
+def test_parts_make_the_whole(world, whole, tmp_path):
+    out = tmp_path / "parts"
+    run(world, out, frames=slice(2, None))
+    poses = (out / "clean/box/traj.txt").read_text().splitlines()
+    assert len(poses) == 2
+    assert {path.name for path in (out / "clean/box/results").glob("frame*")} == {"frame000002.png", "frame000003.png"}
+    run(world, out, frames=slice(0, 2))
+    assert content(out) == whole
+
+
+def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, whole, tmp_path):
+    out = tmp_path / "whole"
+    other = write_world(tmp_path / "other", frames=3, size=(8, 6))
+    (out / "notes.txt").write_text("mine")
+    (out / "clean/box/mine.txt").write_text("mine too")
+    with pytest.raises(StorageError, match=r"whole: holds a dataset made otherwise \(.*--overwrite"):
+        run(other, out)
+    assert (out / "same/box/results/frame000003.png").exists()
+    run(other, out, overwrite=True)
+    assert (out / "notes.txt").read_text() == "mine"
+    assert (out / "clean/box/mine.txt").read_text() == "mine too"
+    assert not (out / "same").exists()
+    assert len(list((out / "clean/box/results").iterdir())) == 6
+
+
+def test_the_refusal_names_what_differs(world, whole, tmp_path):
+    plan = make_plan(read_preset(world, ["render.samples=2"]))
+    with pytest.raises(StorageError, match=r"preset\.render\.samples was 1, is 2"):
+        Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event())()
+
+
+def test_other_peoples_folders_are_left_alone(world, tmp_path):
+    out = tmp_path / "photos"
+    out.mkdir()
+    (out / "cat.jpg").write_bytes(b"meow")
+    for overwrite in (False, True):
+        with pytest.raises(StorageError, match="holds no dataset of Noisy World"):
+            run(world, out, overwrite=overwrite)
+    assert [path.name for path in out.iterdir()] == ["cat.jpg"]
+    file = tmp_path / "file"
+    file.write_text("x")
+    with pytest.raises(StorageError, match="is a file"):
+        run(world, file)
+
+
+def test_two_runs_at_once_are_refused(world, tmp_path):
+    out = tmp_path / "busy"
+    original = fake_session.Session.render
+    seen = []
+
+    def render(self, frame):
+        if frame == 0 and not seen:
+            seen.append(True)
+            with pytest.raises(StorageError, match="another run is writing here"):
+                run(world, out)
+        return original(self, frame)
+
+    fake_session.Session.render = render
+    try:
+        run(world, out)
+    finally:
+        fake_session.Session.render = original
+    assert seen
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EDQUOT, errno.EACCES])
+def test_a_disk_that_refuses(world, whole, tmp_path, monkeypatch, code):
+    out = tmp_path / "full"
+    original = Path.write_bytes
+
+    def write_bytes(self, data):
+        if self.name.endswith("frame000002.png"):
+            original(self, data[: len(data) // 2])  # as a full disk does: some of it got there
+            raise OSError(code, os.strerror(code))
+        return original(self, data)
+
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
+    with pytest.raises(StorageError, match=r"frame000002\.png: .*(no space left|cannot be written)") as error:
+        run(world, out)
+    assert "\n" not in str(error.value)
+    assert not list(out.rglob("*frame000002.png"))
+    monkeypatch.undo()
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    run(world, out)
+    assert content(out) == whole
+
+
+def test_without_hard_links_files_are_copied(world, whole, tmp_path, monkeypatch):
+    def hardlink_to(self, target):
+        raise OSError(errno.EPERM, "no links here")
+
+    monkeypatch.setattr(Path, "hardlink_to", hardlink_to)
+    run(world, tmp_path / "copied")
+    assert content(tmp_path / "copied") == whole
+
+
+def test_nothing_seen_is_said_once(tmp_path):
+    preset = write_world(tmp_path / "world", frames=3, size=(8, 6))
+    original = fake_session.Session.render
+
+    def render(self, frame):
+        result = original(self, frame)
+        result.depth_m[:] = 0
+        return result
+
+    fake_session.Session.render = render
+    try:
+        _, listener = run(preset, tmp_path / "out")
+    finally:
+        fake_session.Session.render = original
+    assert len([note for note in listener.notes if "sees nothing" in note and "axes" in note]) == 1
+
+
+def test_the_lock_goes_with_its_process(tmp_path):
+    path = tmp_path / "work" / "lock"
+    if os.fork() == 0:
+        storage.FolderLock(path)
+        os._exit(9)
+    os.wait()
+    storage.FolderLock(path).release()
+
+
+def test_tum_layout(tmp_path):
+    preset = write_world(tmp_path / "world", frames=3, size=(8, 6), output={"layout": "tum"})
+    out = tmp_path / "out"
+    run(preset, out)
+    folder = out / "clean/box"
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "associations.txt",
+        "depth",
+        "depth.txt",
+        "frames.jsonl",
+        "groundtruth.txt",
+        "rgb",
+        "rgb.txt",
+    ]
+    for line, k in zip((folder / "associations.txt").read_text().splitlines(), range(3), strict=True):
+        time_a, rgb, time_b, depth = line.split()
+        assert float(time_a) == float(time_b) == pytest.approx(k / 20)
+        assert (folder / rgb).is_file()
+        assert (folder / depth).is_file()
+    poses = [line for line in (folder / "groundtruth.txt").read_text().splitlines() if not line.startswith("#")]
+    assert [len(line.split()) for line in poses] == [8, 8, 8]
+    assert json.loads((out / "clean/cam_params.json").read_text())["camera"]["scale"] == 5000.0

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images as bytes: nothing wraps, nothing shifts, colours keep their order."""
+
+import cv2
+import numpy as np
+import pytest
+
+from noisy_world.core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
+from noisy_world.core.layouts import REPLICA_SCALE_PER_M, TUM_SCALE_PER_M, Layout
+
+
+@pytest.mark.parametrize("scale", [REPLICA_SCALE_PER_M, TUM_SCALE_PER_M])
+def test_depth_is_within_half_a_step(scale):
+    depth_m = np.random.default_rng(0).uniform(0.001, 65535 / scale, (300, 400)).astype(np.float32)
+    steps = quantise_depth(depth_m, scale)
+    assert steps.dtype == np.uint16
+    assert np.abs(steps / scale - depth_m.astype(float)).max() <= 0.5 / scale + 1e-12
+
+
+def test_what_does_not_fit_is_void():
+    limit = 65535 / 6553.5
+    odd = [0.0, -1.0, np.nan, np.inf, -np.inf, 1e10, limit + 1e-3, 12.0, 20.0, 0.4 / 6553.5]
+    assert not quantise_depth(np.array([odd], np.float32), 6553.5).any()
+    assert quantise_depth(np.array([[limit]], np.float32), 6553.5)[0, 0] == 65535
+    assert quantise_depth(np.array([[0.6 / 6553.5]], np.float32), 6553.5)[0, 0] == 1
+
+
+def test_depth_png_is_lossless():
+    steps = np.random.default_rng(0).integers(0, 65536, (37, 51)).astype(np.uint16)
+    decoded = cv2.imdecode(np.frombuffer(encode_depth(steps), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert decoded.dtype == np.uint16
+    assert np.array_equal(decoded, steps)
+
+
+def test_rgb_keeps_its_order_and_rounds_to_nearest():
+    rgb = np.zeros((2, 3, 3), np.float32)
+    rgb[0, 0] = [1.0, 0.5, 0.0]
+    rgb[0, 1] = [1.7, -0.2, 100.49 / 255]
+    rgb[0, 2] = [100.51 / 255, np.float32(37) / 255, np.float32(254) / 255]
+    pixels = rgb_bytes(rgb)
+    assert pixels[0].tolist() == [[255, 128, 0], [255, 0, 100], [101, 37, 254]]
+    decoded = cv2.imdecode(np.frombuffer(encode_rgb(pixels, "png"), np.uint8), cv2.IMREAD_COLOR)
+    assert np.array_equal(decoded[..., ::-1], pixels)
+
+
+def test_jpeg_adds_nothing_visible():
+    rng = np.random.default_rng(0)
+    smooth = cv2.resize(rng.integers(0, 256, (12, 16, 3)).astype(np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC)
+    noisy = np.clip(smooth + rng.normal(0, 20, smooth.shape), 0, 255).astype(np.uint8)
+    for pixels in (smooth, noisy):
+        decoded = cv2.imdecode(np.frombuffer(encode_rgb(pixels, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+        error = decoded.astype(float) - pixels
+        assert 10 * np.log10(255**2 / (error**2).mean()) > 40  # chroma subsampling alone brings the noisy one to 18
+
+
+def test_one_pixel():
+    assert cv2.imdecode(np.frombuffer(encode_rgb(np.full((1, 1, 3), 7, np.uint8), "png"), np.uint8), 1).tolist() == [
+        [[7] * 3]
+    ]
+    assert encode_depth(np.ones((1, 1), np.uint16))
+
+
+def test_names_sort_as_numbers():
+    for layout in (Layout("replica", "jpg"), Layout("tum", "png")):
+        frames = [0, 9, 10, 99999, 100000]
+        for names in ([layout.rgb_name(k) for k in frames], [layout.depth_name(k) for k in frames]):
+            assert sorted(names) == names

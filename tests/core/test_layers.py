@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Importing the core loads neither Blender nor the heavy libraries, and the layers hold where lint cannot see."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ADDON = Path(__file__).resolve().parents[2] / "addon"
+MODULES = sorted(
+    ".".join(path.relative_to(ADDON).with_suffix("").parts).removesuffix(".__init__")
+    for path in (ADDON / "noisy_world" / "core").rglob("*.py")
+)
+
+
+@pytest.mark.parametrize(
+    "modules", [MODULES, ["noisy_world.pipeline"], ["noisy_world"]], ids=["core", "pipeline", "top"]
+)
+def test_imports_stay_light(modules):
+    code = f"""
+import sys
+sys.path.insert(0, {str(ADDON)!r})
+for module in {modules!r}:
+    __import__(module)
+print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "yaml", "tqdm"}} & set(sys.modules)))
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def test_the_lint_rules_would_catch_a_breach(tmp_path):
+    # The rules live in files of their own folders: a copy of the tree with one bad import has to fail.
+    import shutil
+
+    if shutil.which("ruff", path=str(Path(sys.executable).parent)) is None:
+        pytest.skip("ruff is not installed")
+    root = ADDON.parent
+    shutil.copytree(ADDON, tmp_path / "addon", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(root / "pyproject.toml", tmp_path)
+    breaches = {
+        "addon/noisy_world/core/mesh.py": "import bpy\n",
+        "addon/noisy_world/core/ply.py": "from ..blender import scene\n",
+        "addon/noisy_world/core/images.py": "import cv2\n",
+        "addon/noisy_world/blender/camera.py": "from ..pipeline import Run\n",
+        "addon/noisy_world/pipeline.py": "from .blender.session import Session\n",
+    }
+    for name, line in breaches.items():
+        path = tmp_path / name
+        path.write_text(path.read_text() + "\n" + line)
+    ruff = str(Path(sys.executable).parent / "ruff")
+    command = [ruff, "check", "--select", "TID251,TID253", "--output-format", "concise", str(tmp_path)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    for name in breaches:
+        assert name in found.replace(str(tmp_path), ""), f"a breach in {name} went unseen:\n{found}"

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets: what they may say, and what is said of those that are wrong."""
+
+import pytest
+import yaml
+from worlds import ROOT, write_box_ply, write_world
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.plan import make_plan
+from noisy_world.core.preset import PresetSpec, read_preset
+from noisy_world.core.schema import list_keys
+
+MINIMAL = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "preset.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_defaults(write):
+    spec = read_preset(write(MINIMAL)).spec
+    assert (spec.seed, spec.render.engine, spec.render.samples) == (0, "cycles", 1)
+    assert [setting.name for setting in spec.settings] == ["clean"]
+    assert (spec.camera.width, spec.camera.height, spec.camera.cx) == (1200, 680, 599.5)
+    assert spec.scenes[0].trajectory.file == "b.txt"
+
+
+def test_shipped_presets_are_valid():
+    presets = sorted((ROOT / "presets").glob("*.yaml"))
+    assert presets
+    for path in presets:
+        make_plan(read_preset(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sceens: []\n", ["sceens", "unknown key", "did you mean 'scenes'"]),
+        (MINIMAL + "render: {sampels: 2}\n", ["render.sampels", "did you mean 'samples'"]),
+        (MINIMAL + "render: {engine: cycels}\n", ["render.engine", "did you mean 'cycles'"]),
+        (MINIMAL + "render: {samples: 2.5}\n", ["render.samples", "the number 2.5", "whole number"]),
+        (MINIMAL + "render: {samples: true}\n", ["render.samples", "the truth value true"]),
+        (MINIMAL + "render: {samples: -1}\n", ["render.samples", "out of range", "1 to 65536"]),
+        (MINIMAL + "render: [1]\n", ["render", "a list", "mapping of engine, samples"]),
+        (MINIMAL + "seed: -1\n", ["seed", "out of range"]),
+        (MINIMAL + "seed: .nan\n", ["seed", "whole number"]),
+        (MINIMAL + "camera: {width: 10}\n", ["camera.height", "is missing"]),
+        (MINIMAL + "camera: {width: 8, height: 8, fx: .inf, fy: 1, cx: 1, cy: 1}\n", ["camera.fx", "finite"]),
+        (MINIMAL + "camera: {width: 8, height: 8, fx: 0, fy: 1, cx: 1, cy: 1}\n", ["camera.fx", "above 0"]),
+        (MINIMAL + "settings: []\n", ["settings", "is empty"]),
+        (MINIMAL + "settings: [{name: a}, {name: a}]\n", ["settings.1.name", "given twice"]),
+        (MINIMAL + "settings: [{name: ../up}]\n", ["settings.0.name", "'../up'"]),
+        (MINIMAL + "settings: [{name: off}]\n", ["settings.0.name", "the truth value false", "quotes"]),
+        (MINIMAL + "output: {layout: tum, image: jpg}\n", ["output.image", "use png"]),
+        (MINIMAL + "output: {layout: replika}\n", ["output.layout", "did you mean 'replica'"]),
+        (MINIMAL + "rig: {rgb: {quat_wxyz: [1, 0, 0]}}\n", ["rig.rgb.quat_wxyz", "3 entries", "4"]),
+        (
+            MINIMAL + "rig: {rgb: {quat_wxyz: [1, 0, 0, 0], rotation_euler_deg: [0, 0, 0]}}\n",
+            ["rig.rgb", "more than one rotation"],
+        ),
+        ("scenes: [{mesh: a.ply, trajectory: {}}]\n", ["scenes.0.trajectory", "either file or handheld"]),
+        ("scenes: [{mesh: a.ply, trajectory: {file: b, stop: 1, start: 4}}]\n", ["trajectory.stop", "beyond start"]),
+        ("scenes: [{mesh: a.ply}]\n", ["scenes.0.trajectory", "is missing"]),
+        ("scenes: []\n", ["scenes", "is empty"]),
+        ("", ["is empty"]),
+        ("- 1\n", ["not a mapping"]),
+        ("seed: 1\nseed: 2\n", ["line 2", "'seed' is given twice"]),
+        ("seed: [1\n", ["line 2", "YAML"]),
+        ("seed: !!python/object/apply:os.system ['true']\n" + MINIMAL, ["line 1", "YAML"]),
+        ("a: \x07\n", ["YAML"]),
+        (MINIMAL + "1: 2\n", ["unknown key '1'"]),
+    ],
+)
+def test_mistakes_name_file_and_key(write, text, words):
+    path = write(text)
+    with pytest.raises(InputError) as error:
+        read_preset(path)
+    message = str(error.value)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_missing_preset_lists_those_there(write):
+    path = write(MINIMAL)
+    with pytest.raises(InputError, match=r"no such preset; presets there: preset\.yaml"):
+        read_preset(path.with_name("presett.yaml"))
+
+
+def test_overrides(write):
+    path = write(MINIMAL)
+    spec = read_preset(
+        path, ["render.samples=16", "scenes.0.name=kitchen", "scenes.0.trajectory.every=3", "camera.far_m=1e1",
+               "camera.width=4", "camera.height=4", "camera.fx=1", "camera.fy=1", "camera.cx=1", "camera.cy=1"]
+    ).spec  # fmt: skip
+    assert (spec.render.samples, spec.scenes[0].name, spec.camera.far_m) == (16, "kitchen", 10.0)
+    assert (spec.scenes[0].trajectory.file, spec.scenes[0].trajectory.every) == ("b.txt", 3)
+    for bad, word in (
+        (["seed"], "key.path=value"),
+        (["=1"], "key.path=value"),
+        (["seed.x=1"], "seed"),
+        (["a=[1"], "YAML"),
+    ):
+        with pytest.raises(InputError, match=word):
+            read_preset(path, bad)
+
+
+def test_the_hash_is_of_the_content(write):
+    first = read_preset(write("seed: 1  # a comment\n" + MINIMAL)).sha256
+    assert read_preset(write(MINIMAL + "seed: 1\n")).sha256 == first
+    assert read_preset(write(MINIMAL + "seed: 2\n")).sha256 != first
+    assert read_preset(write(MINIMAL + "seed: 2\n"), ["seed=1"]).sha256 == first
+
+
+def test_globs_make_scenes(tmp_path):
+    world = write_world(tmp_path / "world", frames=3)
+    for name in ("office0", "office1", "room0"):
+        (tmp_path / name).mkdir()
+        write_box_ply(tmp_path / name / f"{name}_mesh.ply")
+        (tmp_path / name / "traj.txt").write_text((world.parent / "traj.txt").read_text())
+    preset = tmp_path / "glob.yaml"
+    scene = {"name": "*", "mesh": "office*/office*_mesh.ply", "trajectory": "office*/traj.txt"}
+    preset.write_text(yaml.safe_dump({"scenes": [scene]}))
+    plan = make_plan(read_preset(preset, ["scenes.0.name=office*"]))
+    assert [render.scene.name for render in plan.renders] == ["office0", "office1"]
+    paths = [str(render.scene.trajectory_path.relative_to(tmp_path)) for render in plan.renders]
+    assert paths == ["office0/traj.txt", "office1/traj.txt"]
+    with pytest.raises(InputError, match=r"scenes\.0\.mesh: no file matches"):
+        make_plan(read_preset(preset, ["scenes.0.mesh=nothing/*.ply"]))
+    with pytest.raises(InputError, match=r"scenes\.0\.name: is 'one', but 2 meshes match"):
+        make_plan(read_preset(preset, ["scenes.0.name=one"]))
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("scenes.0.trajectory=none.txt", r"scenes\.0\.trajectory: no such file"),
+        ("scenes.0.mesh=embedded:roon", r"scenes\.0\.mesh: there is no 'embedded:roon'; did you mean"),
+        ("scenes.0.trajectory.start=99", r"scenes\.0\.trajectory: no frame is left of 6"),
+        ("rig={rgb: {matrix: [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}", r"rig\.rgb: .*"),
+        (
+            "scenes=[{mesh: mesh.ply, trajectory: traj.txt}, {mesh: mesh.ply, trajectory: traj.txt}]",
+            r"names two scenes",
+        ),
+    ],
+)
+def test_what_a_plan_refuses(tmp_path, override, words):
+    preset = write_world(tmp_path)
+    with pytest.raises(InputError, match=words):
+        make_plan(read_preset(preset, [override]))
+
+
+def test_resampling_and_subsampling_count_frames(tmp_path):
+    preset = write_world(tmp_path, frames=6)  # at 20 Hz: a quarter of a second
+
+    def frames(*overrides):
+        return make_plan(read_preset(preset, overrides)).frame_count
+
+    assert frames("scenes.0.trajectory.every=2") == 3
+    assert frames("scenes.0.trajectory.start=1", "scenes.0.trajectory.stop=3") == 2
+    assert frames("scenes.0.trajectory.resample_hz=100") == 26
+    assert frames("scenes.0.trajectory={handheld: {frames: 9}}") == 9
+
+
+def test_every_key_is_listed_with_its_meaning():
+    rows = dict(list_keys(PresetSpec))
+    for name in ("seed", "scenes[].mesh", "camera.fx", "render.samples", "settings[].name", "output.layout", "rig.rgb"):
+        assert rows[name]
+    assert "px" in rows["camera.fx"]
+    assert "default 1" in rows["render.samples"]

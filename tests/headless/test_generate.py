@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line, as a user types it."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import pytest
+from analytic import box_depth
+from worlds import HIGH, LOW, ROOT, content, generate, path_poses, start_generate, write_world
+
+from noisy_world.core.geometry import Intrinsics
+
+pytest.importorskip("bpy", reason="bpy is not installed")
+
+
+def read_steps(path):
+    return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return write_world(tmp_path_factory.mktemp("world"), frames=8, size=(160, 120))
+
+
+@pytest.fixture(scope="module")
+def whole(world, tmp_path_factory):
+    out = tmp_path_factory.mktemp("whole") / "out"
+    generate(world, "--out", out)
+    return out
+
+
+def test_frames_show_the_room(whole):
+    camera = Intrinsics(160, 120, 80.0, 80.0, 79.5, 59.5)
+    poses = path_poses(8)
+    for k in range(8):
+        steps = read_steps(whole / f"clean/box/results/depth{k:06d}.png")
+        assert (steps.dtype, steps.shape) == (np.uint16, (120, 160))
+        expected, sure = box_depth(camera, poses[k], LOW, HIGH)
+        assert np.abs(steps - expected * 6553.5)[sure].max() <= 0.5 + 0.2  # half a step, and float32's share of one
+        colours = cv2.imread(str(whole / f"clean/box/results/frame{k:06d}.png"))[..., ::-1]
+        assert {tuple(pixel) for pixel in colours[sure].tolist()} <= {
+            (200, 60, 50), (60, 160, 70), (70, 90, 190), (210, 190, 80), (130, 100, 80), (230, 225, 215),
+        }  # fmt: skip
+
+
+def test_twice_is_the_same_to_the_byte_and_jobs_do_not_matter(world, whole, tmp_path):
+    generate(world, "--out", tmp_path / "again")
+    assert content(tmp_path / "again") == content(whole)
+    result = generate(world, "--out", tmp_path / "jobs", "--jobs", 3)
+    assert "8 frames rendered" in result.stdout
+    assert content(tmp_path / "jobs") == content(whole)
+
+
+def test_jpeg_is_close_and_unsubsampled(world, whole, tmp_path):
+    generate(world, "--out", tmp_path / "jpg", "--set", "output.image=jpg", "--frames", "0:2")
+    path = tmp_path / "jpg/clean/box/results/frame000001.jpg"
+    lossless = cv2.imread(str(whole / "clean/box/results/frame000001.png")).astype(float)
+    assert np.abs(cv2.imread(str(path)) - lossless).mean() < 0.7
+    data = path.read_bytes()
+    start = data.index(b"\xff\xc0")  # the frame header: sampling factors 1 x 1 of all three components
+    assert [data[start + 11 + 3 * k] for k in range(3)] == [0x11] * 3
+
+
+def test_one_frame_alone_equals_that_of_the_whole(world, whole, tmp_path):
+    generate(world, "--out", tmp_path / "one", "--frames", "5:6")
+    for name in ("frame000005.png", "depth000005.png"):
+        alone = (tmp_path / "one/clean/box/results" / name).read_bytes()
+        assert alone == (whole / "clean/box/results" / name).read_bytes()
+
+
+@pytest.mark.parametrize("offset_m", [1e4, 1e5])
+def test_far_away_nothing_is_lost_of_doubles(whole, tmp_path, offset_m):
+    # The mesh holds float64 coordinates, so all that there is can be kept.
+    preset = write_world(tmp_path / "far", frames=8, size=(160, 120), shift_m=(offset_m, -offset_m, offset_m / 2))
+    result = generate(preset, "--out", tmp_path / "out", "--frames", "0:2")
+    assert "far from the origin" in result.stderr
+    for k in range(2):
+        near = read_steps(whole / f"clean/box/results/depth{k:06d}.png").astype(int)
+        far = read_steps(tmp_path / f"out/clean/box/results/depth{k:06d}.png").astype(int)
+        assert np.abs(near - far).max() <= 1
+    first = (tmp_path / "out/clean/box/traj.txt").read_text().split()
+    assert float(first[3]) == pytest.approx(offset_m + 0.3, abs=1e-9)
+
+
+@pytest.fixture
+def killing_world(tmp_path):
+    return write_world(tmp_path / "world", frames=30, size=(320, 240), output={"layout": "replica", "image": "jpg"})
+
+
+def test_killed_at_random_moments_and_resumed(killing_world, tmp_path):
+    undisturbed = tmp_path / "undisturbed"
+    start_s = time.perf_counter()
+    generate(killing_world, "--out", undisturbed)
+    whole_s = time.perf_counter() - start_s
+    expected = content(undisturbed)
+    chance = random.Random(4)
+    kills = 0
+    while kills < 20:
+        out = tmp_path / f"killed-{kills}"
+        for _ in range(4):
+            process = start_generate(killing_world, "--out", out, "--jobs", 1 + kills % 2)
+            time.sleep(chance.uniform(0.3, 1.0) * whole_s)
+            os.killpg(process.pid, signal.SIGKILL)
+            kills += process.wait() == -signal.SIGKILL
+            process.communicate()
+            for path in out.glob("clean/box/results/*"):
+                assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED) is not None, f"{path} is half-written"
+        generate(killing_world, "--out", out)
+        assert content(out) == expected
+        shutil.rmtree(out)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_says_how_to_resume(killing_world, tmp_path, jobs, number):
+    out = tmp_path / "out"
+    process = start_generate(killing_world, "--out", out, "--jobs", jobs)
+    results = out / "clean/box/results"
+    while process.poll() is None and not (results.is_dir() and len(list(results.iterdir())) > 4):
+        time.sleep(0.02)
+    if number == signal.SIGINT:
+        os.killpg(process.pid, number)  # a terminal tells the whole group
+    else:
+        process.send_signal(number)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    command = errors.strip().splitlines()[-1].split()
+    assert 0 < len(list(results.glob("depth*"))) < 30
+    assert not list((out / ".noisy_world/unfinished").iterdir())
+    again = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert again.returncode == 0, again.stderr
+    assert " kept" in again.stdout
+    undisturbed = tmp_path / "undisturbed"
+    generate(killing_world, "--out", undisturbed)
+    assert content(out) == content(undisturbed)
+
+
+@pytest.mark.skipif(os.geteuid() != 0 or not shutil.which("mount"), reason="mounting a small disk needs root")
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_full_disk_is_one_line(killing_world, tmp_path, jobs):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "none", disk], check=False).returncode != 0:
+        pytest.skip("this machine mounts nothing")
+    try:
+        result = generate(killing_world, "--out", disk / "out", "--jobs", jobs, check=False)
+        assert result.returncode == 1
+        lines = [line for line in result.stderr.splitlines() if line.startswith("generate.py: ")]
+        assert len(lines) == 1
+        assert "no space left" in lines[0]
+        assert "Traceback" not in result.stderr
+        images = list(disk.glob("out/clean/box/results/*"))
+        assert 0 < len(images) < 60
+        assert all(cv2.imread(str(path), cv2.IMREAD_UNCHANGED) is not None for path in images)
+        assert not list(disk.glob("out/.noisy_world/unfinished/*"))
+        subprocess.run(["mount", "-o", "remount,size=64m", disk], check=True)
+        again = generate(killing_world, "--out", disk / "out", "--jobs", jobs)
+        assert " kept" in again.stdout
+        generate(killing_world, "--out", tmp_path / "undisturbed")
+        assert content(disk / "out") == content(tmp_path / "undisturbed")
+    finally:
+        subprocess.run(["umount", "-l", disk], check=True)
+
+
+def test_dry_run_and_lists_write_nothing(world, tmp_path):
+    out = tmp_path / "nothing"
+    plan = generate(world, "--out", out, "--dry-run", "--frames", "2:5").stdout
+    for words in ("sequences  1", "renders    1, 3 frames", "160 x 120", "MB"):
+        assert words in plan
+    assert generate(world, "--list").stdout == "clean/box\n"
+    assert generate(world, "--list", "settings").stdout == "clean\n"
+    assert "8 frames" in generate(world, "--list", "scenes").stdout
+    assert "render.samples" in generate("--list", "keys").stdout
+    assert "presets/demo.yaml" in generate("--list", "presets").stdout
+    assert not out.exists()
+
+
+def test_help_names_every_option():
+    text = generate("--help").stdout
+    for option in ("PRESET", "--out", "--set", "--frames", "--overwrite", "--dry-run", "--list", "--jobs", "resumes"):
+        assert option in text
+    assert "--worker" not in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--set", "render.sampels=2"], ["preset.yaml", "render.sampels", "'samples'"]),
+        (["--set", "render.samples=many"], ["render.samples", "the text 'many'", "whole number"]),
+        (["--set", "render.samples=0"], ["render.samples", "out of range", "1 to 65536"]),
+        (["--set", "scenes.0.mesh=none.ply"], ["scenes.0.mesh", "no such file", "relative to the preset"]),
+        (["--set", "scenes.3.mesh=none.ply"], ["scenes.3", "no entry"]),
+        (["--frames", "90:95"], ["--frames 90:95", "8 frames", "0:8"]),
+        (["--set", "output.layout=tum", "output.image=jpg"], ["output.image", "png"]),
+    ],
+)
+def test_mistakes_are_one_line(world, tmp_path, arguments, words):
+    result = generate(world, "--out", tmp_path / "out", *arguments, check=False)
+    assert result.returncode == 1
+    assert len(result.stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [["--frames", "5"], ["--frames", "a:b"], ["--jobs", "0"], ["--lst"]])
+def test_misspelt_options_are_usage_errors(world, arguments):
+    result = generate(world, *arguments, check=False)
+    assert result.returncode == 2
+    assert "Traceback" not in result.stderr
+
+
+def test_a_rig_with_two_sensors(tmp_path):
+    # The depth sensor sits 10 cm to the right of the colour sensor, which sits at the robot's centre, turned by 90 deg.
+    rig = {
+        "rgb": {"rotation_euler_deg": [0, 0, 0]},
+        "depth": {"translation_m": [0.1, 0, 0], "quat_wxyz": [1, 0, 0, 0]},
+    }
+    preset = write_world(tmp_path / "world", frames=2, size=(160, 120), rig=rig)
+    out = tmp_path / "out"
+    generate(preset, "--out", out)
+    generate(preset, "--out", tmp_path / "plain", "--set", "rig=null")
+    folder = out / "clean/box"
+    poses = {
+        name: np.loadtxt(folder / name).reshape(-1, 4, 4) for name in ("traj.txt", "traj_depth.txt", "traj_robot.txt")
+    }
+    assert np.array_equal(poses["traj.txt"], poses["traj_robot.txt"])
+    offset = poses["traj_depth.txt"][:, :3, 3] - poses["traj.txt"][:, :3, 3]
+    assert np.allclose(offset, 0.1 * poses["traj.txt"][:, :3, 0], atol=1e-12)
+    camera = Intrinsics(160, 120, 80.0, 80.0, 79.5, 59.5)
+    for k in range(2):
+        expected, sure = box_depth(camera, poses["traj_depth.txt"][k], LOW, HIGH)
+        steps = read_steps(folder / f"results/depth{k:06d}.png")
+        assert np.abs(steps - expected * 6553.5)[sure].max() <= 0.7
+        name = f"clean/box/results/frame{k:06d}.png"
+        assert (out / name).read_bytes() == (tmp_path / "plain" / name).read_bytes()
+
+
+def test_a_missing_package_is_named_with_the_command(world, tmp_path):
+    # A Python that has nothing but its standard library.
+    bare = tmp_path / "bare"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", bare], check=True)
+    result = subprocess.run(
+        [bare / "bin/python", ROOT / "headless/generate.py", world], capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 1
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "opencv-contrib-python-headless" in result.stderr
+    assert "make -C" in result.stderr
+
+
+def test_output_on_a_pipe_is_plain_lines(world, tmp_path):
+    result = generate(world, "--out", tmp_path / "out")
+    assert "\r" not in result.stderr
+    assert "Saved" not in result.stdout
+    assert "frames/s" in result.stdout
+    run = json.loads((tmp_path / "out/run.json").read_text())
+    assert run["frames_rendered"] == 8
+    assert run["peak_memory_bytes"] > 1e8

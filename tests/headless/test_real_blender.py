@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The same preset in a real Blender program and under the bpy package.
+
+Needs NOISY_WORLD_BLENDER, the path of a Blender program for which `make blender-env` was run.
+"""
+
+import os
+import subprocess
+
+import cv2
+import numpy as np
+import pytest
+from worlds import GENERATE, ROOT, generate, write_world
+
+BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
+pytestmark = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
+
+
+def blender(*arguments, before=(), **options):
+    command = [BLENDER, "-b", "--factory-startup", *before, "-P", str(GENERATE), "--", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, cwd=ROOT, **options)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return write_world(tmp_path_factory.mktemp("world"), frames=4, size=(320, 240))
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_same_frames(world, tmp_path, jobs):
+    inside = blender(world, "--out", tmp_path / "blender", "--jobs", jobs)
+    assert inside.returncode == 0, inside.stderr
+    assert "4 frames rendered" in inside.stdout
+    generate(world, "--out", tmp_path / "wheel")
+    for k in range(4):
+        name = f"clean/box/results/depth{k:06d}.png"
+        depth = [
+            cv2.imread(str(tmp_path / who / name), cv2.IMREAD_UNCHANGED).astype(int) for who in ("blender", "wheel")
+        ]
+        assert (depth[0] > 0).all()
+        assert np.abs(depth[0] - depth[1]).max() <= 1
+        name = f"clean/box/results/frame{k:06d}.png"
+        colour = [cv2.imread(str(tmp_path / who / name)).astype(int) for who in ("blender", "wheel")]
+        assert np.abs(colour[0] - colour[1]).max() <= 1
+
+
+def test_the_same_options_and_exit_statuses(world, tmp_path):
+    text = blender("--help")
+    assert text.returncode == 0
+    assert "--dry-run" in text.stdout
+    wrong = blender(world, "--set", "render.sampels=1")
+    assert wrong.returncode == 1
+    assert "did you mean 'samples'" in wrong.stderr
+    assert "Traceback" not in wrong.stderr
+    assert blender(world, "--jobs", "none").returncode == 2
+
+
+def test_a_missing_package_is_named_with_the_command(world, tmp_path):
+    # A copy of the project without the packages that were installed beside it.
+    for name in ("addon", "headless", "presets", "blender_manifest.toml"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    script = tmp_path / "generate.py"
+    script.write_text(GENERATE.read_text())
+    (tmp_path / "copy" / "headless").mkdir(parents=True)
+    script.rename(tmp_path / "copy" / "headless" / "generate.py")
+    command = [BLENDER, "-b", "--factory-startup", "-P", str(tmp_path / "copy/headless/generate.py"), "--", str(world)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert result.returncode == 1
+    lines = [line for line in result.stderr.splitlines() if line.startswith("generate.py: ")]
+    assert len(lines) == 1
+    assert "opencv-contrib-python-headless" in lines[0]
+    assert "make -C" in lines[0]
+    assert "blender-env BLENDER=" in lines[0]

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small worlds for tests: a coloured box room, a short path through it and a preset, written to a folder."""
+
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import yaml
+from analytic import box_mesh, look_at
+
+ROOT = Path(__file__).resolve().parents[1]
+GENERATE = ROOT / "headless" / "generate.py"
+LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.0, 1.5, 2.5])
+
+
+def write_box_ply(path, *, shift_m=(0.0, 0.0, 0.0)):
+    """A box room of six walls, each of one colour, as ASCII PLY with doubles, by hand."""
+    walls = box_mesh(LOW, HIGH).vertices_m + shift_m
+    colours = np.array([[200, 60, 50], [60, 160, 70], [70, 90, 190], [210, 190, 80], [130, 100, 80], [230, 225, 215]])
+    lines = ["ply", "format ascii 1.0", "element vertex 24"]
+    lines += [f"property double {axis}" for axis in "xyz"]
+    lines += [f"property uchar {name}" for name in ("red", "green", "blue")]
+    lines += ["element face 6", "property list uchar int vertex_indices", "end_header"]
+    for k, vertex in enumerate(walls):
+        lines.append(" ".join(map(repr, map(float, vertex))) + " " + " ".join(map(str, colours[k // 4])))
+    lines += [f"4 {4 * k} {4 * k + 1} {4 * k + 2} {4 * k + 3}" for k in range(6)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def path_poses(count, *, shift_m=(0.0, 0.0, 0.0)):
+    """Poses (count, 4, 4) of a camera that turns in the room's middle."""
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    eyes = np.stack([0.3 * np.cos(angles), 0.2 * np.sin(angles), 1.2 + 0.1 * np.sin(2 * angles)], axis=-1) + shift_m
+    targets = eyes + np.stack([np.cos(angles), np.sin(angles), -0.2 * np.ones(count)], axis=-1)
+    return np.stack([look_at(eye, target) for eye, target in zip(eyes, targets, strict=True)])
+
+
+def write_replica(path, poses):
+    path.write_text("\n".join(" ".join(repr(float(x)) for x in pose.ravel()) for pose in poses) + "\n")
+
+
+def write_world(folder, *, frames=6, size=(64, 48), shift_m=(0.0, 0.0, 0.0), **keys):
+    """Write mesh.ply, traj.txt and preset.yaml; keys replace the preset's. Return the preset's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_box_ply(folder / "mesh.ply", shift_m=np.asarray(shift_m))
+    write_replica(folder / "traj.txt", path_poses(frames, shift_m=np.asarray(shift_m)))
+    preset = {
+        "seed": 3,
+        "scenes": [{"name": "box", "mesh": "mesh.ply", "trajectory": "traj.txt"}],
+        "camera": {
+            "width": size[0],
+            "height": size[1],
+            "fx": size[0] / 2,
+            "fy": size[0] / 2,
+            "cx": (size[0] - 1) / 2,
+            "cy": (size[1] - 1) / 2,
+        },
+        "render": {"engine": "cycles", "samples": 1},
+        "settings": [{"name": "clean"}],
+        "output": {"layout": "replica", "image": "png"},
+        **keys,
+    }
+    path = folder / "preset.yaml"
+    path.write_text(yaml.safe_dump(preset))
+    return path
+
+
+def generate(*arguments, check=True, **options):
+    """Run the command line; return the finished process."""
+    command = [sys.executable, str(GENERATE), *map(str, arguments)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, **options)
+    if check and result.returncode != 0:
+        raise AssertionError(f"status {result.returncode}\n{result.stdout}\n{result.stderr}")
+    return result
+
+
+def start_generate(*arguments, **options):
+    """Start the command line in a process group of its own, as a shell would."""
+    command = [sys.executable, str(GENERATE), *map(str, arguments)]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, **options
+    )
+
+
+def content(folder):
+    """Return the SHA-256 of every file of a dataset by name, but for run.json, which holds timings."""
+    found = {}
+    for base, _, names in os.walk(folder):
+        for name in names:
+            path = Path(base) / name
+            found[str(path.relative_to(folder))] = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert found.pop("run.json", None), "no run.json"
+    return found
