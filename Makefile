@@ -20,7 +20,7 @@ $(VENV)/.installed: requirements.lock
 	touch $@
 
 demo: venv ## render presets/demo.yaml into out/demo
-	$(PY) headless/generate.py presets/demo.yaml --out out/demo
+	$(PY) headless/generate.py presets/demo.yaml --out out/demo --overwrite
 
 test: venv ## run the tests
 	$(PY) -m pytest

@@ -60,6 +60,7 @@ def main(arguments: list[str]) -> int:
     except NoisyWorldError as error:
         if options.worker is not None:
             tell_parent({"error": str(error)})
+            return 1
         return fail(str(error))
 
 

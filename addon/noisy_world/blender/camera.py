@@ -31,13 +31,20 @@ def add_camera(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
 
 
 def set_intrinsics(
-    scene: bpy.types.Scene, camera: bpy.types.Object, intrinsics: Intrinsics, *, near_m: float, far_m: float
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object,
+    intrinsics: Intrinsics,
+    *,
+    near_m: float,
+    far_m: float,
+    sample_offset_px: float = 0.0,
 ) -> None:
     """Give the camera and the scene's image the intrinsics; what lies outside [near_m, far_m] is void.
 
     Blender's shift is measured from the image's centre, in widths; the image's centre is at pixel (width - 1) / 2 where
     integer coordinates name pixel centres. fx != fy is a pixel aspect, which Blender takes from 1 up. An image smaller
-    than Blender's smallest is rendered larger, to the right and below.
+    than Blender's smallest is rendered larger, to the right and below. sample_offset_px: how far right and up of the
+    pixel's centre the renderer's rays go, which the shift takes back.
     """
     width_px = max(intrinsics.width_px, SMALLEST_PX)
     height_px = max(intrinsics.height_px, SMALLEST_PX)
@@ -54,8 +61,8 @@ def set_intrinsics(
     data.sensor_width = SENSOR_WIDTH_MM
     data.lens_unit = "MILLIMETERS"
     data.lens = intrinsics.fx_px * SENSOR_WIDTH_MM / width_px
-    data.shift_x = ((width_px - 1) / 2 - intrinsics.cx_px) / width_px
-    data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2) * aspect / width_px
+    data.shift_x = ((width_px - 1) / 2 - intrinsics.cx_px - sample_offset_px) / width_px
+    data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2 - sample_offset_px) * aspect / width_px
     data.clip_start = near_m
     data.clip_end = far_m
     data.dof.use_dof = False

@@ -16,6 +16,11 @@ from ..core.errors import StorageError
 
 AVERAGING_FILTER_PX = 1.5
 CENTRE_FILTER_PX = 0.01
+# Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks the middle up in a
+# table of 1024 entries that is symmetric about entry 511, not 511.5: half a step off, to the right and up. A step there
+# is the integral of the Blackman-Harris filter, a0, over 511, of half its width, which is twice what is set. With the
+# averaging filter that is 5e-4 px, and depth along a wall would be wrong by up to 1e-4 of itself.
+FILTER_MIDDLE = 0.5 * 0.35875 / 511
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
 
 
@@ -64,23 +69,51 @@ def configure_cycles(scene: bpy.types.Scene, *, seed: int, threads: int) -> None
     scene.world = None
 
 
-class FrameRenderer:
-    """Renders frames of a keyed camera into arrays, through a scratch file in memory.
+def filter_width_px(samples: int) -> float:
+    """Return the width of the pixel filter: none for a single sample, which shows the pixel's centre."""
+    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
 
-    A render result cannot be read from Python in background mode; an uncompressed float EXR can, in 7 ms.
+
+def filter_offset_px(samples: int) -> float:
+    """Return how far right of and above a pixel's centre its first sample goes, in pixels; see FILTER_MIDDLE."""
+    return FILTER_MIDDLE * filter_width_px(samples)
+
+
+class FrameRenderer:
+    """Renders a scene into arrays, through a scratch file in memory.
+
+    A render result cannot be read from Python in background mode; an uncompressed float EXR can, in 7 ms. Passes and
+    camera are set once: setting them, even to what they are, makes Cycles take the whole scene over again, which costs
+    as much as a frame. Moving the camera and another number of samples cost nothing.
     """
 
     def __init__(
-        self, scene: bpy.types.Scene, *, width_px: int, height_px: int, samples: int, encoded_colours: bool
+        self,
+        scene: bpy.types.Scene,
+        size_px: tuple[int, int],
+        *,
+        rgb: bool,
+        depth: bool,
+        samples: int,
+        encoded_colours: bool,
     ) -> None:
-        """Prepare to render `samples` rays a pixel; encoded_colours: the scene emits display-encoded values."""
+        """Prepare the scene.
+
+        size_px: width and height. samples: rays a pixel. encoded_colours: the scene emits display-encoded values.
+        """
         self._scene = scene
-        self._crop = (slice(height_px), slice(width_px))
-        self._samples = samples
+        self._crop = (slice(size_px[1]), slice(size_px[0]))
+        self._rgb = rgb
+        self._depth = depth
         self._encoded_colours = encoded_colours
         in_memory = SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK)
         self._scratch = tempfile.TemporaryDirectory(prefix="noisy-world-", dir=SHARED_MEMORY if in_memory else None)
         self._path = Path(self._scratch.name) / "frame.exr"
+        layer = scene.view_layers[0]
+        layer.use_pass_combined = rgb
+        layer.use_pass_z = depth
+        scene.cycles.samples = samples
+        scene.cycles.filter_width = filter_width_px(samples)
         render = scene.render
         render.filepath = str(self._path)
         render.use_file_extension = False
@@ -96,33 +129,11 @@ class FrameRenderer:
         """Remove the scratch file."""
         self._scratch.cleanup()
 
-    def __enter__(self) -> "FrameRenderer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def render(self, camera: bpy.types.Object, frame: int, *, rgb: bool, depth: bool) -> RenderedFrame:
-        """Render one frame of the timeline through the camera.
+    def render(self) -> RenderedFrame:
+        """Render the scene as it stands.
 
         Raises StorageError where the scratch file could not be written, a full disk for instance.
         """
-        self._scene.camera = camera
-        self._scene.frame_set(frame)
-        if self._samples == 1 or not (rgb and depth):
-            return self._render_passes(rgb=rgb, depth=depth, samples=self._samples if rgb else 1)
-        colour = self._render_passes(rgb=True, depth=False, samples=self._samples)
-        return RenderedFrame(colour.rgb, self._render_passes(rgb=False, depth=True, samples=1).depth_m)
-
-    def _render_passes(self, *, rgb: bool, depth: bool, samples: int) -> RenderedFrame:
-        scene = self._scene
-        layer = scene.view_layers[0]
-        layer.use_pass_combined = rgb
-        layer.use_pass_z = depth
-        scene.cycles.samples = samples
-        # Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks that up in a
-        # table whose middle is 4e-4 filter widths off: with a wide filter, depth along a wall is wrong by up to 1e-4.
-        scene.cycles.filter_width = AVERAGING_FILTER_PX if samples > 1 else CENTRE_FILTER_PX
         self._path.unlink(missing_ok=True)
         problem = ""
         try:
@@ -132,20 +143,20 @@ class FrameRenderer:
             problem = str(error).strip().splitlines()[-1]
         if problem or not self._path.exists():
             raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
-        return self._read(rgb=rgb, depth=depth)
+        return self._read()
 
-    def _read(self, *, rgb: bool, depth: bool) -> RenderedFrame:
-        import OpenEXR
+    def _read(self) -> RenderedFrame:
+        import OpenEXR  # only who renders needs it
 
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
             channels = {name.split(".", 1)[-1]: item.pixels[self._crop] for name, item in file.channels().items()}
         colours = None
-        if rgb:
+        if self._rgb:
             colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)
             if not self._encoded_colours:
                 colours = srgb_from_linear(colours)
         depth_m = None
-        if depth:
+        if self._depth:
             depth_m = channels["Depth.Z"]
             # Cycles gives a pixel that hits nothing 1e10, whatever the far clipping.
             depth_m = np.where(depth_m < self._scene.camera.data.clip_end, depth_m, np.float32(0))

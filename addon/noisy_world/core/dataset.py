@@ -259,16 +259,16 @@ def _cut_torn_line(path: Path) -> None:
                 file.truncate(data.rfind(b"\n") + 1)
 
 
-def first_difference(there: dict[str, Any], here: dict[str, Any], prefix: str = "") -> str | None:
-    """Name the first key in which two identities differ, with both values, or None."""
-    for name in sorted({*there, *here}):
-        left, right = there.get(name), here.get(name)
-        if isinstance(left, dict) and isinstance(right, dict):
-            if found := first_difference(left, right, f"{prefix}{name}."):
-                return found
-        elif left != right:
-            return f"{prefix}{name} was {_short(left)}, is {_short(right)}"
-    return None
+def first_difference(there: Any, here: Any, place: str = "") -> str | None:
+    """Name the first place in which two JSON values differ, with both values, or None."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        parts = [(name, there.get(name), here.get(name)) for name in sorted({*there, *here})]
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        parts = [(str(index), left, right) for index, (left, right) in enumerate(zip(there, here, strict=True))]
+    else:
+        return None if there == here else f"{place} was {_short(there)}, is {_short(here)}"
+    inside = (first_difference(left, right, f"{place}.{name}" if place else name) for name, left, right in parts)
+    return next((found for found in inside if found), None)
 
 
 def _short(value: object) -> str:
