@@ -5,7 +5,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo test lint format lock blender-env peer-env clean
+.PHONY: help venv demo picture test lint format lock blender-env peer-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -21,6 +21,9 @@ $(VENV)/.installed: requirements.lock
 
 demo: venv ## render presets/demo.yaml into out/demo
 	$(PY) headless/generate.py presets/demo.yaml --out out/demo --overwrite
+
+picture: demo ## draw the README's picture anew
+	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
 
 test: venv ## run the tests
 	$(PY) -m pytest
