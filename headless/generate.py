@@ -8,24 +8,20 @@ Both take the same options and write the same dataset; the second runs inside a 
 """
 
 import argparse
-import contextlib
 import importlib.util
 import json
 import os
-import queue
 import shlex
 import signal
-import subprocess
 import sys
 import threading
 import traceback
 from pathlib import Path
 from types import FrameType
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING
 
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPT = Path(__file__).resolve()
-WORKER_PREFIX = "@noisy-world "
 NEEDED = {
     "numpy": "numpy",
     "yaml": "pyyaml",
@@ -39,7 +35,7 @@ INTERRUPTED = 130
 if TYPE_CHECKING:
     from noisy_world.core.plan import Plan
     from noisy_world.core.progress import Progress
-    from noisy_world.pipeline import Report, Work
+    from noisy_world.pipeline import Report
 
 
 def main(arguments: list[str]) -> int:
@@ -53,20 +49,15 @@ def main(arguments: list[str]) -> int:
     try:
         return run(options)
     except InterruptedRunError:
-        if options.worker is not None:
-            return INTERRUPTED
         say(f"stopped; what is finished stays, and the same command goes on from there:\n  {own_command(options)}")
         return INTERRUPTED
     except NoisyWorldError as error:
-        if options.worker is not None:
-            tell_parent({"error": str(error)})
-            return 1
         return fail(str(error))
 
 
 def prepare_imports() -> None:
     """Find the add-on's package and, in a Blender program, the packages that `make blender-env` installed for it."""
-    sys.path.insert(0, str(ROOT / "addon"))
+    sys.path[:0] = [str(ROOT / "addon"), str(SCRIPT.parent)]
     side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)
     # Last, so that what Blender brings (numpy above all) stays its own.
     if inside_blender() and side.is_dir():
@@ -90,6 +81,19 @@ def missing_package() -> str:
             return f"{packages}: missing in this Blender's {python}; run: make -C {ROOT} blender-env BLENDER={binary}"
         remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
         return f"{packages}: missing in this {python}; {remedy}"
+    return ""
+
+
+def blender_problem() -> str:
+    """Import Blender; say which system libraries it lacks, if that is why it cannot be."""
+    try:
+        import bpy  # noqa: F401, PLC0415 - the first to need it
+    except ImportError as error:
+        from system_libraries import advice, missing_libraries  # noqa: PLC0415 - seldom needed
+
+        if names := missing_libraries():
+            return advice(names)
+        return f"bpy cannot be imported: {error}"
     return ""
 
 
@@ -169,7 +173,7 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run:
         return print_plan(plan, out_folder(options))
     if options.worker is not None:
-        return work_for_parent(plan, options)
+        return take_part(plan, options)
     return generate(plan, options)
 
 
@@ -239,7 +243,10 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
     """Make the dataset, and say what came of it."""
     from noisy_world.core.progress import PlainProgress, TerminalProgress  # noqa: PLC0415
     from noisy_world.pipeline import Run  # noqa: PLC0415
+    from workers import run_workers  # noqa: PLC0415
 
+    if problem := blender_problem():
+        return fail(problem)
     out = out_folder(options)
     # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
     stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
@@ -252,7 +259,9 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
         stop=stop,
         overwrite=options.overwrite,
         jobs=options.jobs,
-        workers=lambda pieces, listener: run_workers(pieces, listener, options, stop),
+        workers=lambda pieces, listener: run_workers(
+            [command(options, worker=number) for number in range(len(pieces))], pieces, listener, stop
+        ),
     )
     report = make()
     for sequence in plan.sequences:
@@ -261,6 +270,17 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
         print(f"wrote {out / 'overview.png'}")
     print(figures(report))
     return 0
+
+
+def take_part(plan: "Plan", options: argparse.Namespace) -> int:
+    """Render the frames that are named on standard input, for the process that started this one."""
+    from noisy_world.pipeline import Run  # noqa: PLC0415
+    from workers import Parent, work_for  # noqa: PLC0415
+
+    parent = Parent()
+    stop = stop_on_signal(None)
+    run_ = Run(plan, out_folder(options), progress=parent, stop=stop)
+    return work_for(parent, run_, json.load(sys.stdin), options.worker)
 
 
 def figures(report: "Report") -> str:
@@ -277,7 +297,7 @@ def figures(report: "Report") -> str:
     return ", ".join(parts)
 
 
-def stop_on_signal(stream: IO[str]) -> threading.Event:
+def stop_on_signal(stream: IO[str] | None) -> threading.Event:
     """Let Ctrl-C and a batch system's SIGTERM end the run after the frame in hand; a second Ctrl-C ends it at once."""
     stop = threading.Event()
 
@@ -285,14 +305,12 @@ def stop_on_signal(stream: IO[str]) -> threading.Event:
         if stop.is_set() and number == signal.SIGINT:
             raise KeyboardInterrupt
         stop.set()
-        print("\nstopping after the frames in hand", file=stream, flush=True)
+        if stream is not None:
+            print("\nstopping after the frames in hand", file=stream, flush=True)
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)
     return stop
-
-
-# --- several processes ---
 
 
 def own_command(options: argparse.Namespace, *, worker: int | None = None) -> str:
@@ -315,118 +333,6 @@ def command(options: argparse.Namespace, *, worker: int | None = None) -> list[s
     if inside_blender():
         return [sys.modules["bpy"].app.binary_path, "-b", "-P", str(SCRIPT), "--", *words]
     return [sys.executable, str(SCRIPT), *words]
-
-
-def run_workers(
-    pieces: list["Work"], progress: "Progress", options: argparse.Namespace, stop: threading.Event
-) -> "Report":
-    """Run each piece of work in a process of its own, and gather what they tell."""
-    from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415
-    from noisy_world.pipeline import Report  # noqa: PLC0415
-
-    messages: queue.Queue[dict[str, Any]] = queue.Queue()
-    workers = [start_worker(command(options, worker=number), piece, messages) for number, piece in enumerate(pieces)]
-    total = Report()
-    errors: list[str] = []
-    open_workers = len(workers)
-    told_to_stop = False
-    while open_workers:
-        if (errors or stop.is_set()) and not told_to_stop:
-            told_to_stop = True
-            for process in workers:
-                process.terminate()
-        with contextlib.suppress(queue.Empty):
-            match messages.get(timeout=0.2):
-                case {"advance": count}:
-                    progress.advance(count)
-                case {"note": text}:
-                    progress.note(text)
-                case {"report": content}:
-                    total.merge(Report(**content))
-                case {"error": text}:
-                    errors.append(text)
-                case {"end": status}:
-                    open_workers -= 1
-                    errors += [] if told_to_stop else unexpected_end(status)
-    if errors:
-        raise NoisyWorldError(errors[0])
-    if stop.is_set():
-        raise InterruptedRunError("stopped")
-    return total
-
-
-def unexpected_end(status: int) -> list[str]:
-    """Say what is wrong with a worker's exit status, if anything; one that failed properly has told its error."""
-    return [] if status in (0, 1, INTERRUPTED) else [f"a worker ended with status {status}; its messages are above"]
-
-
-def start_worker(words: list[str], piece: "Work", messages: "queue.Queue[dict[str, Any]]") -> "subprocess.Popen[str]":
-    """Start a worker on a piece of work, and a thread that puts what it tells into the queue."""
-    process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    threading.Thread(target=listen, args=(process, piece, messages), daemon=True).start()
-    return process
-
-
-def listen(process: "subprocess.Popen[str]", piece: "Work", messages: "queue.Queue[dict[str, Any]]") -> None:
-    """Hand a worker its work and pass on what it tells until it ends."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    with contextlib.suppress(BrokenPipeError):  # its end, below, tells that it died
-        process.stdin.write(json.dumps(piece))
-        process.stdin.close()
-    for line in process.stdout:
-        if line.startswith(WORKER_PREFIX):
-            messages.put(json.loads(line.removeprefix(WORKER_PREFIX)))
-    messages.put({"end": process.wait()})
-
-
-class ParentProgress:
-    """Passes progress on to the process that started this one."""
-
-    def start(self, label: str, total: int, done: int = 0) -> None:
-        """Say nothing: the parent has a bar for all."""
-
-    def advance(self, count: int = 1) -> None:
-        """Tell that frames are done."""
-        tell_parent({"advance": count})
-
-    def note(self, text: str) -> None:
-        """Pass a sentence on."""
-        tell_parent({"note": text})
-
-    def finish(self) -> None:
-        """Say nothing."""
-
-
-def work_for_parent(plan: "Plan", options: argparse.Namespace) -> int:
-    """Render the frames that are named on standard input."""
-    from dataclasses import asdict  # noqa: PLC0415
-
-    from noisy_world.core.machine import peak_memory_bytes  # noqa: PLC0415
-    from noisy_world.pipeline import Run  # noqa: PLC0415
-
-    global parent_stream  # noqa: PLW0603 - the one way out of this process
-    parent_stream = os.fdopen(os.dup(1), "w", buffering=1)
-    stop = stop_on_signal(open(os.devnull, "w"))  # noqa: SIM115, PTH123 - the parent speaks
-    part = Run(plan, out_folder(options), progress=ParentProgress(), stop=stop)
-    report = part.take_part(json.load(sys.stdin), options.worker)
-    report.peak_memory_bytes = peak_memory_bytes()
-    tell_parent({"report": asdict(report)})
-    return 0
-
-
-parent_stream: IO[str] = sys.stdout
-
-
-def tell_parent(message: dict[str, Any]) -> None:
-    """Send a message to the process that started this one; end where it is gone."""
-    try:
-        print(WORKER_PREFIX + json.dumps(message), file=parent_stream, flush=True)
-    except BrokenPipeError:
-        os._exit(INTERRUPTED)
-
-
-# --- the program ---
 
 
 def say(text: str) -> None:

@@ -56,6 +56,8 @@ class Report:
         self.rendering_s = max(self.rendering_s, other.rendering_s)
         first = [value for value in (self.first_frame_s, other.first_frame_s) if value is not None]
         self.first_frame_s = min(first) if first else None
+        self.peak_memory_bytes = (self.peak_memory_bytes or 0) + (other.peak_memory_bytes or 0) or None
+        self.notes += [note for note in other.notes if note not in self.notes]
 
 
 type Work = dict[str, list[int]]
@@ -116,7 +118,7 @@ class Run:
             self._progress.finish()
             self._finish(who)
             self.report.total_s = time.perf_counter() - start_s
-            self.report.peak_memory_bytes = peak_memory_bytes()
+            self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
             self._dataset.write_text(RUN, canonical(run_content(self.report)))
             self._dataset.seal()
         finally:
@@ -230,6 +232,8 @@ class Run:
             trajectories = self._trajectories_of(render)
             for sequence in render.sequences:
                 records = self._dataset.records(sequence.folder)
+                if lost := [frame for frame in render.frames if frame not in records]:
+                    raise RuntimeError(f"{sequence.folder}: {len(lost)} frames were not made, {lost[0]} the first")
                 texts = self._plan.layout.sequence_texts(list(records), dict(trajectories))
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy", reason="bpy is not installed")
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import look_at, quads_mesh, rays
 
@@ -121,3 +121,22 @@ def test_frames_do_not_depend_on_threads_or_order():
             frames = {k: session.render(k) for k in order}
         results[threads] = [frames[k].rgb.tobytes() + frames[k].depth_m.tobytes() for k in range(4)]
     assert results[1] == results[2]
+
+
+def test_blenders_own_png_shows_the_same_bytes(tmp_path):
+    # What an artist sees: linear light through the Standard view transform, by Blender's own colour management.
+    import cv2
+
+    colours = np.stack([np.arange(256), (np.arange(256) * 37) % 256, np.arange(256)[::-1]], axis=-1)
+    with Session(
+        checkerboard(colours), "test", {"": evenly_stamped(EYE[None])}, CAMERA, replace(OPTIONS, samples=4)
+    ) as session:
+        session.render(0)
+        scene = bpy.context.scene
+        settings = scene.render.image_settings
+        settings.media_type, settings.file_format, settings.color_depth = "IMAGE", "PNG", "8"
+        scene.render.filepath = str(tmp_path / "blender.png")
+        bpy.ops.render.render(write_still=True)
+    image = cv2.imread(str(tmp_path / "blender.png"))[..., ::-1]
+    inner = image.reshape(16, CELL_PX, 16, CELL_PX, 3)[:, 3:-3, :, 3:-3]
+    assert np.array_equal(inner, np.broadcast_to(colours.reshape(16, 1, 16, 1, 3), inner.shape))

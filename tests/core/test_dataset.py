@@ -4,16 +4,17 @@
 import errno
 import json
 import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import fake_session
 import pytest
-from worlds import content, write_world
+from worlds import ROOT, content, write_world
 
 from noisy_world.core import storage
-from noisy_world.core.errors import InterruptedRunError, StorageError
+from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
 from noisy_world.core.plan import make_plan
 from noisy_world.core.preset import read_preset
 from noisy_world.pipeline import Run
@@ -95,71 +96,43 @@ def test_the_same_again_renders_nothing(world, whole, tmp_path):
     assert content(tmp_path / "whole") == whole
 
 
-CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "open")
-
-
-def crash_at(step, work):
-    """Run `work` in a child process that ends, as if killed, before its step-th call to the file system.
-
-    Return whether it came to its end.
-    """
-    child = os.fork()
-    if child:
-        _, status = os.waitpid(child, 0)
-        assert os.waitstatus_to_exitcode(status) in (0, 9)
-        return os.waitstatus_to_exitcode(status) == 0
-    counter = iter(range(10**9))
-    lock = threading.Lock()
-
-    def wrapped(function):
-        def call(*arguments, **options):
-            with lock:
-                if next(counter) == step:
-                    os._exit(9)
-            return function(*arguments, **options)
-
-        return call
-
-    for name in CALLS:
-        setattr(Path, name, wrapped(getattr(Path, name)))
-    os.write = wrapped(os.write)
-    try:
-        work()
-    except BaseException:  # noqa: BLE001 - the parent has to see it
-        os._exit(1)
-    os._exit(0)
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_crash_at_every_step_costs_nothing(world, whole, tmp_path):
-    step, finished = 0, False
-    while not finished:
-        out = tmp_path / f"crashed-{step}"
-        finished = crash_at(step, lambda out=out: run(world, out))
-        # Whatever lies under a final name is whole.
-        for path in out.glob("*/box/results/*"):
-            assert content_of(path) == whole[str(path.relative_to(out))]
-        run(world, out)
-        assert content(out) == whole, f"after a crash before step {step}"
-        step += 1
-    assert step > 60, "the steps were not counted"
-
-
-def content_of(path):
-    import hashlib
-
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    # In a process of its own, which has no threads yet and can be forked.
+    script = Path(__file__).with_name("crash_every_step.py")
+    command = [sys.executable, script, world, tmp_path / "whole", tmp_path]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stderr
+    assert int(result.stdout) > 60, "the steps were not counted"
 
 
 def test_a_torn_journal_line_is_dropped(world, whole, tmp_path):
     out = tmp_path / "torn"
-    assert not crash_at(60, lambda: run(world, out))
+    stop_before(2, world, out)
     (journal,) = (out / ".noisy_world" / "clean" / "box").glob("journal-0.jsonl")
     data = journal.read_bytes()
     assert data.count(b"\n") >= 1
     journal.write_bytes(data + data[: len(data) // 2].replace(b"\n", b""))
     run(world, out)
     assert content(out) == whole
+
+
+def stop_before(frame, world, out):
+    """Run until before a frame, as Ctrl-C does."""
+    stop = threading.Event()
+    original = fake_session.Session.render
+
+    def render(self, number):
+        if number == frame - 1:
+            stop.set()
+        return original(self, number)
+
+    fake_session.Session.render = render
+    try:
+        with pytest.raises(InterruptedRunError):
+            run(world, out, stop=stop)
+    finally:
+        fake_session.Session.render = original
 
 
 @pytest.mark.parametrize("damage", ["truncate", "flip", "remove", "empty"])
@@ -177,21 +150,8 @@ def test_damaged_frames_are_made_again(world, whole, tmp_path, damage):
 
 
 def test_stopped_and_resumed(world, whole, tmp_path):
-    stop = threading.Event()
     out = tmp_path / "stopped"
-    original = fake_session.Session.render
-
-    def render(self, frame):
-        if frame == 2:
-            stop.set()
-        return original(self, frame)
-
-    fake_session.Session.render = render
-    try:
-        with pytest.raises(InterruptedRunError):
-            run(world, out, stop=stop)
-    finally:
-        fake_session.Session.render = original
+    stop_before(3, world, out)
     assert len(list((out / "clean/box/results").iterdir())) == 6
     fake_session.Session.rendered.clear()
     run(world, out)
@@ -242,6 +202,29 @@ def test_other_peoples_folders_are_left_alone(world, tmp_path):
     file.write_text("x")
     with pytest.raises(StorageError, match="is a file"):
         run(world, file)
+
+
+def test_a_run_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path):
+    mesh = world.parent / "mesh.ply"
+    good = mesh.read_text()
+    mesh.write_text(good.replace("4 20 21 22 23", "4 20 21 22 99"))
+    out = tmp_path / "deep" / "out"
+    with pytest.raises(InputError, match="99"):
+        run(world, out)
+    assert not out.exists()
+    mesh.write_text(good)
+    run(world, out)
+
+
+def test_an_identity_without_frames_holds_nobody_up(world, whole, tmp_path):
+    # Killed before its first frame was in the journal; then the preset is changed.
+    out = tmp_path / "early"
+    (out / ".noisy_world").mkdir(parents=True)
+    (out / ".noisy_world" / "identity.json").write_text('{"format": 1, "sequences": ["clean/box", "old/box"]}')
+    (out / "old/box/results").mkdir(parents=True)
+    (out / "old/box/results/frame000000.png").write_bytes(b"unrecorded")
+    run(world, out)
+    assert content(out) == whole
 
 
 def test_two_runs_at_once_are_refused(world, tmp_path):
@@ -314,10 +297,21 @@ def test_nothing_seen_is_said_once(tmp_path):
 
 def test_the_lock_goes_with_its_process(tmp_path):
     path = tmp_path / "work" / "lock"
-    if os.fork() == 0:
+    code = f"""
+import os, sys, time
+sys.path.insert(0, {str(ROOT / "addon")!r})
+from pathlib import Path
+from noisy_world.core.storage import FolderLock
+lock = FolderLock(Path({str(path)!r}))
+print("taken", flush=True)
+time.sleep(60)
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "taken\n"
+    with pytest.raises(StorageError, match="another run"):
         storage.FolderLock(path)
-        os._exit(9)
-    os.wait()
+    process.kill()
+    process.wait()
     storage.FolderLock(path).release()
 
 

@@ -75,6 +75,7 @@ class Dataset:
         self._work = out / WORK_FOLDER
         self.scratch = self._work / "unfinished"
         self._lock: FolderLock | None = None
+        self._identity: dict[str, Any] = {}
 
     def open(self, identity: dict[str, Any], *, overwrite: bool) -> None:
         """Take the folder for a run that is described by `identity`, and keep others out.
@@ -91,14 +92,15 @@ class Dataset:
         self._lock = FolderLock(self._work / "lock")
         there = self._identity_there()
         difference = None if there is None else first_difference(there, identity)
-        if difference and not overwrite:
+        if difference and not overwrite and self._holds_frames():
             self._lock.release()
             raise StorageError(
                 f"{self.out}: holds a dataset made otherwise ({difference}); choose another folder with --out, or "
                 "replace it with --overwrite"
             )
-        if there is not None and overwrite:
+        if there is not None and (overwrite or difference):
             self._remove_dataset(there)
+        self._identity = identity
         with storage_errors(self.scratch):
             shutil.rmtree(self.scratch, ignore_errors=True)
             self.scratch.mkdir(parents=True, exist_ok=True)
@@ -110,9 +112,20 @@ class Dataset:
             raise StorageError(f"{self.out}: no run is open here")
 
     def close(self) -> None:
-        """Let go of the folder, leaving what is unfinished for the next run."""
-        if self._lock is not None:
-            self._lock.release()
+        """Let go of the folder. What is finished stays for the next run; where nothing is, nothing stays."""
+        if self._lock is None:
+            return
+        if self._identity and not self._holds_frames():
+            self._remove_dataset(self._identity)
+            shutil.rmtree(self._work, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                self.out.rmdir()
+        self._lock.release()
+        self._lock = None
+
+    def _holds_frames(self) -> bool:
+        journals = self._work.glob("*/*/journal-*.jsonl")
+        return (self.out / MANIFEST).exists() or any(journal.stat().st_size for journal in journals)
 
     def _holds_other_things(self) -> bool:
         return self.out.is_dir() and any(item.name != WORK_FOLDER for item in self.out.iterdir())
@@ -135,8 +148,7 @@ class Dataset:
                 for pattern in self.layout.patterns:
                     for path in sequence.glob(pattern):
                         path.unlink()
-                for path in (sequence.parent / "cam_params.json",):
-                    path.unlink(missing_ok=True)
+                (sequence.parent / "cam_params.json").unlink(missing_ok=True)
                 for empty in (*(sequence / name for name in ("results", "rgb", "depth")), sequence, sequence.parent):
                     with contextlib.suppress(OSError):
                         empty.rmdir()

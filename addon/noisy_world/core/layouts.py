@@ -51,10 +51,11 @@ class Layout:
     @property
     def patterns(self) -> tuple[str, ...]:
         """Glob patterns of every file that may lie in a sequence's folder, for who removes a dataset."""
-        number = "[0-9]" * 6 + "*"
         images = ("results/frame{}.jpg", "results/frame{}.png", "results/depth{}.png", "rgb/{}.png", "depth/{}.png")
-        texts = ("traj*.txt", "rgb.txt", "depth.txt", "groundtruth*.txt", "associations.txt", "frames.jsonl")
-        return tuple(pattern.format(number) for pattern in images) + texts
+        numbers = ("[0-9]" * 6, "[0-9]" * 7)
+        poses = [f"{name}{sensor}.txt" for name in ("traj", "groundtruth") for sensor in ("", "_depth", "_robot")]
+        lists = ("rgb.txt", "depth.txt", "associations.txt", "frames.jsonl")
+        return (*(image.format(number) for image in images for number in numbers), *poses, *lists)
 
     def sequence_texts(self, frames: Sequence[int], trajectories: dict[str, Trajectory]) -> dict[str, str]:
         """Return the text files of a sequence by name.

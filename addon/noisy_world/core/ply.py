@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PLY meshes: every dialect in, Replica's own layout out.
+"""PLY meshes read, in every dialect.
 
 A file is read into bytes once and its properties become strided views of them. Text is first turned into float64
 numbers, after which it is read as if it were a binary file of doubles.
 """
 
 import re
-import secrets
 import struct
 import warnings
 from contextlib import suppress
@@ -20,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, StorageError
+from .errors import InputError
 from .mesh import Mesh
 
 type _Int64s = NDArray[np.int64]
@@ -114,13 +113,7 @@ def read_ply(path: Path) -> Mesh:
     corners with none repeated in succession, and notes on what was dropped, guessed or lost.
     Raises InputError where the file is missing, not a PLY, cut short, damaged, or not a mesh.
     """
-    try:
-        with Path(path).open("rb") as file:
-            encoding, elements, header_lines = _read_header(path, file)
-            data = file.read()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
-    _check_is_mesh(path, elements)
+    encoding, elements, header_lines, data = _open(path, whole=True)
     body = _parse_text(path, data, header_lines) if encoding == "ascii" else _Body(path, data, encoding)
     tables, position, notes = {}, 0, []
     for name, element in elements.items():
@@ -135,6 +128,23 @@ def read_ply(path: Path) -> Mesh:
         rgb = _colours(tables["vertex"], notes)
         corners, starts = _faces(tables["face"], len(vertices_m), notes)
     return Mesh(vertices_m, rgb, corners, starts, tuple(notes))
+
+
+def check_ply(path: Path) -> None:
+    """Look at the header alone; raise InputError where the file is missing, not a PLY, or not a mesh."""
+    _open(path, whole=False)
+
+
+def _open(path: Path, *, whole: bool) -> tuple[str, dict[str, _Element], int, bytes]:
+    """The encoding, the elements, the number of header lines and, if it is wanted, the whole body."""
+    try:
+        with Path(path).open("rb") as file:
+            encoding, elements, header_lines = _read_header(path, file)
+            data = file.read() if whole else b""
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    _check_is_mesh(path, elements)
+    return encoding, elements, header_lines, data
 
 
 def _read_header(path: Path, file: BinaryIO) -> tuple[str, dict[str, _Element], int]:
@@ -343,57 +353,3 @@ def _faces(rows: _Rows, vertex_count: int, notes: list[str]) -> tuple[NDArray[np
     if len(sizes) == 0:
         raise InputError(rows.body.path, "no face has three different corners", remedy=_DAMAGED)
     return corners, (np.cumsum(sizes) - sizes).astype(np.int32)
-
-
-def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangulate: bool = False) -> None:
-    """Write a mesh in Replica's layout: binary little-endian, float normals, byte colours, int indices.
-
-    normals: (V, 3) unit vectors in the frame of the vertices; area-weighted ones are computed where None.
-    triangulate: cut each polygon into a fan of triangles, for the many readers that know nothing else.
-    Colours are left out where the mesh has none. The file appears whole or not at all.
-    Raises StorageError where it cannot be written.
-    """
-    fan, coloured = _fan(mesh), mesh.rgb is not None
-    fields = [("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)]
-    vertices = np.empty(len(mesh.vertices_m), fields[: 2 + coloured])
-    vertices["xyz"] = mesh.vertices_m
-    vertices["normal"] = _vertex_normals(mesh, fan) if normals is None else normals
-    if coloured:
-        vertices["rgb"] = np.rint(np.clip(mesh.rgb, 0, 1) * 255)
-    corners, sizes = (fan.reshape(-1), np.full(len(fan), 3)) if triangulate else (mesh.corner_vertices, mesh.face_sizes)
-    length = "uchar" if sizes.max(initial=0) <= 255 else "uint"
-    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
-    lines += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
-    lines += [f"property uchar {name}" for name in _COLOUR_NAMES[0] if coloured]
-    lines += [f"element face {len(sizes)}", f"property list {length} int vertex_indices", "end_header", ""]
-    words = np.insert(corners, np.cumsum(sizes) - sizes, sizes).astype("<i4").view(np.uint8).reshape(-1, 4)
-    kept = np.ones(words.shape, bool)
-    kept[np.cumsum(sizes + 1) - sizes - 1, _TYPES[length].itemsize :] = False  # of a length, its low bytes alone
-    temporary = Path(f"{path}.{secrets.token_hex(4)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.writelines(("\n".join(lines).encode(), vertices, words[kept]))
-        temporary.replace(path)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):  # it is gone after a success
-            temporary.unlink()
-
-
-def _fan(mesh: Mesh) -> NDArray[np.int32]:
-    """(T, 3) int32: each polygon as the triangles of its corners (0, k, k + 1)."""
-    counts = mesh.face_sizes - 2
-    first = np.repeat(mesh.face_starts, counts)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return mesh.corner_vertices[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-
-
-def _vertex_normals(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(V, 3) float64 unit vectors, the faces' normals weighted by their areas; 0 0 0 at a vertex of no face."""
-    sizes, (a_m, b_m, c_m) = mesh.face_sizes, mesh.vertices_m[triangles.T]
-    areas = np.add.reduceat(np.cross(b_m - a_m, c_m - a_m), np.cumsum(sizes - 2) - (sizes - 2), axis=0)
-    weights, vertex_count = np.repeat(areas, sizes, axis=0).T, len(mesh.vertices_m)
-    sums = np.stack([np.bincount(mesh.corner_vertices, column, vertex_count) for column in weights], axis=1)
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.divide(sums, lengths, out=np.zeros(sums.shape), where=lengths > 0)

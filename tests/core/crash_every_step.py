@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ends a run before each single call to the file system, resumes it and compares with an undisturbed dataset.
+
+    python tests/core/crash_every_step.py PRESET UNDISTURBED FOLDER
+
+Prints the number of steps; fails with an AssertionError. Frames come from fake_session: the files are what is tried.
+"""
+
+import hashlib
+import os
+import sys
+import threading
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parents[1] / "addon")]
+
+import fake_session
+from worlds import content
+
+from noisy_world.core.plan import make_plan
+from noisy_world.core.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline import Run
+
+sys.modules["noisy_world.blender.session"] = fake_session
+
+CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "open")
+
+
+def run(preset, out):
+    with Path(os.devnull).open("w") as log:
+        Run(make_plan(read_preset(preset)), out, progress=PlainProgress(log), stop=threading.Event())()
+
+
+def crash_at(step, work):
+    """Run `work` in a child that ends, as if killed, before its step-th call; return whether it came to its end."""
+    child = os.fork()
+    if child:
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        assert status in (0, 9), f"status {status} at step {step}"
+        return status == 0
+    counter = iter(range(10**9))
+    lock = threading.Lock()
+
+    def wrapped(function):
+        def call(*arguments, **options):
+            with lock:
+                if next(counter) == step:
+                    os._exit(9)
+            return function(*arguments, **options)
+
+        return call
+
+    for name in CALLS:
+        setattr(Path, name, wrapped(getattr(Path, name)))
+    try:
+        work()
+    except BaseException:  # noqa: BLE001 - the parent has to see it
+        os._exit(1)
+    os._exit(0)
+
+
+def main(preset, undisturbed, folder):
+    whole = content(undisturbed)
+    step, finished = 0, False
+    while not finished:
+        out = folder / f"crashed-{step}"
+        finished = crash_at(step, lambda out=out: run(preset, out))
+        for path in out.glob("*/box/results/*"):
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            assert digest == whole[str(path.relative_to(out))], f"{path} is not whole"
+        run(preset, out)
+        assert content(out) == whole, f"after a crash before step {step}"
+        step += 1
+    print(step)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))
