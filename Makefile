@@ -1,5 +1,6 @@
 # The README gives `make demo` and `make test`; each sets everything up by itself. `make help` lists the rest.
-PYTHON ?= python3.13
+# Python 3.13 from the path or, where that is how it is had, from uv.
+PYTHON ?= $(shell python3.13 -c 'import sys; print(sys.executable)' 2>/dev/null || uv python find 3.13 2>/dev/null)
 BLENDER ?= blender
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -13,7 +14,7 @@ help: ## list the targets
 venv: $(VENV)/.installed ## make .venv with the pinned packages
 
 $(VENV)/.installed: requirements.lock
-	@command -v $(PYTHON) >/dev/null || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, and say PYTHON=... if it has another name" >&2; exit 1; }
+	@test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }
 	test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
 	$(PY) headless/system_libraries.py

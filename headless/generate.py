@@ -279,7 +279,7 @@ def take_part(plan: "Plan", options: argparse.Namespace) -> int:
 
     parent = Parent()
     stop = stop_on_signal(None)
-    run_ = Run(plan, out_folder(options), progress=parent, stop=stop)
+    run_ = Run(plan, out_folder(options), progress=parent, stop=stop, jobs=options.jobs)
     return work_for(parent, run_, json.load(sys.stdin), options.worker)
 
 
@@ -328,7 +328,7 @@ def command(options: argparse.Namespace, *, worker: int | None = None) -> list[s
             "--frames",
             f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
         ]
-    words += ["--jobs", str(options.jobs)] if worker is None and options.jobs > 1 else []
+    words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     words += ["--worker", str(worker)] if worker is not None else []
     if inside_blender():
         return [sys.modules["bpy"].app.binary_path, "-b", "-P", str(SCRIPT), "--", *words]

@@ -15,7 +15,7 @@ import numpy as np
 from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord, Journal
 from .core.errors import InterruptedRunError
 from .core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
-from .core.machine import peak_memory_bytes
+from .core.machine import available_threads, peak_memory_bytes
 from .core.mesh import Mesh
 from .core.overview import draw_overview
 from .core.plan import Plan, Render, Sequence, estimate, load_mesh, load_trajectory, sensor_trajectories
@@ -108,6 +108,8 @@ class Run:
         who = identity(self._plan, blender_version())
         self._dataset.open(who, overwrite=self._overwrite)
         try:
+            if self._dataset.holds_frames():
+                self._progress.note("checking the frames that are there")
             work = self._missing()
             self._warn_of_space(sum(map(len, work.values())))
             self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
@@ -177,6 +179,7 @@ class Run:
             far_m=spec.camera.far_m,
             samples=spec.render.samples,
             seed=render_seed(spec.seed),
+            threads=max(1, available_threads() // self._jobs) if self._jobs > 1 else 0,
         )
         with Session(mesh, scene.name, trajectories, self._plan.camera, options) as session:
             if session.origin_m.any():

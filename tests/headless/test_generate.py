@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -116,6 +117,8 @@ def test_killed_at_random_moments_and_resumed(killing_world, tmp_path):
         generate(killing_world, "--out", out)
         assert content(out) == expected
         shutil.rmtree(out)
+    left = [path.name.split("-")[2] for path in Path("/dev/shm").glob("noisy-world-*")]
+    assert not [owner for owner in left if not Path("/proc", owner).exists()], "a killed run's scratch file stays"
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -5,7 +5,9 @@ Needs NOISY_WORLD_BLENDER, the path of a Blender program for which `make blender
 """
 
 import os
+import signal
 import subprocess
+import time
 
 import cv2
 import numpy as np
@@ -53,6 +55,26 @@ def test_the_same_options_and_exit_statuses(world, tmp_path):
     assert "did you mean 'samples'" in wrong.stderr
     assert "Traceback" not in wrong.stderr
     assert blender(world, "--jobs", "none").returncode == 2
+
+
+def test_interrupted_and_resumed(tmp_path):
+    preset = write_world(tmp_path / "world", frames=40, size=(320, 240))
+    out = tmp_path / "out"
+    command = [BLENDER, "-b", "--factory-startup", "-P", str(GENERATE), "--", str(preset), "--out", str(out)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    results = out / "clean/box/results"
+    while process.poll() is None and not (results.is_dir() and len(list(results.iterdir())) > 4):
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "the same command goes on from there" in errors
+    assert 0 < len(list(results.glob("depth*"))) < 40
+    again = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert " kept" in again.stdout
+    assert len(list(results.glob("depth*"))) == 40
 
 
 def test_a_missing_package_is_named_with_the_command(world, tmp_path):

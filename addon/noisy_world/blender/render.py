@@ -3,6 +3,7 @@
 
 import contextlib
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +22,8 @@ CENTRE_FILTER_PX = 0.01
 # is the integral of the Blackman-Harris filter, a0, over 511, of half its width, which is twice what is set. With the
 # averaging filter that is 5e-4 px, and depth along a wall would be wrong by up to 1e-4 of itself.
 FILTER_MIDDLE = 0.5 * 0.35875 / 511
+EXR_BYTES_PER_PIXEL = 20  # five channels of float32
+SCRATCH_PREFIX = "noisy-world-"
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
 
 
@@ -106,8 +109,7 @@ class FrameRenderer:
         self._rgb = rgb
         self._depth = depth
         self._encoded_colours = encoded_colours
-        in_memory = SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK)
-        self._scratch = tempfile.TemporaryDirectory(prefix="noisy-world-", dir=SHARED_MEMORY if in_memory else None)
+        self._scratch = _scratch_folder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
         self._path = Path(self._scratch.name) / "frame.exr"
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
@@ -161,6 +163,19 @@ class FrameRenderer:
             # Cycles gives a pixel that hits nothing 1e10, whatever the far clipping.
             depth_m = np.where(depth_m < self._scene.camera.data.clip_end, depth_m, np.float32(0))
         return RenderedFrame(colours, depth_m)
+
+
+def _scratch_folder(bytes_needed: int) -> tempfile.TemporaryDirectory[str]:
+    """Make a folder in memory or, where there is too little, on the disk; remove those that killed processes left."""
+    folder = None
+    if SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK):
+        for left in SHARED_MEMORY.glob(f"{SCRATCH_PREFIX}*"):
+            owner = left.name.removeprefix(SCRATCH_PREFIX).split("-")[0]
+            if owner.isdecimal() and not Path("/proc", owner).exists():
+                shutil.rmtree(left, ignore_errors=True)
+        if shutil.disk_usage(SHARED_MEMORY).free > 2 * bytes_needed:
+            folder = SHARED_MEMORY
+    return tempfile.TemporaryDirectory(prefix=f"{SCRATCH_PREFIX}{os.getpid()}-", dir=folder)
 
 
 def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:

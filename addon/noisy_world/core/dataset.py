@@ -92,7 +92,7 @@ class Dataset:
         self._lock = FolderLock(self._work / "lock")
         there = self._identity_there()
         difference = None if there is None else first_difference(there, identity)
-        if difference and not overwrite and self._holds_frames():
+        if difference and not overwrite and self.holds_frames():
             self._lock.release()
             raise StorageError(
                 f"{self.out}: holds a dataset made otherwise ({difference}); choose another folder with --out, or "
@@ -115,7 +115,7 @@ class Dataset:
         """Let go of the folder. What is finished stays for the next run; where nothing is, nothing stays."""
         if self._lock is None:
             return
-        if self._identity and not self._holds_frames():
+        if self._identity and not self.holds_frames():
             self._remove_dataset(self._identity)
             shutil.rmtree(self._work, ignore_errors=True)
             with contextlib.suppress(OSError):
@@ -123,7 +123,8 @@ class Dataset:
         self._lock.release()
         self._lock = None
 
-    def _holds_frames(self) -> bool:
+    def holds_frames(self) -> bool:
+        """Tell whether a run before this one has finished any frame."""
         journals = self._work.glob("*/*/journal-*.jsonl")
         return (self.out / MANIFEST).exists() or any(journal.stat().st_size for journal in journals)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What there is to know of the machine and of this process."""
 
+import os
 import sys
 
 
@@ -19,3 +20,8 @@ def peak_memory_bytes() -> int | None:
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
+
+
+def available_threads() -> int:
+    """Return how many threads this process may run at once."""
+    return os.process_cpu_count() or 1

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .errors import InputError, NoisyWorldError
 from .geometry import Intrinsics
 from .handheld import handheld_path
@@ -18,7 +20,7 @@ from .rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from .room import build_room
 from .schema import Place
 from .storage import sha256_of_file
-from .trajectory import Trajectory, resample, subsample
+from .trajectory import Trajectory, evenly_stamped, resample, subsample
 from .trajectory_files import read_trajectory
 
 # Measured on two cores: what a ray, a pixel and a scene cost, and what a pixel weighs. An estimate for --dry-run.
@@ -227,10 +229,6 @@ def _scene(
 
 def _planned_frames(spec: TrajectorySpec, place: Place) -> int:
     """Count the poses of a path that is not made yet, by choosing from one that stands still."""
-    import numpy as np  # noqa: PLC0415
-
-    from .trajectory import evenly_stamped  # noqa: PLC0415
-
     assert spec.handheld is not None
     still = evenly_stamped(np.broadcast_to(np.eye(4), (spec.handheld.frames, 4, 4)), spec.handheld.rate_hz)
     return len(_chosen_poses(still, spec, place))
