@@ -50,7 +50,7 @@ peer-env: .venv-peer/.installed ## an environment with Open3D, which some tests 
 	touch $@
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
-	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --no-emit-index-url --upgrade -o requirements.lock
+	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) .venv-peer .blender-env out dist .pytest_cache .ruff_cache

@@ -93,7 +93,6 @@ class Run:
         self._workers = workers
         self._dataset = Dataset(out, plan.layout)
         self._trajectories: dict[str, Mapping[str, Trajectory]] = {}
-        self._warned: set[str] = set()
         self.report = Report(jobs=jobs)
 
     def __call__(self) -> Report:
@@ -167,12 +166,12 @@ class Run:
         from .blender.session import RenderOptions, Session
 
         start_s = time.perf_counter()
-        scene = render.scene
-        mesh: Mesh | None = load_mesh(scene)
+        name = render.scene.name
+        mesh = load_mesh(render.scene)
         for note in mesh.notes:
-            self._note(f"{scene.name}: {note}")
-        trajectories = sensor_trajectories(self._plan, load_trajectory(self._plan, scene, mesh))
-        self._trajectories[scene.name] = trajectories
+            self._note(f"{name}: {note}")
+        trajectories = sensor_trajectories(self._plan, load_trajectory(self._plan, render.scene, mesh))
+        self._trajectories[name] = trajectories
         spec = self._plan.preset.spec
         options = RenderOptions(
             near_m=spec.camera.near_m,
@@ -181,48 +180,42 @@ class Run:
             seed=render_seed(spec.seed),
             threads=max(1, available_threads() // self._jobs) if self._jobs > 1 else 0,
         )
-        with Session(mesh, scene.name, trajectories, self._plan.camera, options) as session:
+        with Session(mesh, name, trajectories, self._plan.camera, options) as session:
             if session.origin_m.any():
                 where = ", ".join(f"{value:g}" for value in session.origin_m)
-                self._note(f"{scene.name}: far from the origin, so rendered around ({where}) m; poses stay as given")
+                self._note(f"{name}: far from the origin, so rendered around ({where}) m; poses stay as given")
             loaded_s = time.perf_counter()
             self.report.loading_s += loaded_s - start_s
-            stamps_s = trajectories[""].stamps_s
+            first = session.render(frames[0])
+            if self.report.first_frame_s is None:
+                self.report.first_frame_s = time.perf_counter() - loaded_s
+            eye = trajectories.get("depth", trajectories[""])
+            self._check_first_frame(f"{name}: frame {frames[0]}", mesh, eye.c2w[frames[0]], first.depth_m)
+            del mesh  # one frame tells, and the memory is free
             with FrameWriter(self._dataset, render.sequences, worker) as writer:
                 for frame in frames:
                     if self._stop.is_set():
                         break
-                    rendered = session.render(frame)
-                    if self.report.first_frame_s is None:
-                        self.report.first_frame_s = time.perf_counter() - loaded_s
-                    assert rendered.rgb is not None
-                    assert rendered.depth_m is not None
-                    if not rendered.depth_m.any():
-                        self._warn_of_void(scene.name, frame)
-                    if mesh is not None:
-                        eye = trajectories.get("depth", trajectories[""]).c2w[frame]
-                        if problem := reprojection_problem(mesh, eye, self._plan.camera, rendered.depth_m):
-                            self._note(f"{scene.name}: frame {frame}: {problem}")
-                        mesh = None  # one frame tells, and the memory is free
-                    finished = writer.submit(frame, float(stamps_s[frame]), rendered.rgb, rendered.depth_m)
-                    self._count(finished)
+                    rendered = first if frame == frames[0] else session.render(frame)
+                    time_s = float(trajectories[""].stamps_s[frame])
+                    self._count(writer.submit(frame, time_s, rendered.rgb, rendered.depth_m))
                 self._count(writer.drain())
             self.report.rendering_s += time.perf_counter() - loaded_s
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
 
+    def _check_first_frame(self, where: str, mesh: Mesh, c2w: np.ndarray, depth_m: np.ndarray) -> None:
+        """Say what looks wrong with the first frame, while there is time to stop."""
+        if not depth_m.any():
+            declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
+            self._note(f"{where} sees nothing; {declared}")
+        elif problem := reprojection_problem(mesh, c2w, self._plan.camera, depth_m):
+            self._note(f"{where}: {problem}")
+
     def _count(self, frames: int) -> None:
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)
-
-    def _warn_of_void(self, scene: str, frame: int) -> None:
-        if scene not in self._warned:
-            self._warned.add(scene)
-            self._note(
-                f"{scene}: frame {frame} sees nothing; is the trajectory of this mesh, and are its pose and axes "
-                "declared as the file has them?"
-            )
 
     # --- papers ---
 
@@ -254,9 +247,7 @@ class Run:
     def _trajectories_of(self, render: Render) -> Mapping[str, Trajectory]:
         scene = render.scene
         if scene.name not in self._trajectories:
-            mesh = load_mesh(scene) if scene.trajectory is None else None
-            trajectory = load_trajectory(self._plan, scene, mesh)
-            self._trajectories[scene.name] = sensor_trajectories(self._plan, trajectory)
+            self._trajectories[scene.name] = sensor_trajectories(self._plan, load_trajectory(self._plan, scene))
         return self._trajectories[scene.name]
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A contact sheet of a dataset: a few frames of each sequence, colour above and depth below."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ INK = (225, 225, 225)
 VOID_GREY = 60
 
 
-def draw_overview(out: Path, layout: Layout, frames: dict[str, Sequence[int]]) -> bytes:
+def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]) -> bytes:
     """Draw the contact sheet and return it as PNG.
 
     out: the dataset. frames: the numbers of the frames of each sequence, by the sequence's folder; the first

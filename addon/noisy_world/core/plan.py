@@ -140,15 +140,15 @@ def load_mesh(scene: Scene) -> Mesh:
     return build_room() if scene.mesh_path is None else read_ply(scene.mesh_path)
 
 
-def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh) -> Trajectory:
-    """Return the whole trajectory of a scene: the one read, or the one made in this mesh."""
+def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Trajectory:
+    """Return the trajectory of a scene: the one read, or the one made in the mesh, which is loaded if not given."""
     if scene.trajectory is not None:
         return scene.trajectory
     spec = scene.spec.trajectory.handheld
     assert spec is not None
     try:
         path = handheld_path(
-            mesh,
+            load_mesh(scene) if mesh is None else mesh,
             seed=plan.preset.spec.seed if spec.seed is None else spec.seed,
             frames=spec.frames,
             rate_hz=spec.rate_hz,
