@@ -139,6 +139,8 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--worker", metavar="K", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
+    if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
+        options.preset = Path(options.overrides.pop())  # a preset behind --set is no override
     if options.preset is None and options.list not in ("keys", "presets"):
         parser.error("name a preset, presets/demo.yaml for instance")
     return options
@@ -250,7 +252,9 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
     out = out_folder(options)
     # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
     stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
-    progress: Progress = TerminalProgress(stream) if stream.isatty() else PlainProgress(stream)
+    # A terminal that does not know its size shows no bar.
+    watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
+    progress: Progress = TerminalProgress(stream) if watched else PlainProgress(stream)
     stop = stop_on_signal(stream)
     make = Run(
         plan,

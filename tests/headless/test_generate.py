@@ -180,6 +180,7 @@ def test_dry_run_and_lists_write_nothing(world, tmp_path):
     for words in ("sequences  1", "renders    1, 3 frames", "160 x 120", "MB"):
         assert words in plan
     assert generate(world, "--list").stdout == "clean/box\n"
+    assert generate("--set", "settings.0.name=other", world, "--list").stdout == "other/box\n"
     assert generate(world, "--list", "settings").stdout == "clean\n"
     assert "8 frames" in generate(world, "--list", "scenes").stdout
     assert "render.samples" in generate("--list", "keys").stdout
