@@ -101,10 +101,10 @@ class Run:
         Raises InterruptedRunError when stopped, StorageError when the disk refuses; what is finished stays, and the
         same run again goes on from there.
         """
-        from .blender.session import blender_version
+        from .blender.session import renderer_versions
 
         start_s = time.perf_counter()
-        who = identity(self._plan, blender_version())
+        who = identity(self._plan, renderer_versions(self._plan.preset.spec.render.engine))
         self._dataset.open(who, overwrite=self._overwrite)
         try:
             if self._dataset.holds_frames():
@@ -178,6 +178,9 @@ class Run:
             far_m=spec.camera.far_m,
             samples=spec.render.samples,
             seed=render_seed(spec.seed),
+            engine=spec.render.engine,
+            rgb="rgb" in spec.output.modalities,
+            depth="depth" in spec.output.modalities,
             threads=max(1, available_threads() // self._jobs) if self._jobs > 1 else 0,
         )
         with Session(mesh, name, trajectories, self._plan.camera, options) as session:
@@ -190,7 +193,8 @@ class Run:
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - loaded_s
             eye = trajectories.get("depth", trajectories[""])
-            self._check_first_frame(f"{name}: frame {frames[0]}", mesh, eye.c2w[frames[0]], first.depth_m)
+            if first.depth_m is not None:
+                self._check_first_frame(f"{name}: frame {frames[0]}", mesh, eye.c2w[frames[0]], first.depth_m)
             del mesh  # one frame tells, and the memory is free
             with FrameWriter(self._dataset, render.sequences, worker) as writer:
                 for frame in frames:
@@ -262,7 +266,7 @@ class FrameWriter:
         self._waiting: deque[Future[None]] = deque()
         self._lock = threading.Lock()
 
-    def submit(self, frame: int, time_s: float, rgb: np.ndarray, depth_m: np.ndarray) -> int:
+    def submit(self, frame: int, time_s: float, rgb: np.ndarray | None, depth_m: np.ndarray | None) -> int:
         """Hand over a frame; wait while too many wait. Return how many frames were finished meanwhile.
 
         Raises what went wrong with an earlier frame.
@@ -281,12 +285,13 @@ class FrameWriter:
             self._waiting.popleft().result()
         return finished
 
-    def _write(self, frame: int, time_s: float, rgb: np.ndarray, depth_m: np.ndarray) -> None:
+    def _write(self, frame: int, time_s: float, rgb: np.ndarray | None, depth_m: np.ndarray | None) -> None:
         layout = self._dataset.layout
-        files = {
-            layout.rgb_name(frame): encode_rgb(rgb_bytes(rgb), layout.image),
-            layout.depth_name(frame): encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m)),
-        }
+        files: dict[str, bytes] = {}
+        if rgb is not None:
+            files[layout.rgb_name(frame)] = encode_rgb(rgb_bytes(rgb), layout.image)
+        if depth_m is not None:
+            files[layout.depth_name(frame)] = encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m))
         first, *others = self._folders
         record = FrameRecord(frame, time_s, self._dataset.write_frame(first, files))
         for folder in others:

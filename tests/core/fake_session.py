@@ -13,11 +13,14 @@ class RenderOptions:
     far_m: float
     samples: int
     seed: int
+    engine: str = "cycles"
+    rgb: bool = True
+    depth: bool = True
     threads: int = 0
 
 
-def blender_version():
-    return "none"
+def renderer_versions(engine):
+    return {"blender": "none"}
 
 
 class Session:
@@ -25,13 +28,15 @@ class Session:
 
     def __init__(self, mesh, name, trajectories, intrinsics, options):
         self.origin_m = np.zeros(3)
+        self._options = options
         self._shape = (intrinsics.height_px, intrinsics.width_px)
 
     def render(self, frame):
         Session.rendered.append(frame)
         ramp = np.linspace(0, 1, self._shape[0] * self._shape[1], dtype=np.float32).reshape(self._shape)
         rgb = np.stack([ramp, 1 - ramp, np.full_like(ramp, frame / 255)], axis=-1)
-        return SimpleNamespace(rgb=rgb, depth_m=1 + ramp + np.float32(frame))
+        depth_m = 1 + ramp + np.float32(frame)
+        return SimpleNamespace(rgb=rgb if self._options.rgb else None, depth_m=depth_m if self._options.depth else None)
 
     def __enter__(self):
         return self

@@ -337,3 +337,18 @@ def test_tum_layout(tmp_path):
     poses = [line for line in (folder / "groundtruth.txt").read_text().splitlines() if not line.startswith("#")]
     assert [len(line.split()) for line in poses] == [8, 8, 8]
     assert json.loads((out / "clean/cam_params.json").read_text())["camera"]["scale"] == 5000.0
+
+
+@pytest.mark.parametrize("layout", ["replica", "tum"])
+@pytest.mark.parametrize("modality", ["rgb", "depth"])
+def test_a_single_modality(tmp_path, layout, modality):
+    output = {"layout": layout, "image": "png", "modalities": [modality], "overview": True}
+    preset = write_world(tmp_path / "world", frames=3, size=(8, 6), output=output)
+    out = tmp_path / "out"
+    run(preset, out)
+    names = {str(path.relative_to(out / "clean/box")) for path in (out / "clean/box").rglob("*") if path.is_file()}
+    kind = {"rgb": "frame", "depth": "depth"}[modality]
+    images = {f"results/{kind}{k:06d}.png" if layout == "replica" else f"{modality}/{k:06d}.png" for k in range(3)}
+    texts = {"traj.txt"} if layout == "replica" else {"groundtruth.txt", f"{modality}.txt"}
+    assert names == images | texts | {"frames.jsonl"}
+    assert (out / "overview.png").stat().st_size > 500

@@ -270,3 +270,28 @@ def test_output_on_a_pipe_is_plain_lines(world, tmp_path):
     run = json.loads((tmp_path / "out/run.json").read_text())
     assert run["frames_rendered"] == 8
     assert run["peak_memory_bytes"] > 1e8
+
+
+def test_workbench_makes_the_same_room(world, whole, tmp_path):
+    settings = ["render.engine=workbench", "output.overview=true"]
+    result = generate(world, "--out", tmp_path / "out", "--set", *settings, check=False)
+    if "need OpenGL" in result.stderr:
+        pytest.skip("no software GL here")
+    assert result.returncode == 0, result.stderr
+    assert "EGL" not in result.stderr
+    for k in range(8):
+        mine, other = (read_steps(out / f"clean/box/results/depth{k:06d}.png") for out in (tmp_path / "out", whole))
+        assert np.mean(np.abs(mine.astype(int) - other) > 3) < 0.01
+        mine, other = (
+            cv2.imread(str(out / f"clean/box/results/frame{k:06d}.png")) for out in (tmp_path / "out", whole)
+        )
+        assert np.mean(np.abs(mine.astype(int) - other) > 1) < 0.02
+    assert "gl" in json.loads((tmp_path / "out/manifest.json").read_text())["identity"]["versions"]
+
+
+def test_a_depth_only_preset_writes_the_same_depth(world, whole, tmp_path):
+    generate(world, "--out", tmp_path / "out", "--set", "output.modalities=[depth]")
+    for k in range(8):
+        name = f"clean/box/results/depth{k:06d}.png"
+        assert (tmp_path / "out" / name).read_bytes() == (whole / name).read_bytes()
+    assert not list((tmp_path / "out").rglob("frame0*"))

@@ -15,13 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import StorageError
 
-AVERAGING_FILTER_PX = 1.5
-CENTRE_FILTER_PX = 0.01
-# Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks the middle up in a
-# table of 1024 entries that is symmetric about entry 511, not 511.5: half a step off, to the right and up. A step there
-# is the integral of the Blackman-Harris filter, a0, over 511, of half its width, which is twice what is set. With the
-# averaging filter that is 5e-4 px, and depth along a wall would be wrong by up to 1e-4 of itself.
-FILTER_MIDDLE = 0.5 * 0.35875 / 511
+FAR_PLANE_TOLERANCE = 1e-4  # of a z-buffer
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
 SCRATCH_PREFIX = "noisy-world-"
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
@@ -39,49 +33,6 @@ class RenderedFrame:
     depth_m: NDArray[np.float32] | None
 
 
-def configure_cycles(scene: bpy.types.Scene, *, seed: int, threads: int) -> None:
-    """Set Cycles up for unlit colours: no light, no bounce, no denoiser, no tile.
-
-    threads 0: as many as the machine has.
-    """
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.seed = seed
-    cycles.use_animated_seed = True
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising = False
-    cycles.use_auto_tile = False
-    cycles.use_light_tree = False
-    cycles.max_bounces = 0
-    cycles.transparent_max_bounces = 0
-    cycles.sampling_pattern = "TABULATED_SOBOL"
-    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
-    cycles.film_exposure = 1.0
-    render = scene.render
-    render.use_persistent_data = True
-    render.use_compositing = False
-    render.use_sequencer = False
-    render.use_motion_blur = False
-    render.use_simplify = False
-    render.film_transparent = False
-    render.threads_mode = "FIXED" if threads else "AUTO"
-    if threads:
-        render.threads = threads
-    # The scene has no world, which is black: void shows nothing.
-    scene.world = None
-
-
-def filter_width_px(samples: int) -> float:
-    """Return the width of the pixel filter: none for a single sample, which shows the pixel's centre."""
-    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
-
-
-def filter_offset_px(samples: int) -> float:
-    """Return how far right of and above a pixel's centre its first sample goes, in pixels; see FILTER_MIDDLE."""
-    return FILTER_MIDDLE * filter_width_px(samples)
-
-
 class FrameRenderer:
     """Renders a scene into arrays, through a scratch file in memory.
 
@@ -91,18 +42,11 @@ class FrameRenderer:
     """
 
     def __init__(
-        self,
-        scene: bpy.types.Scene,
-        size_px: tuple[int, int],
-        *,
-        rgb: bool,
-        depth: bool,
-        samples: int,
-        encoded_colours: bool,
+        self, scene: bpy.types.Scene, size_px: tuple[int, int], *, rgb: bool, depth: bool, encoded_colours: bool
     ) -> None:
         """Prepare the scene.
 
-        size_px: width and height. samples: rays a pixel. encoded_colours: the scene emits display-encoded values.
+        size_px: width, height. rgb, depth: what is rendered. encoded_colours: the scene shows display-encoded values.
         """
         self._scene = scene
         self._crop = (slice(size_px[1]), slice(size_px[0]))
@@ -114,8 +58,6 @@ class FrameRenderer:
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
         layer.use_pass_z = depth
-        scene.cycles.samples = samples
-        scene.cycles.filter_width = filter_width_px(samples)
         render = scene.render
         render.filepath = str(self._path)
         render.use_file_extension = False
@@ -139,7 +81,7 @@ class FrameRenderer:
         self._path.unlink(missing_ok=True)
         problem = ""
         try:
-            with muted_stdout():
+            with muted_output():
                 bpy.ops.render.render(write_still=True)
         except RuntimeError as error:  # how Blender reports that it could not write
             problem = str(error).strip().splitlines()[-1]
@@ -160,8 +102,9 @@ class FrameRenderer:
         depth_m = None
         if self._depth:
             depth_m = channels["Depth.Z"]
-            # Cycles gives a pixel that hits nothing 1e10, whatever the far clipping.
-            depth_m = np.where(depth_m < self._scene.camera.data.clip_end, depth_m, np.float32(0))
+            # What hits nothing is at the far plane or, with Cycles, at 1e10.
+            far_m = self._scene.camera.data.clip_end * (1 - FAR_PLANE_TOLERANCE)
+            depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
         return RenderedFrame(colours, depth_m)
 
 
@@ -187,17 +130,19 @@ def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @contextlib.contextmanager
-def muted_stdout() -> Iterator[None]:
-    """Keep the lines that Blender prints for each frame off the program's output.
+def muted_output() -> Iterator[None]:
+    """Keep the lines that Blender and its GL print for each frame off the program's output and its messages.
 
-    They come from C, so it is the file descriptor that is turned away; whoever prints meanwhile uses a copy of it.
+    They come from C, so it is the file descriptors that are turned away; whoever prints meanwhile uses a copy of one.
     """
-    saved = os.dup(1)
+    saved = [(descriptor, os.dup(descriptor)) for descriptor in (1, 2)]
     null = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(null, 1)
+        for descriptor, _ in saved:
+            os.dup2(null, descriptor)
         yield
     finally:
-        os.dup2(saved, 1)
-        os.close(saved)
+        for descriptor, copy in saved:
+            os.dup2(copy, descriptor)
+            os.close(copy)
         os.close(null)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh with vertex colours as a Blender object that shows exactly those colours, unlit."""
 
+from typing import Literal
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,9 @@ from ..core.mesh import Mesh
 COLOUR_ATTRIBUTE = "Col"
 MATERIAL = "Noisy World vertex colours"
 ORIGIN_PROPERTY = "noisy_world_origin_m"
+type Decoding = Literal["none", "shader", "attribute"]
+"""Where display-encoded colours become linear light: nowhere, in the material's nodes, or before they are stored."""
+
 NEUTRAL_GREY = 128 / 255  # display-encoded; what a mesh without colours shows
 
 
@@ -37,11 +42,8 @@ def get_origin(scene: bpy.types.Scene) -> NDArray[np.float64]:
     return np.array(scene.get(ORIGIN_PROPERTY, (0.0, 0.0, 0.0)), dtype=np.float64)
 
 
-def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decode_colours: bool) -> bpy.types.Object:
-    """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's.
-
-    decode_colours: see vertex_colour_material.
-    """
+def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decoding) -> bpy.types.Object:
+    """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's."""
     data = bpy.data.meshes.new(name)
     vertices_m = (mesh.vertices_m - get_origin(scene)).astype(np.float32)
     data.vertices.add(len(vertices_m))
@@ -51,20 +53,25 @@ def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decode_colours: b
     data.polygons.add(len(mesh.face_starts))
     data.polygons.foreach_set("loop_start", mesh.face_starts)
     data.update(calc_edges=True)
-    _add_colours(data, mesh)
-    data.materials.append(vertex_colour_material(decode_colours=decode_colours))
+    _add_colours(data, mesh, decoded=decoding == "attribute")
+    data.materials.append(vertex_colour_material(decode_colours=decoding == "shader"))
     result = bpy.data.objects.new(name, data)
     scene.collection.objects.link(result)
     return result
 
 
-def _add_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
+def _add_colours(data: bpy.types.Mesh, mesh: Mesh, *, decoded: bool) -> None:
     rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
     rgba[:, :3] = NEUTRAL_GREY if mesh.rgb is None else mesh.rgb
+    if decoded:
+        low = rgba[:, :3] <= 0.04045
+        rgba[:, :3] = np.where(low, rgba[:, :3] / 12.92, ((rgba[:, :3] + 0.055) / 1.055) ** 2.4)
     # FLOAT_COLOR keeps the display-encoded values untouched; BYTE_COLOR would be decoded before it is interpolated,
     # and colours between vertices would differ from what every viewer of such files shows.
     attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", "POINT")
     attribute.data.foreach_set("color", rgba.ravel())
+    data.color_attributes.active_color = attribute
+    data.color_attributes.render_color_index = data.color_attributes.active_color_index
 
 
 def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:

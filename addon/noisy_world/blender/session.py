@@ -12,8 +12,10 @@ from ..core.geometry import Intrinsics
 from ..core.mesh import Mesh
 from ..core.trajectory import Trajectory
 from .camera import add_camera, key_trajectory, set_intrinsics
-from .render import FrameRenderer, RenderedFrame, configure_cycles, filter_offset_px
-from .scene import add_mesh, empty_scene, set_origin
+from .engines import ENGINES, EngineName, configure
+from .probe import gl_version
+from .render import FrameRenderer, RenderedFrame
+from .scene import Decoding, add_mesh, empty_scene, set_origin
 
 # Up to here float32 resolves 1e-6 m, and a scene keeps its own coordinates, as an artist would find them.
 RECENTRE_BEYOND_M = 16.0
@@ -27,12 +29,19 @@ class RenderOptions:
     far_m: float
     samples: int
     seed: int
+    engine: EngineName = "cycles"
+    rgb: bool = True
+    depth: bool = True
     threads: int = 0
 
 
-def blender_version() -> str:
-    """Return Blender's version and build."""
-    return f"{bpy.app.version_string} {bpy.app.build_hash.decode(errors='replace')}"
+def renderer_versions(engine: EngineName) -> dict[str, str]:
+    """Return the versions of what renders: Blender and, where the engine uses it, GL.
+
+    Raises MissingDependencyError where the engine cannot run here.
+    """
+    versions = {"blender": f"{bpy.app.version_string} {bpy.app.build_hash.decode(errors='replace')}"}
+    return versions if engine == "cycles" else {**versions, "gl": gl_version()}
 
 
 def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
@@ -43,6 +52,16 @@ def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
     positions_m = trajectory.c2w[:, :3, 3]
     middle_m = np.rint((positions_m.min(axis=0) + positions_m.max(axis=0)) / 2)
     return middle_m if np.abs(positions_m).max() > RECENTRE_BEYOND_M else np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One render of a frame: from which sensor's place, with how many samples, and what it is for."""
+
+    sensor: str
+    samples: int
+    rgb: bool
+    depth: bool
 
 
 class Session:
@@ -61,67 +80,71 @@ class Session:
         trajectories: "" is the colour camera's; "depth" the depth sensor's, where it is elsewhere.
         """
         self._scene = scene = empty_scene()
-        self._samples = options.samples
+        self._engine = ENGINES[options.engine]
+        self._intrinsics = intrinsics
+        self._options = options
         self.origin_m = recentring_m(trajectories[""])
         set_origin(scene, self.origin_m)
         # A single sample is averaged with nothing, so its colour need not become light and colour again.
         linear_light = options.samples > 1
-        add_mesh(scene, mesh, name, decode_colours=linear_light)
-        configure_cycles(scene, seed=options.seed, threads=options.threads)
-        self._cameras = {
-            sensor: self._keyed_camera(
-                f"Noisy World camera {sensor}".strip(), trajectories[sensor].c2w, intrinsics, options
-            )
-            for sensor in ("", "depth")
-            if sensor in trajectories
-        }
+        decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
+        add_mesh(scene, mesh, name, decoding=decoding)
+        configure(scene, self._engine, seed=options.seed, samples=options.samples, threads=options.threads)
+        self._cameras = {"": self._keyed_camera("Noisy World camera", trajectories[""])}
+        if "depth" in trajectories:
+            self._cameras["depth"] = self._keyed_camera("Noisy World camera depth", trajectories["depth"])
+        self._shots = self._plan_shots()
         # Two sensors are seen through one camera that stands in for each in turn: another scene camera costs a frame's
         # time, another place nothing.
-        self._eye = None if len(self._cameras) == 1 else self._camera("Noisy World eye", intrinsics, options)
-        scene.camera = self._eye or self._cameras[""]
+        self._eye = self._camera("Noisy World eye") if len({shot.sensor for shot in self._shots}) > 1 else None
+        scene.camera = self._eye or self._cameras[self._shots[0].sensor]
         self._renderer = FrameRenderer(
             scene,
             (intrinsics.width_px, intrinsics.height_px),
-            rgb=True,
-            depth=True,
-            samples=options.samples,
+            rgb=options.rgb,
+            depth=options.depth,
             encoded_colours=not linear_light,
         )
 
-    def _camera(self, name: str, intrinsics: Intrinsics, options: RenderOptions) -> bpy.types.Object:
+    def _plan_shots(self) -> list["Shot"]:
+        """Colour and depth in one render where they come from one place and the engine's depth allows it."""
+        options = self._options
+        depth_sensor = "depth" if "depth" in self._cameras else ""
+        if options.rgb and options.depth and depth_sensor == "" and (options.samples == 1 or self._engine.centre_depth):
+            return [Shot("", options.samples, rgb=True, depth=True)]
+        shots = [Shot("", options.samples, rgb=True, depth=False)] if options.rgb else []
+        return shots + ([Shot(depth_sensor, 1, rgb=False, depth=True)] if options.depth else [])
+
+    def _camera(self, name: str) -> bpy.types.Object:
         camera = add_camera(self._scene, name)
         set_intrinsics(
             self._scene,
             camera,
-            intrinsics,
-            near_m=options.near_m,
-            far_m=options.far_m,
-            sample_offset_px=filter_offset_px(options.samples),
+            self._intrinsics,
+            near_m=self._options.near_m,
+            far_m=self._options.far_m,
+            sample_offset_px=self._engine.sample_offset_px(self._options.samples),
         )
         return camera
 
-    def _keyed_camera(
-        self, name: str, c2w: NDArray[np.float64], intrinsics: Intrinsics, options: RenderOptions
-    ) -> bpy.types.Object:
-        camera = self._camera(name, intrinsics, options)
-        key_trajectory(self._scene, camera, c2w)
+    def _keyed_camera(self, name: str, trajectory: Trajectory) -> bpy.types.Object:
+        camera = self._camera(name)
+        key_trajectory(self._scene, camera, trajectory.c2w)
         return camera
 
     def render(self, frame: int) -> RenderedFrame:
-        """Render a frame of the trajectories, counted from 0: colour and depth."""
+        """Render a frame of the trajectories, counted from 0."""
         self._scene.frame_set(frame)
-        if self._eye is None:
-            return self._renderer.render()
-        colour = self._render_from("", self._samples)
-        depth = self._render_from("depth", 1)
-        return RenderedFrame(colour.rgb, depth.depth_m)
-
-    def _render_from(self, sensor: str, samples: int) -> RenderedFrame:
-        assert self._eye is not None
-        self._eye.location = self._cameras[sensor].location
-        self._eye.rotation_quaternion = self._cameras[sensor].rotation_quaternion
-        self._scene.cycles.samples = samples
-        return self._renderer.render()
+        rgb = depth_m = None
+        for shot in self._shots:
+            if self._eye is not None:
+                self._eye.location = self._cameras[shot.sensor].location
+                self._eye.rotation_quaternion = self._cameras[shot.sensor].rotation_quaternion
+            self._engine.set_samples(self._scene, shot.samples)
+            rendered = self._renderer.render()
+            rgb = rendered.rgb if shot.rgb else rgb
+            depth_m = rendered.depth_m if shot.depth else depth_m
+        return RenderedFrame(rgb, depth_m)
 
     def close(self) -> None:
         """Remove the scratch files."""

@@ -20,10 +20,11 @@ TUM_SCALE_PER_M = 5000.0
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout and the kind of its colour images."""
+    """A layout, the kind of its colour images, and what is in it: "rgb", "depth" or both."""
 
     name: Literal["replica", "tum"]
     image: Literal["jpg", "png"]
+    modalities: tuple[str, ...] = ("rgb", "depth")
 
     @property
     def depth_scale_per_m(self) -> float:
@@ -38,7 +39,7 @@ class Layout:
     @property
     def folders(self) -> tuple[str, ...]:
         """The folders of a sequence."""
-        return ("results",) if self.name == "replica" else ("rgb", "depth")
+        return ("results",) if self.name == "replica" else self.modalities
 
     def rgb_name(self, frame: int) -> str:
         """The colour image of a frame, inside its sequence."""
@@ -72,9 +73,12 @@ class Layout:
         rgb = [f"{stamp} {self.rgb_name(frame)}" for stamp, frame in zip(stamps, frames, strict=True)]
         depth = [f"{stamp} {self.depth_name(frame)}" for stamp, frame in zip(stamps, frames, strict=True)]
         texts = {f"groundtruth{suffix[key]}.txt": tum_text(value) for key, value in chosen.items()}
-        texts["rgb.txt"] = _lines(["# color images", "# timestamp filename", *rgb])
-        texts["depth.txt"] = _lines(["# depth maps", "# timestamp filename", *depth])
-        texts["associations.txt"] = _lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
+        if "rgb" in self.modalities:
+            texts["rgb.txt"] = _lines(["# color images", "# timestamp filename", *rgb])
+        if "depth" in self.modalities:
+            texts["depth.txt"] = _lines(["# depth maps", "# timestamp filename", *depth])
+        if len(self.modalities) == 2:
+            texts["associations.txt"] = _lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
     def setting_texts(self, camera: Intrinsics) -> dict[str, str]:

@@ -28,15 +28,20 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
     import cv2
 
     shown = [(folder, _spread(numbers)) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers]
-    tiles = {folder: [_read_pair(out / folder, layout, frame) for frame in numbers] for folder, numbers in shown}
-    depths_m = [depth_m[depth_m > 0] for pairs in tiles.values() for _, depth_m in pairs]
-    seen_m = np.concatenate(depths_m) if depths_m else np.zeros(0)
+    depths_m = {
+        folder: [_read_depth(out / folder / layout.depth_name(frame), layout) for frame in numbers]
+        for folder, numbers in shown
+        if "depth" in layout.modalities
+    }
+    seen_m = np.concatenate([depth_m[depth_m > 0] for row in depths_m.values() for depth_m in row] or [np.zeros(0)])
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
-    rows = [_legend(near_m, far_m)]
+    rows = [_legend(near_m, far_m)] if depths_m else []
     for folder, numbers in shown:
         rows.append(_label(f"{folder}   frames {', '.join(str(number) for number in numbers)}"))
-        rows.append(_row([rgb for rgb, _ in tiles[folder]]))
-        rows.append(_row([_coloured(depth_m, near_m, far_m) for _, depth_m in tiles[folder]]))
+        if "rgb" in layout.modalities:
+            rows.append(_row([_read_rgb(out / folder / layout.rgb_name(frame)) for frame in numbers]))
+        if folder in depths_m:
+            rows.append(_row([_coloured(depth_m, near_m, far_m) for depth_m in depths_m[folder]]))
     if len(frames) > MAX_SEQUENCES:
         rows.append(_label(f"and {len(frames) - MAX_SEQUENCES} more sequences"))
     _, data = cv2.imencode(".png", np.concatenate(rows)[..., ::-1])
@@ -48,16 +53,23 @@ def _spread(numbers: Sequence[int]) -> list[int]:
     return [numbers[index] for index in chosen]
 
 
-def _read_pair(folder: Path, layout: Layout, frame: int) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def _read_rgb(path: Path) -> NDArray[np.uint8]:
     import cv2
 
-    rgb = cv2.imread(str(folder / layout.rgb_name(frame)), cv2.IMREAD_COLOR)[..., ::-1]
-    steps = cv2.imread(str(folder / layout.depth_name(frame)), cv2.IMREAD_UNCHANGED)
-    height = max(1, round(TILE_WIDTH_PX * rgb.shape[0] / rgb.shape[1]))
-    size = (TILE_WIDTH_PX, height)
+    rgb = cv2.imread(str(path), cv2.IMREAD_COLOR)[..., ::-1]
+    return cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
+
+
+def _read_depth(path: Path, layout: Layout) -> NDArray[np.float64]:
+    import cv2
+
+    steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     # Depth is picked, not averaged: between two surfaces there is none.
-    small = cv2.resize(steps, size, interpolation=cv2.INTER_NEAREST) / layout.depth_scale_per_m
-    return cv2.resize(np.ascontiguousarray(rgb), size, interpolation=cv2.INTER_AREA), small
+    return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / layout.depth_scale_per_m
+
+
+def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
+    return TILE_WIDTH_PX, max(1, round(TILE_WIDTH_PX * shape[0] / shape[1]))
 
 
 def _coloured(depth_m: NDArray[np.float64], near_m: float, far_m: float) -> NDArray[np.uint8]:

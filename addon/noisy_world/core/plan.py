@@ -113,7 +113,11 @@ def make_plan(preset: Preset, frames: slice | None = None) -> Plan:
     return Plan(
         preset=preset,
         camera=Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
-        layout=Layout(spec.output.layout, spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")),
+        layout=Layout(
+            spec.output.layout,
+            spec.output.image or ("jpg" if spec.output.layout == "replica" else "png"),
+            spec.output.modalities,
+        ),
         rig=_rig(preset, {scene.spec.trajectory.axes for scene in scenes}),
         renders=tuple(
             Render(
@@ -129,7 +133,8 @@ def make_plan(preset: Preset, frames: slice | None = None) -> Plan:
 def estimate(plan: Plan) -> Estimate:
     """Guess the bytes and the time of a plan from what a pixel cost where it was measured."""
     pixels = plan.camera.width_px * plan.camera.height_px
-    per_frame = pixels * (BYTES_PER_PIXEL[plan.layout.image] + BYTES_PER_PIXEL["depth"])
+    kinds = [plan.layout.image if modality == "rgb" else "depth" for modality in plan.layout.modalities]
+    per_frame = pixels * sum(BYTES_PER_PIXEL[kind] for kind in kinds)
     seconds = pixels * (plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL)
     loading = len(plan.renders) * SECONDS_PER_RENDER
     return Estimate(int(plan.frame_count * per_frame), loading + plan.frame_count * seconds)

@@ -13,6 +13,7 @@ from .errors import InputError
 from .schema import Place, key, parse
 
 EMBEDDED_ROOM = "embedded:room"
+WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)
 
 
 def _safe_name(name: str) -> str:
@@ -113,7 +114,10 @@ class RigSpec:
 class RenderSpec:
     """How frames are rendered."""
 
-    engine: Literal["cycles"] = key("the render engine", default="cycles")
+    engine: Literal["cycles", "eevee", "workbench"] = key(
+        "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
+        default="cycles",
+    )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
 
 
@@ -132,6 +136,9 @@ class OutputSpec:
     image: Literal["jpg", "png"] | None = key(
         "colour images; jpg is quality 98 without chroma subsampling; default jpg for replica, png for tum",
         default=None,
+    )
+    modalities: tuple[Literal["rgb", "depth"], ...] = key(
+        "what is rendered and written: colour, depth or both", default=("rgb", "depth")
     )
     overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
 
@@ -284,14 +291,23 @@ def _check(spec: PresetSpec, place: Place) -> None:
             raise place.at("settings").at(index).at("name").error(f"{name!r} is given twice")
     if spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
-    if spec.output.layout == "tum" and spec.output.image == "jpg":
-        raise place.at("output").at("image").error("is jpg, but the TUM layout's readers expect png", "use png")
+    _check_output(spec.output, place.at("output"))
+    if spec.render.engine == "workbench" and spec.render.samples not in WORKBENCH_SAMPLES:
+        known = ", ".join(map(str, WORKBENCH_SAMPLES))
+        raise place.at("render").at("samples").error(f"is {spec.render.samples}; Workbench knows {known}")
     for index, scene in enumerate(spec.scenes):
         _check_trajectory(scene.trajectory, place.at("scenes").at(index).at("trajectory"))
     if spec.rig:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
+
+
+def _check_output(spec: OutputSpec, place: Place) -> None:
+    if spec.layout == "tum" and spec.image == "jpg":
+        raise place.at("image").error("is jpg, but the TUM layout's readers expect png", "use png")
+    if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
+        raise place.at("modalities").error("has to name rgb, depth or both, each once")
 
 
 def _check_trajectory(spec: TrajectorySpec, place: Place) -> None:

@@ -4,6 +4,7 @@
 import platform
 import re
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,10 @@ def package_version() -> str:
     raise RuntimeError(f"no blender_manifest.toml with a version at {package} or above")
 
 
-def identity(plan: Plan, blender_version: str) -> dict[str, Any]:
+def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
     """Return what decides every byte of a dataset; two runs with the same identity write the same files.
+
+    renderer: the versions of what renders, by name.
 
     Which frames a run makes (--frames) is no part of it: frames keep their numbers and their bytes.
     """
@@ -51,7 +54,7 @@ def identity(plan: Plan, blender_version: str) -> dict[str, Any]:
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
             "noisy_world": package_version(),
-            "blender": blender_version,
+            **renderer,
             "python": platform.python_version(),
             "numpy": np.__version__,
             "opencv": cv2.__version__,

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles, EEVEE and Workbench, each set up to show unlit colours and planar depth, and nothing else."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import bpy
+
+type EngineName = Literal["cycles", "eevee", "workbench"]
+
+AVERAGING_FILTER_PX = 1.5
+CENTRE_FILTER_PX = 0.01
+# Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks the middle up in a
+# table of 1024 entries that is symmetric about entry 511, not 511.5: half a step off, to the right and up. A step there
+# is the integral of the Blackman-Harris filter, a0, over 511, of half its width, which is twice what is set. With the
+# averaging filter that is 5e-4 px, and depth along a wall would be wrong by up to 1e-4 of itself.
+FILTER_MIDDLE = 0.5 * 0.35875 / 511
+
+
+@dataclass(frozen=True)
+class Engine:
+    """What differs between engines.
+
+    configure: sets a scene up for a seed and the number of samples that colours get.
+    set_samples: sets the samples a pixel of the next render, which is cheap to change from render to render.
+    shades: whether the material's nodes are seen; Workbench shows the colour attribute itself.
+    centre_depth: whether depth is the pixel centre's at any number of samples; else it is rendered apart, with one.
+    sample_offset_px: how far right of and above a pixel's centre its first sample goes.
+    """
+
+    configure: Callable[[bpy.types.Scene, int, int], None]
+    set_samples: Callable[[bpy.types.Scene, int], None]
+    shades: bool
+    centre_depth: bool
+    sample_offset_px: Callable[[int], float]
+
+
+def configure(scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int, threads: int) -> None:
+    """Set a scene up for an engine. samples: rays a pixel of colour. threads 0: all there are."""
+    render = scene.render
+    render.use_persistent_data = True
+    render.use_compositing = False
+    render.use_sequencer = False
+    render.use_motion_blur = False
+    render.use_simplify = False
+    render.film_transparent = False
+    render.threads_mode = "FIXED" if threads else "AUTO"
+    if threads:
+        render.threads = threads
+    # The scene has no world, which is black: void shows nothing.
+    scene.world = None
+    engine.configure(scene, seed, samples)
+
+
+def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
+    """No light, no bounce, no denoiser, no tile."""
+    scene.render.engine = "CYCLES"
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.seed = seed
+    cycles.use_animated_seed = True
+    cycles.use_adaptive_sampling = False
+    cycles.use_denoising = False
+    cycles.use_auto_tile = False
+    cycles.use_light_tree = False
+    cycles.max_bounces = 0
+    cycles.transparent_max_bounces = 0
+    cycles.sampling_pattern = "TABULATED_SOBOL"
+    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+    cycles.filter_width = filter_width_px(samples)
+    cycles.film_exposure = 1.0
+
+
+def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
+    """No light, no shadow, no ray tracing; its samples follow a fixed pattern."""
+    scene.render.engine = "BLENDER_EEVEE"
+    scene.render.filter_size = AVERAGING_FILTER_PX if samples > 1 else 0.0
+    scene.eevee.use_shadows = False
+    scene.eevee.use_raytracing = False
+    scene.eevee.use_fast_gi = False
+    scene.eevee.use_overscan = False
+
+
+def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> None:
+    """Flat colours of the attribute; nothing is random."""
+    scene.render.engine = "BLENDER_WORKBENCH"
+    shading = scene.display.shading
+    shading.light = "FLAT"
+    shading.color_type = "VERTEX"
+    shading.show_backface_culling = False
+    shading.show_cavity = False
+    shading.show_object_outline = False
+    shading.show_shadows = False
+    shading.show_specular_highlight = False
+    shading.show_xray = False
+    shading.use_dof = False
+
+
+def _cycles_samples(scene: bpy.types.Scene, samples: int) -> None:
+    scene.cycles.samples = samples
+
+
+def _eevee_samples(scene: bpy.types.Scene, samples: int) -> None:
+    scene.eevee.taa_render_samples = samples
+
+
+def _workbench_samples(scene: bpy.types.Scene, samples: int) -> None:
+    scene.display.render_aa = "OFF" if samples == 1 else str(samples)
+
+
+def filter_width_px(samples: int) -> float:
+    """Return the width of Cycles' pixel filter: none for a single sample, which shows the pixel's centre."""
+    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
+
+
+def _no_offset(_samples: int) -> float:
+    return 0.0
+
+
+ENGINES: dict[EngineName, Engine] = {
+    "cycles": Engine(
+        _configure_cycles,
+        _cycles_samples,
+        shades=True,
+        centre_depth=True,
+        sample_offset_px=lambda samples: FILTER_MIDDLE * filter_width_px(samples),
+    ),
+    "eevee": Engine(_configure_eevee, _eevee_samples, shades=True, centre_depth=False, sample_offset_px=_no_offset),
+    "workbench": Engine(
+        _configure_workbench, _workbench_samples, shades=False, centre_depth=False, sample_offset_px=_no_offset
+    ),
+}

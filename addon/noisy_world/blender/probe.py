@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether GL can be had here, asked in a process of its own: where it cannot, Blender may end without a word."""
+
+import json
+import subprocess
+import sys
+
+import bpy
+
+from ..core.errors import MissingDependencyError
+
+MARK = "@gl "
+TIMEOUT_S = 180
+ASK = f"""
+import bpy, gpu, json
+bpy.ops.wm.read_factory_settings(use_empty=True)
+scene = bpy.context.scene
+scene.render.engine = "BLENDER_WORKBENCH"
+scene.render.resolution_x = scene.render.resolution_y = 4
+scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+scene.collection.objects.link(scene.camera)
+bpy.ops.render.render()
+print({MARK!r} + json.dumps([gpu.platform.renderer_get(), gpu.platform.version_get()]))
+"""
+
+
+def gl_version() -> str:
+    """Render a few pixels with GL in another process; return the renderer and the version of GL.
+
+    Raises MissingDependencyError naming Debian's packages where that fails.
+    """
+    command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", ASK]
+    if not bpy.app.binary_path:
+        command = [sys.executable, "-c", ASK]
+    try:
+        asked = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)  # noqa: S603
+        answer = [line for line in asked.stdout.splitlines() if line.startswith(MARK)]
+        problem = "" if asked.returncode == 0 else f"Blender ended with status {asked.returncode}"
+    except subprocess.TimeoutExpired:
+        answer, problem = [], f"no answer within {TIMEOUT_S} s"
+    if problem or not answer:
+        packages = "libegl1 libgl1 libgl1-mesa-dri"
+        raise MissingDependencyError(
+            f"EEVEE and Workbench need OpenGL, which fails here ({problem or 'it told nothing'}); run: apt-get install "
+            f"{packages}, or use render.engine: cycles, which needs none"
+        )
+    renderer, version = json.loads(answer[0].removeprefix(MARK))
+    return f"{renderer}, {version}"

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""EEVEE and Workbench on software GL, and what is left out where it is not asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from analytic import box_depth, box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
+
+from noisy_world.blender.probe import gl_version
+from noisy_world.blender.session import RenderOptions, Session
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.images import rgb_bytes
+from noisy_world.core.trajectory import evenly_stamped
+
+CAMERA = Intrinsics(160, 120, 110.0, 90.0, 70.0, 66.5)
+OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
+EYE = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
+
+
+def gl_problem():
+    try:
+        gl_version()
+    except NoisyWorldError as error:
+        return str(error)
+    return ""
+
+
+needs_gl = pytest.mark.skipif(bool(gl_problem()), reason="no software GL here")
+gl_engines = pytest.mark.parametrize("engine", ["eevee", "workbench"])
+
+
+def render(mesh, options, c2w=EYE, camera=CAMERA, count=1):
+    poses = np.asarray(c2w)[None].repeat(count, 0)
+    with Session(mesh, "test", {"": evenly_stamped(poses)}, camera, options) as session:
+        return session.render(count - 1)
+
+
+def uniform(labels):
+    padded = np.pad(labels, 2, mode="edge")
+    return (np.lib.stride_tricks.sliding_window_view(padded, (5, 5)) == labels[..., None, None]).all((-1, -2))
+
+
+@needs_gl
+@gl_engines
+@pytest.mark.parametrize("samples", [1, 8])
+def test_depth_off_the_edges(engine, samples):
+    options = replace(OPTIONS, engine=engine, samples=samples)
+    normal = EYE[:3, :3] @ np.array([0.5, 0.3, -0.8]) / np.sqrt(0.98)
+    point = EYE[:3, 3] + 2.5 * EYE[:3, 2]
+    expected = plane_depth(CAMERA, EYE, point, normal)
+    depth = render(plane_mesh(point, normal, half_size_m=60), options).depth_m
+    inside = expected < 15
+    assert inside.sum() > 10_000
+    assert (np.abs(depth - expected) / expected)[inside].max() < 2e-4
+    low, high = np.array([-1.0, -1.2, -0.8]), np.array([3.0, 2.0, 1.5])
+    expected, sure = box_depth(CAMERA, EYE, low, high)
+    depth = render(box_mesh(low, high), options).depth_m
+    assert (np.abs(depth - expected) / expected)[sure].max() < 2e-4
+
+
+@needs_gl
+@gl_engines
+@pytest.mark.parametrize("samples", [1, 8])
+def test_flat_colours(engine, samples):
+    rng = np.random.default_rng(2)
+    colours = rng.integers(0, 256, (48, 3))
+    corners = []
+    for k in range(48):
+        u = (k % 8 + np.array([0, 1, 1, 0])) * 20 - 0.5
+        v = (k // 8 + np.array([0, 0, 1, 1])) * 20 - 0.5
+        local = np.stack([(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones(4)], axis=-1)
+        corners.append(EYE[:3, 3] + 2.0 * local @ EYE[:3, :3].T)
+    image = rgb_bytes(render(quads_mesh(corners, colours), replace(OPTIONS, engine=engine, samples=samples)).rgb)
+    inner = image.reshape(6, 20, 8, 20, 3)[:, 4:-4, :, 4:-4].astype(int)
+    assert np.abs(inner - colours.reshape(6, 1, 8, 1, 3)).max() <= 1
+
+
+@needs_gl
+@gl_engines
+def test_void_is_void_and_black(engine):
+    square = EYE[:3, 3] + np.array([[-0.3, -0.3, 2], [0.3, -0.3, 2], [0.3, 0.3, 2], [-0.3, 0.3, 2]]) @ EYE[:3, :3].T
+    for far_m in (3.0, 1000.0):
+        options = replace(OPTIONS, engine=engine, far_m=far_m)
+        frame = render(quads_mesh([square], [[200, 100, 50]]), options)
+        cycles = render(quads_mesh([square], [[200, 100, 50]]), replace(options, engine="cycles"))
+        outside = ~uniform((cycles.depth_m > 0).astype(int)) | (cycles.depth_m > 0)
+        assert not frame.depth_m[~outside].any()
+        assert not rgb_bytes(frame.rgb)[~outside].any()
+        assert (frame.depth_m > 0).sum() == pytest.approx((cycles.depth_m > 0).sum(), rel=0.03)
+    assert not render(quads_mesh([square]), replace(OPTIONS, engine=engine, far_m=1.5)).depth_m.any()
+
+
+@needs_gl
+@gl_engines
+def test_the_same_twice(engine):
+    rng = np.random.default_rng(3)
+    mesh = box_mesh(np.array([-1.0, -1.2, -0.8]), np.array([3.0, 2.0, 1.5]))
+    mesh = replace(mesh, rgb=rng.random((24, 3)).astype(np.float32))
+    frames = [render(mesh, replace(OPTIONS, engine=engine), count=count) for count in (1, 1)]
+    assert frames[0].rgb.tobytes() == frames[1].rgb.tobytes()
+    assert frames[0].depth_m.tobytes() == frames[1].depth_m.tobytes()
+
+
+def test_a_single_modality_is_the_same_and_alone():
+    mesh = box_mesh(np.array([-1.0, -1.2, -0.8]), np.array([3.0, 2.0, 1.5]))
+    mesh = replace(mesh, rgb=np.random.default_rng(3).random((24, 3)).astype(np.float32))
+    for samples in (1, 4):
+        both = render(mesh, replace(OPTIONS, samples=samples))
+        colour = render(mesh, replace(OPTIONS, samples=samples, depth=False))
+        depth = render(mesh, replace(OPTIONS, samples=samples, rgb=False))
+        assert not bpy.context.view_layer.use_pass_combined
+        assert colour.depth_m is None
+        assert depth.rgb is None
+        assert np.array_equal(both.rgb, colour.rgb)
+        assert np.array_equal(both.depth_m, depth.depth_m)
+
+
+def test_without_gl_the_packages_are_named(monkeypatch):
+    # What a machine without Mesa's drivers shows: no EGL device to be had.
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent.json")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(NoisyWorldError, match=r"apt-get install .*libegl1") as error:
+        gl_version()
+    assert "\n" not in str(error.value)
