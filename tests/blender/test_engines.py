@@ -12,7 +12,7 @@ from analytic import box_depth, box_mesh, look_at, plane_depth, plane_mesh, quad
 
 from noisy_world.blender.probe import gl_version
 from noisy_world.blender.session import RenderOptions, Session
-from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.errors import NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.images import rgb_bytes
 from noisy_world.core.trajectory import evenly_stamped
@@ -126,4 +126,15 @@ def test_without_gl_the_packages_are_named(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     with pytest.raises(NoisyWorldError, match=r"apt-get install .*libegl1") as error:
         gl_version()
+    assert "\n" not in str(error.value)
+
+
+def test_a_scratch_file_that_cannot_be_written_is_one_line(tmp_path):
+    mesh = box_mesh(np.array([-1.0, -1.2, -0.8]), np.array([3.0, 2.0, 1.5]))
+    with Session(mesh, "test", {"": evenly_stamped(EYE[None])}, CAMERA, OPTIONS) as session:
+        file = tmp_path / "file"
+        file.write_text("in the way of a folder")
+        bpy.context.scene.render.filepath = str(file / "frame.exr")
+        with pytest.raises(StorageError, match="could not write its scratch file") as error:
+            session.render(0)
     assert "\n" not in str(error.value)
