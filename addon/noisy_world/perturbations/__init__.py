@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The perturbations, one file each. Adding one is adding a file with a `PERTURBATION`."""
+
+import importlib
+import pkgutil
+from functools import cache
+
+from ..core.perturbation import CATEGORIES, Perturbation
+
+
+@cache
+def registry() -> dict[str, Perturbation]:
+    """Return all perturbations by name, in the paper's propagation order, by name within a stage."""
+    found = [
+        importlib.import_module(f"{__name__}.{module.name}").PERTURBATION
+        for module in pkgutil.iter_modules(__path__)
+        if not module.name.startswith("_")
+    ]
+    found.sort(key=lambda item: (CATEGORIES.index(item.category), item.name))
+    return {item.name: item for item in found}
