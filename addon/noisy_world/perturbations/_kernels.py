@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blur kernels of lens and motion, and the correlation with them."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Up to this area OpenCV correlates directly and skips zeros; above it takes a slower way through the frequency domain.
+_DIRECT_AREA = 121
+
+
+def disk_kernel(radius_px: float, alias_sigma_px: float) -> NDArray[np.float32]:
+    """Return the image of a point out of focus: a disk of `radius_px` softened by a Gaussian, of sum 1; odd, square."""
+    margin = math.ceil(3 * alias_sigma_px)
+    reach = math.floor(radius_px)
+    offsets = np.arange(-reach - margin, reach + margin + 1)
+    disk = (offsets[:, None] ** 2 + offsets**2 <= radius_px**2).astype(np.float64)
+    if alias_sigma_px > 0:
+        taps = np.exp(-(np.arange(-margin, margin + 1) ** 2) / (2 * alias_sigma_px**2))
+        disk = np.apply_along_axis(np.convolve, 0, disk, taps, "same")
+        disk = np.apply_along_axis(np.convolve, 1, disk, taps, "same")
+    return (disk / disk.sum()).astype(np.float32)
+
+
+def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np.float32]:
+    """Return the one-sided trace of a motion, of sum 1; odd, square, the pixel itself in the middle.
+
+    2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down), the step k weighted
+    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur.
+    """
+    steps = np.arange(2 * radius_px + 1)
+    weights = np.exp(-(steps**2) / (2 * sigma_px**2))
+    angle = math.radians(angle_deg)
+    columns = np.ceil(steps * math.cos(angle) - 0.5).astype(int)
+    rows = np.ceil(steps * math.sin(angle) - 0.5).astype(int)
+    reach = 2 * radius_px
+    kernel = np.zeros((2 * reach + 1, 2 * reach + 1))
+    np.add.at(kernel, (reach + rows, reach + columns), weights / weights.sum())
+    return kernel.astype(np.float32)
+
+
+def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Correlate (H, W) or (H, W, 3) with an odd, square kernel about its middle; the border is replicated.
+
+    The kernel is taken in small pieces, of which OpenCV skips the zeros: a line of 41 pixels costs 41 multiplications.
+    """
+    import cv2
+
+    height, width = image.shape[:2]
+    middle = kernel.shape[0] // 2
+    pieces = list(_pieces(kernel, 0, 0))
+    top = middle - min(row for row, _, _ in pieces)
+    left = middle - min(column for _, column, _ in pieces)
+    bottom = max(row + piece.shape[0] for row, _, piece in pieces) - 1 - middle
+    right = max(column + piece.shape[1] for _, column, piece in pieces) - 1 - middle
+    margins = [max(side, 0) for side in (top, bottom, left, right)]
+    padded = cv2.copyMakeBorder(image, *margins, cv2.BORDER_REPLICATE)
+    total: NDArray[np.float32] | None = None
+    for row, column, piece in pieces:
+        first_row, first_column = margins[0] + row - middle, margins[2] + column - middle
+        part = padded[
+            first_row : first_row + height + piece.shape[0] - 1, first_column : first_column + width + piece.shape[1] - 1
+        ]
+        result = cv2.filter2D(part, -1, piece, anchor=(0, 0))[:height, :width]
+        total = result if total is None else np.add(total, result, out=total)
+    assert total is not None
+    return total
+
+
+def _pieces(kernel: NDArray[np.float32], row: int, column: int) -> Iterator[tuple[int, int, NDArray[np.float32]]]:
+    """Yield (row, column, piece) of pieces that are small enough and together hold everything but zeros."""
+    rows, columns = kernel.any(axis=1).nonzero()[0], kernel.any(axis=0).nonzero()[0]
+    if not rows.size:
+        return
+    kernel = kernel[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    row, column = row + int(rows[0]), column + int(columns[0])
+    if kernel.size <= _DIRECT_AREA:
+        yield row, column, kernel
+        return
+    axis = int(kernel.shape[1] >= kernel.shape[0])
+    half = kernel.shape[axis] // 2
+    first, second = np.split(kernel, [half], axis=axis)
+    yield from _pieces(first, row, column)
+    yield from _pieces(second, row + half * (axis == 0), column + half * (axis == 1))
+
+
+def gaussian(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
+    """Blur (H, W) or (H, W, 3) with a Gaussian cut off at 4 sigma, the border replicated; sigma 0 copies."""
+    import cv2
+
+    if sigma_px == 0:
+        return image.copy()
+    size = 2 * int(4 * sigma_px + 0.5) + 1
+    return cv2.GaussianBlur(image, (size, size), sigma_px, borderType=cv2.BORDER_REPLICATE)

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Defocus blur: the scene out of focus."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._kernels import correlate, disk_kernel
+
+_kernel = lru_cache(maxsize=8)(disk_kernel)
+
+
+@dataclass(frozen=True)
+class DefocusBlur:
+    """Convolution with a softened disk, the border replicated, as ImageNet-C.
+
+    The kernel's sum is 1 at every radius: ImageNet-C softens its disk of radius 8 and 10 against the kernel's edge and
+    brightens the frame by 1 %.
+    """
+
+    radius_px: float = key("radius of the circle of confusion", default=6.0, unit="px", minimum=0, maximum=50)
+    alias_sigma_px: float = key(
+        "standard deviation of the Gaussian that softens the disk's edge", default=0.5, unit="px", minimum=0, maximum=5
+    )
+
+
+def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, frame: Frame) -> NDArray[np.float32]:
+    """Blur (H, W, 3)."""
+    return correlate(rgb, _kernel(parameters.radius_px, parameters.alias_sigma_px))
+
+
+PERTURBATION = Perturbation(
+    name="defocus_blur",
+    label="Defocus blur",
+    category="lens",
+    parameters=DefocusBlur,
+    severities={"radius_px": (3, 4, 6, 8, 10), "alias_sigma_px": (0.1, 0.5, 0.5, 0.5, 0.5)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gaussian blur: a soft lens."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._kernels import gaussian
+
+
+@dataclass(frozen=True)
+class GaussianBlur:
+    """Convolution with a Gaussian, cut off at 4 sigma, the border replicated, as ImageNet-C."""
+
+    sigma_px: float = key("standard deviation of the kernel", default=3.0, unit="px", minimum=0, maximum=50)
+
+
+def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, frame: Frame) -> NDArray[np.float32]:
+    """Blur (H, W, 3)."""
+    return gaussian(rgb, parameters.sigma_px)
+
+
+PERTURBATION = Perturbation(
+    name="gaussian_blur",
+    label="Gaussian blur",
+    category="lens",
+    parameters=GaussianBlur,
+    severities={"sigma_px": (1, 2, 3, 4, 6)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+)
