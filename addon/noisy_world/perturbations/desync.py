@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Desynchronisation: depth that was taken at another moment than the colour it is paired with."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+
+
+@dataclass(frozen=True)
+class Desync:
+    """Which depth goes with which colour, and what becomes of the ends."""
+
+    offset: int = key(
+        "depth of frame i + offset goes with colour of frame i",
+        unit="frames",
+        default=5,
+        minimum=-10_000,
+        maximum=10_000,
+    )
+    mode: Literal["static", "dynamic"] = key(
+        "dynamic: offset - 1, offset or offset + 1, drawn for each frame", default="static"
+    )
+    edge: Literal["clamp", "drop"] = key(
+        "where there is no such depth: clamp takes the nearest there is, drop leaves the frame out", default="clamp"
+    )
+
+
+def apply(count: int, parameters: Desync, frame: Frame) -> NDArray[np.int64]:
+    """Return for each of `count` frames the frame (count,) whose depth goes with it; -1 where the frame is left out.
+
+    D'[i] = D[i + offset] (paper, section "RGB-D desynchronization"). frame: its index counts for nothing.
+    """
+    source = np.arange(count) + parameters.offset
+    if parameters.mode == "dynamic":
+        source += np.array([replace(frame, index=k).stream().integers(-1, 2) for k in range(count)], dtype=np.int64)
+    if parameters.edge == "clamp":
+        return np.clip(source, 0, count - 1)
+    return np.where((source >= 0) & (source < count), source, -1)
+
+
+PERTURBATION = Perturbation(
+    name="desync",
+    label="RGB-D desynchronisation",
+    category="sync",
+    parameters=Desync,
+    severities={},
+    source='paper, section "Benchmark Statistics": offsets 5, 10 and 20',
+    apply=apply,
+)

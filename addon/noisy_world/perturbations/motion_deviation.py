@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion deviation: a robot that shakes, so that its camera is never quite where the path says."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.geometry import rotation_from_euler_deg
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ..core.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class MotionDeviation:
+    """Standard deviations of a normal deviation, drawn anew for each pose; 0 leaves the pose as it is."""
+
+    rotation_deg: float = key("about each of the camera's axes", unit="deg", default=3.0, minimum=0, maximum=180)
+    translation_m: float = key("along each of the world's axes", unit="m", default=0.025, minimum=0, maximum=100)
+
+
+def apply(trajectory: Trajectory, parameters: MotionDeviation, frame: Frame) -> Trajectory:
+    """Return the deviated trajectory, which is the ground truth of what is rendered from it.
+
+    R' = R dR with dR = Rz Ry Rx in the camera's frame, t' = t + dt in the world's (paper, section "Robot motion").
+    Rotations are composed as matrices in float64, never by adding angles. frame: its index counts for nothing, each
+    pose has the index of its own place.
+    """
+    normals = np.array([replace(frame, index=k).stream().standard_normal(6) for k in range(len(trajectory))])
+    c2w = trajectory.c2w.copy()
+    if parameters.rotation_deg:
+        c2w[:, :3, :3] @= rotation_from_euler_deg(*(parameters.rotation_deg * normals[:, :3].T))
+    c2w[:, :3, 3] += parameters.translation_m * normals[:, 3:]
+    return Trajectory(c2w, trajectory.stamps_s)
+
+
+PERTURBATION = Perturbation(
+    name="motion_deviation",
+    label="Motion deviation",
+    category="motion",
+    parameters=MotionDeviation,
+    severities={},
+    source='paper, section "Benchmark Statistics": {0, 1, 3, 5} degrees, {0, 0.0125, 0.025, 0.05} m',
+    apply=apply,
+)
