@@ -61,6 +61,12 @@ type RgbApply = Callable[[NDArray[np.float32], Any, Frame], NDArray[np.float32]]
 The result may lie outside [0, 1]: whoever calls clips.
 """
 
+type BytesApply = Callable[[NDArray[np.uint8], Any, Frame], NDArray[np.uint8]]
+"""(H, W, 3) uint8 RGB; parameters; frame -> a new array alike. The input is left alone.
+
+Byte for byte what `apply` makes of `rgb / np.float32(255)`, rounded by `images.rgb_bytes`: a faster way, no other one.
+"""
+
 type DepthApply = Callable[[NDArray[np.float32], Any, Frame], NDArray[np.float32]]
 """(H, W) float32 planar depth in metres, 0 = void; parameters; frame -> a new array alike. The input is left alone."""
 
@@ -72,6 +78,7 @@ class Perturbation:
     name: as in presets. label: as in panels. parameters: a frozen dataclass of `schema.key` fields with defaults.
     severities: for each parameter that severity sets, its value at severities 1 to 5. source: of those values.
     apply: the reference execution; None for what acts on trajectories or on the pairing of frames.
+    apply_bytes: the same on bytes, where a frame comes as bytes, goes as bytes and nothing else stands between.
     temporals: what `temporal` may be; () where nothing is random.
     counts: parameters that are whole numbers, which a fractional severity rounds.
     """
@@ -83,6 +90,7 @@ class Perturbation:
     severities: Mapping[str, Sequence[float]]
     source: str
     apply: RgbApply | DepthApply | None = None
+    apply_bytes: BytesApply | None = None
     temporals: tuple[Temporal, ...] = ()
     counts: frozenset[str] = field(default_factory=frozenset)
 

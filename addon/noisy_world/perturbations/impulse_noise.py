@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Impulse noise: salt and pepper, from bit errors and dead or hot pixels."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._quantiles import CODES, look_up, uniform_codes
+
+
+@dataclass(frozen=True)
+class ImpulseNoise:
+    """Channels of pixels, each on its own, go to 1 (half of them) or to 0, as ImageNet-C.
+
+    Each half's share is a whole number of 65,536ths.
+    """
+
+    amount: float = key("share of the values that are replaced", default=0.09, minimum=0, maximum=1)
+
+
+def apply(rgb: NDArray[np.float32], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.float32]:
+    """Put the impulses into (H, W, 3)."""
+    import cv2
+
+    impulses = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _impulses(parameters.amount))
+    noisy = cv2.add(rgb, impulses, dtype=cv2.CV_32F)
+    return np.clip(noisy, 0, 1, out=noisy)
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.uint8]:
+    """Put the impulses into (H, W, 3) bytes."""
+    import cv2
+
+    impulses = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _impulses(parameters.amount))
+    return cv2.add(rgb, impulses, dtype=cv2.CV_8U)
+
+
+@lru_cache(maxsize=8)
+def _impulses(amount: float) -> NDArray[np.int16]:
+    """Return for each code what a byte goes up by, before it is clipped: 0, or 255 (salt), or -255 (pepper)."""
+    half = round(amount * CODES / 2)
+    table = np.zeros(CODES, np.int16)
+    table[:half] = -255
+    table[CODES - half :] = 255
+    return table
+
+
+PERTURBATION = Perturbation(
+    name="impulse_noise",
+    label="Impulse noise",
+    category="sensor",
+    parameters=ImpulseNoise,
+    severities={"amount": (0.03, 0.06, 0.09, 0.17, 0.27)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+    apply_bytes=apply_bytes,
+    temporals=("fresh", "fixed"),
+)

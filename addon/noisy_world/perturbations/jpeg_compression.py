@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""JPEG compression: blocks, ringing and smeared colours."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.images import rgb_bytes
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+
+
+@dataclass(frozen=True)
+class JpegCompression:
+    """Encoded and decoded, 4:2:0, libjpeg's tables, as ImageNet-C. The image is rounded to bytes on the way."""
+
+    quality: int = key("libjpeg's quality", default=15, minimum=1, maximum=100)
+
+
+def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _frame: Frame) -> NDArray[np.float32]:
+    """Compress (H, W, 3)."""
+    return apply_bytes(rgb_bytes(rgb), parameters, _frame) / np.float32(255)
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _frame: Frame) -> NDArray[np.uint8]:
+    """Compress (H, W, 3) bytes."""
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, parameters.quality]
+    options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
+    _, encoded = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), options)
+    return cv2.imdecode(encoded, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+
+
+PERTURBATION = Perturbation(
+    name="jpeg_compression",
+    label="JPEG compression",
+    category="post",
+    parameters=JpegCompression,
+    severities={"quality": (25, 18, 15, 10, 7)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+    apply_bytes=apply_bytes,
+    counts=frozenset({"quality"}),
+)

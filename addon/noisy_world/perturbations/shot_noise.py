@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shot noise: light arrives as photons."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.images import rgb_bytes
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._quantiles import look_up, uniform_codes
+
+OUTCOMES = 256
+MOST_PHOTONS = 256  # the widest Poisson whose 256 likeliest outcomes leave out less than 1e-12
+BYTE_NOISE = np.float32(2**-10)  # of a byte: what float32 adds to a byte on its way through [0, 1]
+
+
+@dataclass(frozen=True)
+class ShotNoise:
+    """Each channel of each pixel is a Poisson number of photons over their mean number at full scale, as ImageNet-C."""
+
+    photons: float = key("mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=256)
+
+
+def apply(rgb: NDArray[np.float32], parameters: ShotNoise, frame: Frame) -> NDArray[np.float32]:
+    """Count photons in (H, W, 3).
+
+    What a value has above the byte below it is drawn apart: the sum of two Poisson numbers is one of the sum's mean.
+    """
+    photons = parameters.photons
+    if photons == 0:
+        return np.zeros_like(rgb)
+    scaled = rgb * np.float32(255)
+    levels = np.clip(scaled + BYTE_NOISE, 0, 255).astype(np.uint8)
+    counts = _draw(levels, frame, *_alias_tables(photons)).astype(np.float32)
+    rest = np.maximum(scaled - levels - BYTE_NOISE, 0)
+    if rest.any():
+        counts += _few_photons(rest * np.float32(photons / 255), frame.pattern_stream("rest"))
+    counts *= np.float32(1 / photons)
+    return np.minimum(counts, 1, out=counts)
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, frame: Frame) -> NDArray[np.uint8]:
+    """Count photons in (H, W, 3) bytes."""
+    if parameters.photons == 0:
+        return np.zeros_like(rgb)
+    return _draw(rgb, frame, *_byte_tables(parameters.photons))
+
+
+def _draw[T: np.generic](
+    levels: NDArray[np.uint8], frame: Frame, threshold: NDArray[np.uint16], first: NDArray[T], second: NDArray[T]
+) -> NDArray[T]:
+    """Draw from each level's distribution: a column by 8 bits, one of the column's two outcomes by 16."""
+    import cv2
+
+    flat = levels.reshape(len(levels), -1)
+    generator = frame.pattern_stream()
+    codes = uniform_codes(generator, flat.shape)
+    columns = uniform_codes(generator, ((flat.size + 1) // 2,)).view(np.uint8)[: flat.size].reshape(flat.shape)
+    places = cv2.merge([columns, flat]).view(np.uint16).reshape(flat.shape)  # level x 256 + column
+    outcomes = look_up(places, first)
+    others = look_up(places, second)
+    is_second = cv2.compare(codes, look_up(places, threshold), cv2.CMP_GE)
+    return cv2.copyTo(others, is_second, outcomes).reshape(levels.shape)  # type: ignore[return-value]
+
+
+@lru_cache(maxsize=8)
+def _byte_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return `_alias_tables` with bytes as outcomes."""
+    threshold, first, second = _alias_tables(photons)
+    share = np.float32(1 / photons)
+    return threshold, rgb_bytes(first.astype(np.float32) * share), rgb_bytes(second.astype(np.float32) * share)
+
+
+@lru_cache(maxsize=8)
+def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.uint16]]:
+    """Tabulate the Poisson numbers of the 256 bytes for the alias method (Walker 1977), three arrays of 65,536.
+
+    Column c of level l, at l x 256 + c, has probability 1/256 and two outcomes: the first with probability threshold
+    / 65,536, otherwise the second. Every outcome's probability is exact to 2^-24 a column.
+    """
+    offset, share = _poisson(np.arange(256) * (photons / 255))
+    rows = np.arange(256)
+    threshold = np.ones((256, OUTCOMES))
+    partner = np.tile(np.arange(OUTCOMES), (256, 1))
+    poor, rich = share.copy(), share.copy()
+    for _ in range(OUTCOMES - 1):
+        # The poorest column keeps what it has; the richest one fills it up.
+        taker, giver = poor.argmin(axis=1), rich.argmax(axis=1)
+        has = poor[rows, taker]
+        threshold[rows, taker] = has
+        partner[rows, taker] = giver
+        poor[rows, taker], rich[rows, taker] = np.inf, -np.inf
+        poor[rows, giver] += has - 1
+        rich[rows, giver] = poor[rows, giver]
+    # A column that only rounding left unsettled is its own partner: there the threshold tells nothing.
+    steps = np.clip(np.rint(threshold * 65536), 0, 65535)
+    first = offset[:, None] + np.arange(OUTCOMES)
+    tables = steps, first, offset[:, None] + partner
+    return tuple(np.ascontiguousarray(table, np.uint16).reshape(-1) for table in tables)  # type: ignore[return-value]
+
+
+def _poisson(means: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return for each mean the smallest of its 256 outcomes, and their probabilities (n, 256) times 256."""
+    offset = np.maximum(means.astype(np.int64) - OUTCOMES // 2, 0)
+    outcomes = offset[:, None] + np.arange(OUTCOMES)
+    log_factorial = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, outcomes.max() + 1)))])
+    log_mean = np.log(np.maximum(means, 1e-300))
+    likelihood = np.exp(outcomes * log_mean[:, None] - means[:, None] - log_factorial[outcomes])
+    return offset, likelihood * (OUTCOMES / likelihood.sum(axis=1, keepdims=True))
+
+
+def _few_photons(means: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
+    """Draw Poisson numbers of means of about 1 at most, by inversion of one uniform number each."""
+    uniform = generator.random(means.shape, dtype=np.float32)
+    probability = np.exp(-means)
+    cumulative = probability.copy()
+    counts = np.zeros_like(means)
+    for count in range(1, 12):
+        more = uniform >= cumulative
+        if not more.any():
+            break
+        counts += more
+        probability *= means * np.float32(1 / count)
+        cumulative += probability
+    return counts
+
+
+PERTURBATION = Perturbation(
+    name="shot_noise",
+    label="Shot noise",
+    category="sensor",
+    parameters=ShotNoise,
+    severities={"photons": (60, 25, 12, 5, 3)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+    apply_bytes=apply_bytes,
+    temporals=("fresh", "fixed"),
+)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speckle noise: noise in proportion to the signal."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+from ._quantiles import look_up, normal_quantiles, uniform_codes
+
+GAIN_STEPS = 2**14
+
+
+@dataclass(frozen=True)
+class SpeckleNoise:
+    """Each channel of each pixel times its own normal gain of mean 1, as ImageNet-C."""
+
+    std: float = key("standard deviation, of the pixel's value", default=0.35, minimum=0, maximum=2)
+
+
+def apply(rgb: NDArray[np.float32], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.float32]:
+    """Multiply (H, W, 3) by the gains."""
+    gains = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _gains(parameters.std))
+    return np.multiply(gains, rgb, out=gains)
+
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.uint8]:
+    """Multiply (H, W, 3) bytes by the gains."""
+    import cv2
+
+    gains = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _gains(parameters.std))
+    return cv2.multiply(rgb, gains, dtype=cv2.CV_8U)
+
+
+@lru_cache(maxsize=8)
+def _gains(std: float) -> NDArray[np.float32]:
+    """Return the gain of each code: the nearest odd multiple of 2^-14.
+
+    A byte times such a gain never lies half-way between two bytes, nor so near that float32 could round otherwise.
+    """
+    if std == 0:
+        return np.ones(normal_quantiles().size, np.float32)
+    exact = 1 + std * normal_quantiles()
+    return ((2 * np.floor(exact * (GAIN_STEPS / 2)) + 1) / GAIN_STEPS).astype(np.float32)
+
+
+PERTURBATION = Perturbation(
+    name="speckle_noise",
+    label="Speckle noise",
+    category="sensor",
+    parameters=SpeckleNoise,
+    severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
+    source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    apply=apply,
+    apply_bytes=apply_bytes,
+    temporals=("fresh", "fixed"),
+)
