@@ -104,7 +104,8 @@ class Run:
         from .blender.session import renderer_versions
 
         start_s = time.perf_counter()
-        who = identity(self._plan, renderer_versions(self._plan.preset.spec.render.engine))
+        render = self._plan.preset.spec.render
+        who = identity(self._plan, renderer_versions(render.engine, render.device))
         self._dataset.open(who, overwrite=self._overwrite)
         try:
             if self._dataset.holds_frames():
@@ -179,6 +180,7 @@ class Run:
             samples=spec.render.samples,
             seed=render_seed(spec.seed),
             engine=spec.render.engine,
+            device=spec.render.device,
             rgb="rgb" in spec.output.modalities,
             depth="depth" in spec.output.modalities,
             threads=max(1, available_threads() // self._jobs) if self._jobs > 1 else 0,
