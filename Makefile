@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture test lint format lock blender-env peer-env clean
+.PHONY: help venv demo picture test bench lint format lock blender-env peer-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -29,6 +29,14 @@ picture: demo ## draw the README's picture anew
 test: venv ## run the tests
 	$(PY) -m pytest
 
+bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
+	-$(MAKE) peer-env
+	$(PY) headless/report.py --out out/bench
+
+$(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
+	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-bench.lock
+	touch $@
+
 lint: venv ## check style, layers and formatting
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
@@ -40,17 +48,19 @@ format: venv ## format the code
 blender-env: venv ## install the packages that a Blender program lacks, beside the project: BLENDER=/path/to/blender
 	$(PY) headless/blender_env.py $(BLENDER)
 
-peer-env: .venv-peer/.installed ## an environment with Open3D, which some tests compare with; needs Python 3.11
+peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to compare with; needs Python 3.11
 
 .venv-peer/.installed: tests/peer/requirements.txt
 	@for python in python3.11 /usr/bin/python3.11; do \
 	  if $$python -c pass 2>/dev/null; then rm -rf .venv-peer; $$python -m venv .venv-peer && exit 0; fi; \
 	done; echo "make: Open3D needs Python 3.11, which is not here" >&2; exit 1
 	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -r $<
+	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps pyrender==0.1.45
 	touch $@
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) .venv-peer .blender-env out dist .pytest_cache .ruff_cache

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from .core.progress import Progress
 from .core.provenance import identity, manifest, render_seed
 from .core.selfcheck import reprojection_problem
 from .core.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from .blender.session import RenderOptions
 
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
 WAITING_FRAMES = 3
@@ -104,7 +108,8 @@ class Run:
         from .blender.session import renderer_versions
 
         start_s = time.perf_counter()
-        who = identity(self._plan, renderer_versions(self._plan.preset.spec.render.engine))
+        render = self._plan.preset.spec.render
+        who = identity(self._plan, renderer_versions(render.engine, render.device))
         self._dataset.open(who, overwrite=self._overwrite)
         try:
             if self._dataset.holds_frames():
@@ -163,7 +168,7 @@ class Run:
                 self._render_scene(render, frames, worker)
 
     def _render_scene(self, render: Render, frames: list[int], worker: int) -> None:
-        from .blender.session import RenderOptions, Session
+        from .blender.session import Session
 
         start_s = time.perf_counter()
         name = render.scene.name
@@ -172,17 +177,7 @@ class Run:
             self._note(f"{name}: {note}")
         trajectories = sensor_trajectories(self._plan, load_trajectory(self._plan, render.scene, mesh))
         self._trajectories[name] = trajectories
-        spec = self._plan.preset.spec
-        options = RenderOptions(
-            near_m=spec.camera.near_m,
-            far_m=spec.camera.far_m,
-            samples=spec.render.samples,
-            seed=render_seed(spec.seed),
-            engine=spec.render.engine,
-            rgb="rgb" in spec.output.modalities,
-            depth="depth" in spec.output.modalities,
-            threads=max(1, available_threads() // self._jobs) if self._jobs > 1 else 0,
-        )
+        options = render_options(self._plan, self._jobs)
         with Session(mesh, name, trajectories, self._plan.camera, options) as session:
             if session.origin_m.any():
                 where = ", ".join(f"{value:g}" for value in session.origin_m)
@@ -253,6 +248,24 @@ class Run:
         if scene.name not in self._trajectories:
             self._trajectories[scene.name] = sensor_trajectories(self._plan, load_trajectory(self._plan, scene))
         return self._trajectories[scene.name]
+
+
+def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
+    """Return how a plan's frames are rendered, in one of `jobs` processes that share the machine."""
+    from .blender.session import RenderOptions
+
+    spec = plan.preset.spec
+    return RenderOptions(
+        near_m=spec.camera.near_m,
+        far_m=spec.camera.far_m,
+        samples=spec.render.samples,
+        seed=render_seed(spec.seed),
+        engine=spec.render.engine,
+        device=spec.render.device,
+        rgb="rgb" in spec.output.modalities,
+        depth="depth" in spec.output.modalities,
+        threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
+    )
 
 
 class FrameWriter:

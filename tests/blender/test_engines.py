@@ -11,8 +11,8 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from analytic import box_depth, box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
 
 from noisy_world.blender.probe import gl_version
-from noisy_world.blender.session import RenderOptions, Session
-from noisy_world.core.errors import NoisyWorldError, StorageError
+from noisy_world.blender.session import RenderOptions, Session, renderer_versions
+from noisy_world.core.errors import MissingDependencyError, NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.images import rgb_bytes
 from noisy_world.core.trajectory import evenly_stamped
@@ -138,3 +138,28 @@ def test_a_scratch_file_that_cannot_be_written_is_one_line(tmp_path):
         with pytest.raises(StorageError, match="could not write its scratch file") as error:
             session.render(0)
     assert "\n" not in str(error.value)
+
+
+def card_problem():
+    try:
+        renderer_versions("cycles", "gpu")
+    except MissingDependencyError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.skipif(not card_problem(), reason="there is a graphics card here")
+def test_no_card_is_one_line():
+    assert "render.device: cpu" in card_problem()
+    assert "\n" not in card_problem()
+    with pytest.raises(MissingDependencyError):
+        render(box_mesh([-1, -1, -1], [2, 2, 2]), replace(OPTIONS, device="gpu"))
+
+
+@pytest.mark.skipif(bool(card_problem()), reason="no graphics card here")
+def test_depth_from_a_card():
+    normal = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0])
+    point = np.array([0.0, 0.0, 2.0])
+    eye = look_at([0.0, 0.0, 0.0], [0.1, 0.2, 1.0])
+    depth_m = render(plane_mesh(point, normal, 50.0), replace(OPTIONS, device="gpu"), eye).depth_m
+    assert np.abs(depth_m / plane_depth(CAMERA, eye, point, normal) - 1).max() < 1e-5

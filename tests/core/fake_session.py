@@ -19,7 +19,7 @@ class RenderOptions:
     threads: int = 0
 
 
-def renderer_versions(engine):
+def renderer_versions(engine, device="cpu"):
     return {"blender": "none"}
 
 

@@ -7,7 +7,13 @@ from typing import Literal
 
 import bpy
 
+from ..core.errors import MissingDependencyError
+from .render import muted_output
+
 type EngineName = Literal["cycles", "eevee", "workbench"]
+type Device = Literal["cpu", "gpu"]
+
+GPU_KINDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")  # OptiX before CUDA: both drive the same cards, OptiX faster
 
 AVERAGING_FILTER_PX = 1.5
 CENTRE_FILTER_PX = 0.01
@@ -36,8 +42,13 @@ class Engine:
     sample_offset_px: Callable[[int], float]
 
 
-def configure(scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int, threads: int) -> None:
-    """Set a scene up for an engine. samples: rays a pixel of colour. threads 0: all there are."""
+def configure(
+    scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int, threads: int, device: Device = "cpu"
+) -> None:
+    """Set a scene up for an engine. samples: rays a pixel of colour. threads 0: all there are.
+
+    Raises MissingDependencyError where a GPU is asked for and none is there.
+    """
     render = scene.render
     render.use_persistent_data = True
     render.use_compositing = False
@@ -51,6 +62,31 @@ def configure(scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int
     # The scene has no world, which is black: void shows nothing.
     scene.world = None
     engine.configure(scene, seed, samples)
+    if device == "gpu":
+        enable_gpu()
+        scene.cycles.device = "GPU"
+
+
+def enable_gpu() -> str:
+    """Let Cycles use the graphics cards of the first kind that is here, and nothing else; return kind and names.
+
+    Raises MissingDependencyError where there is none.
+    """
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    built_in = {kind for kind, *_ in preferences.get_device_types(bpy.context)}
+    for kind in filter(built_in.__contains__, GPU_KINDS):
+        with muted_output():  # drivers that are not here are told of at length
+            cards = [card for card in preferences.get_devices_for_type(kind) if card.type == kind]
+        if cards:
+            preferences.compute_device_type = kind
+            for device in preferences.devices:
+                device.use = device.type == kind
+            return f"{kind} {', '.join(card.name for card in cards)}"
+    raise MissingDependencyError(
+        f"render.device is gpu, but Cycles finds no graphics card here (it looked for "
+        f"{', '.join(kind for kind in GPU_KINDS if kind in built_in) or 'nothing, as it is built without'}); "
+        "use render.device: cpu, or install the card's driver"
+    )
 
 
 def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:

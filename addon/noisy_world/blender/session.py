@@ -12,7 +12,7 @@ from ..core.geometry import Intrinsics
 from ..core.mesh import Mesh
 from ..core.trajectory import Trajectory
 from .camera import add_camera, key_trajectory, set_intrinsics
-from .engines import ENGINES, EngineName, configure
+from .engines import ENGINES, Device, EngineName, configure, enable_gpu
 from .probe import gl_version
 from .render import FrameRenderer, RenderedFrame
 from .scene import Decoding, add_mesh, empty_scene, set_origin
@@ -30,18 +30,21 @@ class RenderOptions:
     samples: int
     seed: int
     engine: EngineName = "cycles"
+    device: Device = "cpu"
     rgb: bool = True
     depth: bool = True
     threads: int = 0
 
 
-def renderer_versions(engine: EngineName) -> dict[str, str]:
-    """Return the versions of what renders: Blender and, where the engine uses it, GL.
+def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, str]:
+    """Return the versions of what renders: Blender and, where they are used, GL or the graphics cards.
 
     Raises MissingDependencyError where the engine cannot run here.
     """
     versions = {"blender": f"{bpy.app.version_string} {bpy.app.build_hash.decode(errors='replace')}"}
-    return versions if engine == "cycles" else {**versions, "gl": gl_version()}
+    if engine != "cycles":
+        return {**versions, "gl": gl_version()}
+    return {**versions, "gpu": enable_gpu()} if device == "gpu" else versions
 
 
 def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
@@ -89,7 +92,14 @@ class Session:
         linear_light = options.samples > 1
         decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
         add_mesh(scene, mesh, name, decoding=decoding)
-        configure(scene, self._engine, seed=options.seed, samples=options.samples, threads=options.threads)
+        configure(
+            scene,
+            self._engine,
+            seed=options.seed,
+            samples=options.samples,
+            threads=options.threads,
+            device=options.device,
+        )
         self._cameras = {"": self._keyed_camera("Noisy World camera", trajectories[""])}
         if "depth" in trajectories:
             self._cameras["depth"] = self._keyed_camera("Noisy World camera depth", trajectories["depth"])

@@ -118,6 +118,9 @@ class RenderSpec:
         "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
         default="cycles",
     )
+    device: Literal["cpu", "gpu"] = key(
+        "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
+    )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
 
 
@@ -292,6 +295,14 @@ def _check(spec: PresetSpec, place: Place) -> None:
     if spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
     _check_output(spec.output, place.at("output"))
+    if spec.render.device == "gpu" and spec.render.engine != "cycles":
+        raise (
+            place.at("render")
+            .at("device")
+            .error(
+                f"is gpu, but {spec.render.engine} renders with GL, on whatever GL finds", "leave it out, or use cycles"
+            )
+        )
     if spec.render.engine == "workbench" and spec.render.samples not in WORKBENCH_SAMPLES:
         known = ", ".join(map(str, WORKBENCH_SAMPLES))
         raise place.at("render").at("samples").error(f"is {spec.render.samples}; Workbench knows {known}")

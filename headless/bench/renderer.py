@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One preset's renderer in a process of its own, which does on a line's notice what the report wants measured.
+
+    python headless/bench/renderer.py PRESET.yaml OUT [--all-on]
+
+Reads JSON lines {"do": ..., ...} and answers each with a line `@{...}`. Several such processes wait side by side, and
+the report lets them work in turns, so that the machine's moods reach all alike.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+STARTED_S = time.perf_counter()
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests")]
+
+LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
+
+
+def main(preset_path: str, out: str, *flags: str) -> None:
+    """Load the preset's first scene and answer."""
+    from noisy_world.core.dataset import Dataset  # noqa: PLC0415 - the start is measured
+    from noisy_world.core.plan import load_mesh, load_trajectory, make_plan, sensor_trajectories  # noqa: PLC0415
+    from noisy_world.core.preset import read_preset  # noqa: PLC0415
+
+    plan = make_plan(read_preset(Path(preset_path)))
+    render = plan.renders[0]
+    imported_s = time.perf_counter()
+    from noisy_world.blender.session import Session  # noqa: PLC0415
+    from noisy_world.pipeline import FrameWriter, render_options  # noqa: PLC0415
+
+    blender_s = time.perf_counter() - imported_s
+    mesh = load_mesh(render.scene)
+    trajectories = sensor_trajectories(plan, load_trajectory(plan, render.scene, mesh))
+    options = render_options(plan, jobs=2 if "--one-thread" in flags else 1)
+    dataset = Dataset(Path(out), plan.layout)
+    dataset.open({"bench": preset_path}, overwrite=True)
+    with Session(mesh, "bench", trajectories, plan.camera, options) as session:
+        del mesh
+        if "--all-on" in flags:
+            switch_everything_on()
+        loaded_s = time.perf_counter()
+        frame_count = len(trajectories[""])
+
+        def work(frames: list[int]) -> float:
+            """Render and write; return seconds a frame."""
+            start_s = time.perf_counter()
+            with FrameWriter(dataset, render.sequences, 0) as writer:
+                for frame in frames:
+                    done = session.render(frame % frame_count)
+                    writer.submit(frame % frame_count, 0.0, done.rgb, done.depth_m)
+                writer.drain()
+            return (time.perf_counter() - start_s) / len(frames)
+
+        first_s = work([0])
+        answer(
+            blender_s=blender_s,
+            loading_s=loaded_s - imported_s - blender_s,
+            first_frame_s=first_s,
+            **inventory(),
+        )
+        for line in sys.stdin:
+            order = json.loads(line)
+            if order["do"] == "time":
+                answer(frame_s=work(order["frames"]), **memory())
+            elif order["do"] == "frames":
+                answer(files=save_frames(session, order["frames"], Path(order["to"])))
+            elif order["do"] == "analytic":
+                session.close()
+                answer(**analytic_errors(options))
+
+
+def answer(**content: Any) -> None:
+    """Answer the report."""
+    print("@" + json.dumps(content), flush=True)
+
+
+def memory() -> dict[str, float]:
+    """Return resident memory now and at its peak, bytes."""
+    from noisy_world.core.machine import peak_memory_bytes  # noqa: PLC0415
+
+    pages = int(Path("/proc/self/statm").read_text().split()[1]) if Path("/proc/self/statm").exists() else 0
+    return {"peak_bytes": peak_memory_bytes() or 0, "resident_bytes": pages * 4096}
+
+
+def inventory() -> dict[str, Any]:
+    """Tell what the scene asks of Blender and what this process has imported."""
+    import bpy  # noqa: PLC0415
+
+    scene = bpy.context.scene
+    layer = scene.view_layers[0]
+    passes = [name.removeprefix("use_pass_") for name in dir(layer) if name.startswith("use_pass_")]
+    lights = [item for item in scene.objects if item.type == "LIGHT"]
+    samplers = [m for m in bpy.data.materials if m.cycles.emission_sampling != "NONE"]
+    return {
+        "passes": [name for name in passes if getattr(layer, f"use_pass_{name}")],
+        "lights": len(lights) + len(samplers),
+        "bounces": scene.cycles.max_bounces,
+        "libraries": [name for name in LIBRARIES if name in sys.modules],
+        **memory(),
+    }
+
+
+def switch_everything_on() -> None:
+    """Make of the scene what a general-purpose set-up has: every geometry pass, a lamp, emission as light, bounces."""
+    import bpy  # noqa: PLC0415
+
+    scene = bpy.context.scene
+    layer = scene.view_layers[0]
+    for name in (
+        "combined",
+        "z",
+        "normal",
+        "position",
+        "uv",
+        "object_index",
+        "material_index",
+        "emit",
+        "diffuse_color",
+    ):
+        setattr(layer, f"use_pass_{name}", True)
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
+    scene.collection.objects.link(lamp)
+    for material in bpy.data.materials:
+        material.cycles.emission_sampling = "AUTO"
+    scene.cycles.max_bounces = 12
+    scene.cycles.transparent_max_bounces = 8
+    scene.cycles.use_light_tree = True
+
+
+def save_frames(session: Any, frames: list[int], folder: Path) -> list[str]:
+    """Save frames as float arrays, for the errors."""
+    import numpy as np  # noqa: PLC0415
+
+    files = []
+    for frame in frames:
+        done = session.render(frame)
+        path = folder / f"{frame}.npz"
+        np.savez(path, rgb=done.rgb, depth_m=done.depth_m)
+        files.append(str(path))
+    return files
+
+
+def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
+    """Render surfaces of known depth; return their relative errors, off edges (largest, 99 %) and at them."""
+    import numpy as np  # noqa: PLC0415
+
+    from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415  # noqa: PLC0415
+    from noisy_world.blender.session import Session  # noqa: PLC0415
+    from noisy_world.core.trajectory import evenly_stamped  # noqa: PLC0415
+
+    camera = CAMERAS["fx above fy"]
+    eye = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
+    normal = np.array([-2.0, 0.5, 0.4]) / np.linalg.norm([-2.0, 0.5, 0.4])
+    point, centre = np.array([2.0, 0.3, 0.1]), np.array([3.0, 0.8, 0.2])
+    low, high = np.array([-1.5, -2.0, -1.0]), np.array([3.5, 2.5, 1.5])
+    plane_m = plane_depth(camera, eye, point, normal)
+    scenes = {
+        "plane": (plane_mesh(point, normal, 200.0), plane_m, np.isfinite(plane_m) & (plane_m < 50)),
+        "sphere": (sphere_mesh(centre, 1.0, 2000), *sphere_depth(camera, eye, centre, 1.0)),
+        "box": (box_mesh(low, high), *box_depth(camera, eye, low, high)),
+    }
+    errors = {}
+    for name, (mesh, true_m, sure) in scenes.items():
+        with Session(mesh, name, {"": evenly_stamped(eye[None])}, camera, options) as session:
+            depth_m = session.render(0).depth_m
+        both = np.isfinite(true_m) & (depth_m > 0)
+        error = np.abs(np.where(both, depth_m, 1.0) / np.where(both, true_m, 1.0) - 1)
+        off, at = error[sure & both], error[~sure & both]
+        errors[name] = {
+            "max": float(off.max()),
+            "p99": float(np.quantile(off, 0.99)),
+            "edge_max": float(at.max()) if at.size else 0.0,
+            "missed": int((sure & ~both).sum()),
+        }
+    return errors
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

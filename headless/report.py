@@ -1,0 +1,414 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speed against error, measured on this machine: every engine and number of samples, Embree and a peer beside them.
+
+    python headless/report.py [--out DIR] [--rounds N]
+
+Writes report.md, report.json and speed_against_error.png. Each contestant is a process of its own that has loaded its
+scene and waits; in every round each does a few frames in turn, so ratios are taken between neighbours in time. A
+figure is the median of the rounds, and its spread the distance between the quartiles over the median.
+"""
+
+import argparse
+import json
+import platform
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+BENCH = ROOT / "headless" / "bench"
+PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
+
+from bench import errors, pictures, tables
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.handheld import handheld_path
+from noisy_world.core.machine import available_threads, processor_features
+from noisy_world.core.mesh import Mesh
+from noisy_world.core.ply_writer import write_ply
+from noisy_world.core.provenance import package_version
+from noisy_world.core.room import build_room
+
+CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)
+PATH_FRAMES = 24
+ERROR_FRAMES = [0, 16]
+REFERENCE_SAMPLES = 256
+
+TURN_S = 2.0  # a contestant works about as long before the next one does
+STEADY_FRAMES = (20, 200)  # memory is compared between these frames
+CONFIGURATIONS = (
+    ("cycles", 1),
+    ("cycles", 4),
+    ("cycles", 16),
+    ("cycles", 64),
+    ("eevee", 1),
+    ("eevee", 4),
+    ("workbench", 1),
+    ("workbench", 5),
+)
+
+
+class ContestantError(Exception):
+    """A process ended before it answered; the message holds its last words."""
+
+
+class Contestant:
+    """A process that waits for orders."""
+
+    def __init__(self, name: str, command: Sequence[str | Path]) -> None:
+        self.name = name
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        self._process = subprocess.Popen(
+            [str(part) for part in command],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
+            text=True,
+        )
+        self.start = self.answer()
+        self.turns: list[float] = []
+
+    def answer(self) -> dict[str, Any]:
+        """Wait for the next answer. Raises ContestantError where none comes."""
+        for line in self._process.stdout:
+            if line.startswith("@"):
+                return json.loads(line[1:])
+        self._process.wait()
+        self._log.seek(0)
+        words = self._log.read().decode(errors="replace").strip().splitlines()
+        raise ContestantError(f"{self.name}: {words[-1] if words else 'ended without a word'}")
+
+    def send(self, **order: Any) -> None:
+        """Give an order without waiting."""
+        self._process.stdin.write(json.dumps(order) + "\n")
+        self._process.stdin.flush()
+
+    def ask(self, **order: Any) -> dict[str, Any]:
+        """Give an order and wait for the answer."""
+        self.send(**order)
+        return self.answer()
+
+    def take_turn(self, frames: list[int]) -> dict[str, Any]:
+        """Let it work; remember how long a frame took."""
+        answer = self.ask(do="time", frames=frames)
+        self.turns.append(answer["frame_s"])
+        return answer
+
+    def stop(self) -> None:
+        """End the process."""
+        self._process.stdin.close()
+        self._process.wait()
+
+
+@dataclass
+class Row:
+    """What the table says of one engine at one number of samples; times in seconds, memory in bytes."""
+
+    engine: str
+    samples: int
+    frame_s: tables.Spread
+    times_embree: tables.Spread
+    first_frame_s: float
+    loading_s: float
+    peak_bytes: int
+    rgb: dict[str, float]
+    analytic: dict[str, dict[str, float]]
+    cast: dict[str, float]
+
+
+@dataclass
+class Results:
+    """Everything measured; report.json holds it whole."""
+
+    machine: dict[str, Any]
+    rows: list[Row] = field(default_factory=list)
+    others: list[dict[str, Any]] = field(default_factory=list)
+    million: dict[str, Any] = field(default_factory=dict)
+    needs: list[dict[str, Any]] = field(default_factory=list)
+    hard_cases: list[dict[str, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog="report.py", description="Measure speed against error on this machine.")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench", help="where the report goes")
+    parser.add_argument("--rounds", type=int, default=3, help="turns that each contestant takes (default 3)")
+    options = parser.parse_args(arguments)
+    if options.rounds < 1:
+        parser.error("--rounds has to be at least 1")
+    options.out.mkdir(parents=True, exist_ok=True)
+    start_s = time.perf_counter()
+    results = Results(machine())
+    with tempfile.TemporaryDirectory(prefix="noisy-world-bench-") as scratch:
+        work = Path(scratch)
+        tell("the scenes")
+        write_room(work)
+        write_million(work)
+        million_quads(work, results, options.rounds)
+        engines(work, results, options.rounds)
+        needs(work, results, options.rounds)
+        tell("hard cases")
+        cases = Contestant("hard cases", [sys.executable, BENCH / "hard_cases.py"])
+        results.hard_cases = list(cases.start)
+        cases.stop()
+    results.seconds = time.perf_counter() - start_s
+    (options.out / "report.json").write_text(json.dumps(asdict(results), indent=1) + "\n", encoding="utf-8")
+    pictures.draw(results, options.out / "speed_against_error.png")
+    (options.out / "report.md").write_text(tables.markdown(results), encoding="utf-8")
+    print(f"wrote {options.out / 'report.md'} in {results.seconds / 60:.1f} minutes")
+    return 0
+
+
+def tell(what: str) -> None:
+    """Say what goes on."""
+    print(f"[{time.strftime('%H:%M:%S')}] {what}", file=sys.stderr, flush=True)
+
+
+def machine() -> dict[str, Any]:
+    """Describe machine and versions."""
+    import bpy  # noqa: PLC0415
+
+    names = [line.split(":", 1)[1].strip() for line in _cpuinfo() if line.startswith("model name")]
+    return {
+        "processor": names[0] if names else platform.processor() or platform.machine(),
+        "threads": available_threads(),
+        "features": [name for name in processor_features() if name.startswith("AVX")],
+        "system": platform.platform(),
+        "noisy_world": package_version(),
+        "blender": bpy.app.version_string,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+
+
+def _cpuinfo() -> Iterable[str]:
+    path = Path("/proc/cpuinfo")
+    return path.read_text().splitlines() if path.exists() else []
+
+
+# --- scenes ---
+
+
+def write_room(work: Path) -> None:
+    """Write the embedded room as triangles, which every program cuts alike, and a path through it."""
+    room = build_room()
+    write_ply(work / "room.ply", room, triangulate=True)
+    path = handheld_path(room, seed=1, frames=PATH_FRAMES, rate_hz=2.0)
+    np.savetxt(work / "room.txt", path.c2w.reshape(-1, 16), fmt="%.17g")
+
+
+def write_million(work: Path) -> None:
+    """Write a wavy floor of a million quads with a colour of its own at every vertex, and a path over it."""
+    count = 1000
+    grid_m = np.linspace(-3.0, 3.0, count + 1)
+    x, y = np.meshgrid(grid_m, grid_m)
+    vertices_m = np.stack([x, y, 0.2 * np.sin(3 * x) * np.cos(2 * y)], axis=-1).reshape(-1, 3)
+    first = np.arange(count * (count + 1)).reshape(count, count + 1)[:, :-1].ravel()
+    quads = np.stack([first, first + 1, first + count + 2, first + count + 1], axis=-1).astype(np.int32)
+    colours = np.random.default_rng(0).random(vertices_m.shape, dtype=np.float32)
+    starts = np.arange(0, quads.size, 4, dtype=np.int32)
+    write_ply(work / "million.ply", Mesh(vertices_m, colours, quads.ravel(), starts))
+    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (40, 1, 1))  # looking straight down
+    poses[:, :3, 3] = np.stack([0.02 * np.arange(40), np.zeros(40), np.full(40, 2.5)], axis=-1)
+    np.savetxt(work / "million.txt", poses.reshape(-1, 16), fmt="%.17g")
+
+
+def renderer(work: Path, scene: str, name: str, *flags: str, **changes: Any) -> Contestant:
+    """Start our own renderer on a scene. changes: of the preset, by section."""
+    preset = {
+        "scenes": [{"name": scene, "mesh": str(work / f"{scene}.ply"), "trajectory": str(work / f"{scene}.txt")}],
+        **changes,
+    }
+    path = work / f"{name}.yaml"
+    path.write_text(json.dumps(preset))  # JSON is YAML
+    return Contestant(name, [sys.executable, BENCH / "renderer.py", path, work / "out" / name, *flags])
+
+
+def peer(script: str, work: Path, scene: str) -> Contestant:
+    """Start a peer on the same scene."""
+    numbers = (CAMERA.width_px, CAMERA.height_px, CAMERA.fx_px, CAMERA.fy_px, CAMERA.cx_px, CAMERA.cy_px)
+    files = (work / f"{scene}.ply", work / f"{scene}.txt")
+    return Contestant(script, [PEER_PYTHON, BENCH / f"{script}.py", *files, *map(str, numbers)])
+
+
+def peers(work: Path, scene: str, results: Results) -> dict[str, Contestant]:
+    """Start the peers that can be had here; note those that cannot."""
+    there: dict[str, Contestant] = {}
+    for script in ("embree", "pyrender_peer"):
+        if not PEER_PYTHON.exists():
+            results.notes.append("no peers: `make peer-env` needs Python 3.11, which is not here")
+            return {}
+        try:
+            there[script] = peer(script, work, scene)
+        except ContestantError as error:
+            results.notes.append(f"left out: {error}")
+    return there
+
+
+# --- measurements ---
+
+
+def take_turns(contestants: Sequence[Contestant], rounds: int) -> None:
+    """Let each work for about TURN_S, one after another, round after round."""
+    frames = {item.name: 1 for item in contestants}
+    for item in contestants:  # how many frames make a turn; what is slow at its first one needs no other to tell
+        if item.start.get("first_frame_s", 0.0) < TURN_S:
+            frames[item.name] = max(1, round(TURN_S / item.ask(do="time", frames=[0])["frame_s"]))
+    for turn in range(rounds):
+        for item in contestants:
+            start = turn * frames[item.name]
+            item.take_turn(list(range(start, start + frames[item.name])))
+
+
+def million_quads(work: Path, results: Results, rounds: int) -> None:
+    """Time one sample on a million quads, beside bare rays; watch the memory; try two processes of a thread each."""
+    tell("a million quads")
+    ours = renderer(work, "million", "million")
+    embree = peers(work, "million", results).pop("embree", None)
+    resident: dict[int, int] = {}
+    done = 1  # what it has rendered by itself
+    turns = max(8, 2 * rounds)
+    each = -(-(STEADY_FRAMES[1] - done) // turns)
+    for _ in range(turns):
+        if embree:
+            embree.take_turn(list(range(each)))
+        answer = ours.take_turn(list(range(each)))
+        done += each
+        resident[done] = answer["resident_bytes"]
+    early = min(resident, key=lambda frame: abs(frame - STEADY_FRAMES[0]))
+    results.million = {
+        "first_frame_s": ours.start["first_frame_s"],
+        "loading_s": ours.start["loading_s"],
+        "frame_s": asdict(tables.spread(ours.turns)),
+        "embree_s": asdict(tables.spread(embree.turns)) if embree else None,
+        "times_embree": asdict(tables.spread_of_ratios(ours.turns, embree.turns)) if embree else None,
+        "peak_bytes": answer["peak_bytes"],
+        "resident_bytes": resident,
+        "growth": resident[max(resident)] / resident[early] - 1,
+    }
+    results.million["pair"] = asdict(two_processes(work, ours, max(3, rounds)))
+    for item in (ours, embree):
+        if item:
+            item.stop()
+
+
+def two_processes(work: Path, alone: Contestant, rounds: int) -> tables.Spread:
+    """Return the time of a frame from two processes with a thread each, over that of one with two."""
+    pair = [renderer(work, "million", f"million{k}", "--one-thread") for k in range(2)]
+    frames = list(range(8))
+    ratios = []
+    for _ in range(rounds):
+        before = alone.take_turn(frames)["frame_s"]
+        start_s = time.perf_counter()
+        for item in pair:
+            item.send(do="time", frames=frames)
+        for item in pair:
+            item.answer()
+        ratios.append((time.perf_counter() - start_s) / (2 * len(frames)) / before)
+    for item in pair:
+        item.stop()
+    return tables.spread(ratios)
+
+
+def engines(work: Path, results: Results, rounds: int) -> None:
+    """Time every engine and number of samples on the room, then measure their errors."""
+    tell("engines: loading")
+    ours: dict[tuple[str, int], Contestant] = {}
+    for engine, samples in CONFIGURATIONS:
+        try:
+            ours[engine, samples] = renderer(
+                work, "room", f"{engine}{samples}", render={"engine": engine, "samples": samples}
+            )
+        except ContestantError as error:
+            results.notes.append(f"left out: {error}")
+    there = peers(work, "room", results)
+    tell("engines: time")
+    take_turns([*ours.values(), *there.values()], rounds)
+    embree = there.get("embree")
+    for script, item in there.items():
+        results.others.append(
+            {
+                "name": {"embree": "Embree, bare rays (Open3D)", "pyrender_peer": "pyrender"}[script],
+                "frame_s": asdict(tables.spread(item.turns)),
+                "loading_s": item.start["loading_s"],
+            }
+        )
+    tell("engines: errors")
+    truth = work / "truth"
+    truth.mkdir()
+    if embree:
+        embree.ask(do="truth", frames=ERROR_FRAMES, to=str(truth))
+    reference = save_reference(work)
+    for (engine, samples), item in ours.items():
+        folder = work / f"frames-{engine}{samples}"
+        folder.mkdir()
+        item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
+        memory = item.ask(do="time", frames=[0])
+        results.rows.append(
+            Row(
+                engine,
+                samples,
+                tables.spread(item.turns),
+                tables.spread_of_ratios(item.turns, embree.turns) if embree else tables.spread([]),
+                item.start["first_frame_s"],
+                item.start["loading_s"],
+                memory["peak_bytes"],
+                errors.rgb_errors(folder, reference, ERROR_FRAMES),
+                item.ask(do="analytic"),
+                errors.cast_errors(folder, truth, ERROR_FRAMES) if embree else {},
+            )
+        )
+    for item in (*ours.values(), *there.values()):
+        item.stop()
+
+
+def save_reference(work: Path) -> Path:
+    """Render the reference of colour."""
+    folder = work / "reference"
+    folder.mkdir()
+    item = renderer(
+        work, "room", "reference", render={"samples": REFERENCE_SAMPLES}, output={"modalities": ["rgb"]}, seed=1
+    )
+    item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
+    item.stop()
+    return folder
+
+
+def needs(work: Path, results: Results, rounds: int) -> None:
+    """Compare presets that ask for less with one that has everything on."""
+    tell("only what a scene needs")
+    contestants = {
+        "clean: colour and depth": renderer(work, "room", "clean"),
+        "depth only": renderer(work, "room", "depth", output={"modalities": ["depth"]}),
+        "colour only": renderer(work, "room", "colour", output={"modalities": ["rgb"]}),
+        "everything on": renderer(work, "room", "all", "--all-on", render={"samples": 4}),
+    }
+    take_turns(list(contestants.values()), 2 * rounds)
+    full = contestants["everything on"]
+    for name, item in contestants.items():
+        results.needs.append(
+            {
+                "name": name,
+                "samples": 4 if item is full else 1,
+                **{key: item.start[key] for key in ("passes", "lights", "bounces", "libraries", "first_frame_s")},
+                "peak_bytes": item.ask(do="time", frames=[0])["peak_bytes"],
+                "frame_s": asdict(tables.spread(item.turns)),
+                "of_clean": asdict(tables.spread_of_ratios(item.turns, contestants["clean: colour and depth"].turns)),
+                "of_everything": asdict(tables.spread_of_ratios(item.turns, full.turns)),
+            }
+        )
+    for item in contestants.values():
+        item.stop()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
