@@ -59,11 +59,8 @@ def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArra
     padded = cv2.copyMakeBorder(image, *margins, cv2.BORDER_REPLICATE)
     total: NDArray[np.float32] | None = None
     for row, column, piece in pieces:
-        first_row, first_column = margins[0] + row - middle, margins[2] + column - middle
-        part = padded[
-            first_row : first_row + height + piece.shape[0] - 1,
-            first_column : first_column + width + piece.shape[1] - 1,
-        ]
+        y, x = margins[0] + row - middle, margins[2] + column - middle
+        part = padded[y : y + height + piece.shape[0] - 1, x : x + width + piece.shape[1] - 1]
         result = cv2.filter2D(part, -1, piece, anchor=(0, 0))[:height, :width]
         total = result if total is None else np.add(total, result, out=total)
     assert total is not None

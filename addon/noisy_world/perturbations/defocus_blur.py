@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
-from ._kernels import correlate, disk_kernel
+from ._kernels import disk_kernel
 
 _kernel = lru_cache(maxsize=8)(disk_kernel)
 
@@ -28,9 +28,12 @@ class DefocusBlur:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _frame: Frame) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
-    return correlate(rgb, _kernel(parameters.radius_px, parameters.alias_sigma_px))
+    import cv2
+
+    kernel = _kernel(parameters.radius_px, parameters.alias_sigma_px)
+    return cv2.filter2D(rgb, -1, kernel, borderType=cv2.BORDER_REPLICATE)
 
 
 PERTURBATION = Perturbation(

@@ -13,7 +13,7 @@ from . import _ice
 
 @dataclass(frozen=True)
 class Frost:
-    """intensity * image + influence * ice, as ImageNet-C; the ice is drawn, one of five pictures for each frame.
+    """intensity * image + influence * ice, as ImageNet-C; the ice is drawn, a picture picked for each frame.
 
     The picture is cropped at random, enlarged only where a frame is larger than it, and never squashed.
     """
@@ -21,7 +21,7 @@ class Frost:
     intensity: float = key("share of the image that is left", default=0.7, minimum=0, maximum=2)
     influence: float = key("share of the ice that is added", default=0.7, minimum=0, maximum=2)
     creep_px: float = key(
-        "with temporal: drift, how far the ice creeps a frame, to and fro",
+        "drift: how far the ice creeps a frame, to and fro",
         default=0.5,
         unit="px",
         minimum=0,
@@ -42,7 +42,7 @@ def _crop(size: tuple[int, int], parameters: Frost, frame: Frame) -> NDArray[np.
     import cv2
 
     generator = frame.pattern_stream()
-    picture = _ice.ice(int(generator.integers(_ice.PICTURES)))
+    picture = _ice.ice(int(generator.choice(_ice.EQUALLY_OFTEN)))
     start, angle = generator.random(2), generator.uniform(0, 2 * np.pi)
     # A tenth is left for the crop to move in, as ImageNet-C does.
     scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)

@@ -18,7 +18,7 @@ class GaussianBlur:
     sigma_px: float = key("standard deviation of the kernel", default=3.0, unit="px", minimum=0, maximum=50)
 
 
-def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, _frame: Frame) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
     return gaussian(rgb, parameters.sigma_px)
 

@@ -25,7 +25,7 @@ class GlassBlur:
     sigma_px: float = key(
         "standard deviation of the blur before and after", default=1.0, unit="px", minimum=0, maximum=20
     )
-    max_delta_px: int = key("how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=16)
+    max_delta_px: int = key("how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=10)
     iterations: int = key("how many times", default=3, minimum=0, maximum=20)
 
 

@@ -26,12 +26,8 @@ class Snow:
     threshold: float = key("what is darker than this is no flake", default=0.9, minimum=-1, maximum=2)
     blur_radius_px: int = key("a streak has 2 radius + 1 pixels", default=12, unit="px", minimum=0, maximum=100)
     blur_sigma_px: float = key("standard deviation of its weights", default=8.0, unit="px", above=0, maximum=200)
-    blending_ratio: float = key(
-        "share of the image; the rest is its whitened version", default=0.7, minimum=0, maximum=1
-    )
-    fall_px: float = key(
-        "with temporal: drift, how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000
-    )
+    blending_ratio: float = key("share of the image, the rest being whitened", default=0.7, minimum=0, maximum=1)
+    fall_px: float = key("drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000)
 
 
 def apply(rgb: NDArray[np.float32], parameters: Snow, frame: Frame) -> NDArray[np.float32]:

@@ -36,9 +36,7 @@ class Spatter:
         maximum=50,
     )
     complexity: int = key("0 is water, 1 is mud", default=0, minimum=0, maximum=1)
-    run_px: float = key(
-        "with temporal: drift, how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000
-    )
+    run_px: float = key("drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000)
 
 
 def apply(rgb: NDArray[np.float32], parameters: Spatter, frame: Frame) -> NDArray[np.float32]:
@@ -91,7 +89,7 @@ def _water(layer: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the drops' brightness: their own, times a relief of the distance to their rims."""
     import cv2
 
-    drops = np.floor(np.clip(layer, 0.0, 1.0) * np.float32(255)).astype(np.uint8)
+    drops = np.minimum(layer * np.float32(255), np.float32(255)).astype(np.uint8)
     distance = cv2.distanceTransform(255 - cv2.Canny(drops, 50, 150), cv2.DIST_L2, 5)
     np.minimum(distance, np.float32(_FAR_PX), out=distance)
     relief = cv2.equalizeHist(cv2.blur(distance, (3, 3)).astype(np.uint8))
