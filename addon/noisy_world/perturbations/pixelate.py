@@ -55,11 +55,17 @@ class _Blocks:
     @staticmethod
     @lru_cache(maxsize=8)
     def along(pixels: int, factor: float) -> "_Blocks":
-        """Divide a side: a pixel belongs to the block that its centre lies in, on a border to the first."""
+        """Divide a side: a pixel belongs to the block that its centre lies in, on a border to the first.
+
+        Which one it shows there is left to float64's rounding, as in PIL, which steps from centre to centre: at a
+        factor of 0.4 that is every fifth pixel, and going always one way is 0.5 or 1.2 dB away from ImageNet-C.
+        """
         blocks = max(int(pixels * factor), 1)
-        ends = (2 * np.arange(blocks + 1) * pixels + blocks) // (2 * blocks)
-        shown = (2 * np.arange(pixels) + 1) * blocks // (2 * pixels)
-        return _Blocks(ends[:-1], np.diff(ends), shown)
+        owner = ((2 * np.arange(pixels) + 1) * blocks - 1) // (2 * pixels)
+        steps = np.full(pixels, blocks / pixels)
+        steps[0] /= 2
+        shown = np.minimum(np.cumsum(steps).astype(np.int64), blocks - 1)
+        return _Blocks(np.searchsorted(owner, np.arange(blocks)), np.bincount(owner), shown)
 
 
 def _sums[T: np.generic](image: NDArray[T], rows: _Blocks, columns: _Blocks, dtype: DTypeLike) -> NDArray[T]:
