@@ -35,21 +35,32 @@ def apply(rgb: NDArray[np.float32], parameters: GlassBlur, frame: Frame) -> NDAr
 
     image = gaussian(rgb, parameters.sigma_px)
     if parameters.max_delta_px:
-        generator = frame.pattern_stream()
+        generator, taken = frame.pattern_stream(), np.empty_like(image)
         for _ in range(parameters.iterations):
             places = _places(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
-            image = cv2.remap(image, places, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+            taken = cv2.remap(image, places, None, cv2.INTER_NEAREST, dst=taken, borderMode=cv2.BORDER_REPLICATE)
+            image, taken = taken, image
     return gaussian(image, parameters.sigma_px)
 
 
 def _places(height: int, width: int, delta: int, generator: np.random.Generator) -> NDArray[np.int16]:
     """Return (H, W, 2) columns and rows: where each pixel is taken from."""
-    choice = generator.integers(0, 65536, (height, width), dtype=np.uint16)
+    count = height * width
+    choice = generator.bit_generator.random_raw((count + 3) // 4).view(np.uint16)[:count]
     # One look-up of 32 bits fetches the column and the row.
-    places = np.take(_offsets(delta), choice).view(np.int16).reshape(height, width, 2)
-    places[..., 0] += np.arange(width, dtype=np.int16)
-    places[..., 1] += np.arange(height, dtype=np.int16)[:, None]
+    places = np.take(_offsets(delta), choice, mode="clip").view(np.int16).reshape(height, width, 2)
+    places += _grid(height, width)
     return places
+
+
+@lru_cache(maxsize=2)
+def _grid(height: int, width: int) -> NDArray[np.int16]:
+    """Return (H, W, 2): each pixel's own column and row; read-only."""
+    grid = np.empty((height, width, 2), dtype=np.int16)
+    grid[..., 0] = np.arange(width)
+    grid[..., 1] = np.arange(height)[:, None]
+    grid.flags.writeable = False
+    return grid
 
 
 @lru_cache(maxsize=8)

@@ -45,7 +45,7 @@ def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
     grey += np.float32(0.5)
     white = three_channels(grey)
     np.maximum(white, rgb, out=white)
-    return cv2.addWeighted(rgb, ratio, white, 1 - ratio, 0.0)
+    return cv2.addWeighted(rgb, ratio, white, 1 - ratio, 0.0, dst=white)
 
 
 def _flakes(size: tuple[int, int], parameters: Snow, frame: Frame) -> NDArray[np.float32]:

@@ -46,9 +46,14 @@ def apply(rgb: NDArray[np.float32], parameters: Spatter, frame: Frame) -> NDArra
         cover = torus_window(cover, rgb.shape[:2], start=(-frame.drift_frames * parameters.run_px, 0.0))
     if not cover.any():
         return rgb.copy()
-    if parameters.complexity:
-        return rgb * three_channels(1 - cover) + _tinted(cover, _MUD_RGB)
-    return rgb + _tinted(cover, _WATER_RGB)
+    spattered = _tinted(cover, _MUD_RGB if parameters.complexity else _WATER_RGB)
+    if not parameters.complexity:
+        spattered += rgb
+        return spattered
+    left = three_channels(1 - cover)
+    left *= rgb
+    left += spattered
+    return left
 
 
 def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray[np.float32]:
