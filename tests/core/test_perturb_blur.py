@@ -95,24 +95,35 @@ def test_gaussian_blur_is_a_gaussian_cut_at_four_sigma(size, sigma):
 def test_defocus_blur_is_a_softened_disk(size, radius, alias):
     inside = [(y, x) for y in range(-5, 6) for x in range(-5, 6) if y * y + x * x <= radius**2]
     soft = {k: math.exp(-(k**2) / (2 * alias**2)) if alias else float(k == 0) for k in range(-2, 3)}
-    taps = Counter()
-    for y, x in inside:
-        for (down, above), (right, beside) in itertools.product(soft.items(), repeat=2):
-            taps[y + down, x + right] += above * beside / sum(soft.values()) ** 2 / len(inside)
+    softening = {
+        (down, right): above * beside / sum(soft.values()) ** 2
+        for (down, above), (right, beside) in itertools.product(soft.items(), repeat=2)
+    }
+    expected = correlated(correlated(picture(size), softening), dict.fromkeys(inside, 1 / len(inside)))
     result = run("defocus_blur", picture(size), radius_px=radius, alias_sigma_px=alias)
-    assert np.abs(result - correlated(picture(size), taps)).max() < 1e-5
+    assert np.abs(result - expected).max() < 1e-5
 
 
 @pytest.mark.parametrize("radius", [3, 4, 6, 8, 10])
 def test_the_disk_keeps_the_light_and_has_a_disks_spread(radius):
-    kernel = disk_kernel(radius, 0.5).astype(np.float64)
-    offsets = np.arange(kernel.shape[0]) - kernel.shape[0] // 2
-    assert kernel.sum() == pytest.approx(1, abs=1e-6)
-    assert kernel[0].max() < 1e-3 * kernel.max()  # nothing is cut off at the kernel's edge
+    point = np.zeros((61, 61, 3), dtype=np.float32)
+    point[30, 30] = 1
+    kernel = run("defocus_blur", point, radius_px=float(radius), alias_sigma_px=0.5)[..., 1].astype(np.float64)
+    offsets = np.arange(-30, 31)
+    assert kernel.sum() == pytest.approx(1, abs=1e-5)
     # Of a disk r^2 / 4, of the Gaussian sigma^2; the raster's disk differs from the round one by a few percent.
     assert (kernel.sum(axis=0) * offsets**2).sum() == pytest.approx(radius**2 / 4 + 0.25, rel=0.08)
-    assert np.array_equal(kernel, kernel.T)
-    assert np.array_equal(kernel, kernel[::-1])
+    assert np.abs(kernel - kernel.T).max() < 1e-6
+    assert np.abs(kernel - kernel[::-1]).max() < 1e-6
+    assert disk_kernel(radius).sum(dtype=np.float64) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [5, 15, 21])
+def test_a_dense_kernel_is_correlated_as_a_sparse_one(size):
+    kernel = np.random.default_rng(size).random((size, size), dtype=np.float32) / size**2
+    middle = size // 2
+    taps = {(y - middle, x - middle): float(weight) for (y, x), weight in np.ndenumerate(kernel)}
+    assert np.abs(correlate(picture((11, 9)), kernel) - correlated(picture((11, 9)), taps)).max() < 1e-5
 
 
 def trail(radius, sigma, angle_deg):

@@ -2,16 +2,13 @@
 """Defocus blur: the scene out of focus."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
-from ._kernels import disk_kernel
-
-_kernel = lru_cache(maxsize=8)(disk_kernel)
+from ._kernels import correlate, disk_kernel, gaussian
 
 
 @dataclass(frozen=True)
@@ -19,7 +16,7 @@ class DefocusBlur:
     """Convolution with a softened disk, the border replicated, as ImageNet-C.
 
     The kernel's sum is 1 at every radius: ImageNet-C softens its disk of radius 8 and 10 against the kernel's edge and
-    brightens the frame by 1 %.
+    brightens the frame by 1 %. Here the frame is softened instead of the disk, which is the same and faster.
     """
 
     radius_px: float = key("radius of the circle of confusion", default=6.0, unit="px", minimum=0, maximum=50)
@@ -30,10 +27,8 @@ class DefocusBlur:
 
 def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _frame: Frame) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
-    import cv2
-
-    kernel = _kernel(parameters.radius_px, parameters.alias_sigma_px)
-    return cv2.filter2D(rgb, -1, kernel, borderType=cv2.BORDER_REPLICATE)
+    softened = gaussian(rgb, parameters.alias_sigma_px)
+    return correlate(softened, disk_kernel(parameters.radius_px))
 
 
 PERTURBATION = Perturbation(
