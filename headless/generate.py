@@ -16,6 +16,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 from typing import IO, TYPE_CHECKING
@@ -31,6 +32,7 @@ NEEDED = {
     "bpy": "bpy",
 }
 INTERRUPTED = 130
+KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
 
 if TYPE_CHECKING:
     from noisy_world.core.plan import Plan
@@ -42,7 +44,7 @@ def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     prepare_imports()
     options = parse_arguments(arguments)
-    if problem := missing_package():
+    if problem := missing_package([name for name in NEEDED if name != "bpy"]):
         return fail(problem)
     from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415 - found just now
 
@@ -70,9 +72,9 @@ def inside_blender() -> bool:
     return bpy is not None and bool(bpy.app.binary_path)
 
 
-def missing_package() -> str:
+def missing_package(names: Sequence[str]) -> str:
     """Say which package cannot be had and the command that gets it; nothing where all are there."""
-    missing = [name for name in NEEDED if name not in sys.modules and importlib.util.find_spec(name) is None]
+    missing = [name for name in names if name not in sys.modules and importlib.util.find_spec(name) is None]
     if missing:
         packages = ", ".join(NEEDED[name] for name in missing)
         python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
@@ -131,9 +133,9 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         metavar="WHAT",
         nargs="?",
         const="sequences",
-        choices=["keys", "presets", "scenes", "settings", "sequences"],
-        help="list keys (all that a preset may say), presets (those shipped), or this preset's scenes, settings or "
-        "sequences (default), and do nothing",
+        choices=[*KNOWN, "scenes", "settings", "sequences"],
+        help="list keys (all that a preset may say), perturbations (with their parameters and severities), presets "
+        "(those shipped), or this preset's scenes, settings or sequences (default), and do nothing",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
     parser.add_argument("--worker", metavar="K", type=int, help=argparse.SUPPRESS)
@@ -141,7 +143,7 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
         options.preset = Path(options.overrides.pop())  # a preset behind --set is no override
-    if options.preset is None and options.list not in ("keys", "presets"):
+    if options.preset is None and options.list not in KNOWN:
         parser.error("name a preset, presets/demo.yaml for instance")
     return options
 
@@ -165,11 +167,12 @@ def run(options: argparse.Namespace) -> int:
     """Do what the command line asks."""
     from noisy_world.core.plan import make_plan  # noqa: PLC0415
     from noisy_world.core.preset import read_preset  # noqa: PLC0415
+    from noisy_world.perturbations import registry  # noqa: PLC0415
 
-    if options.list in ("keys", "presets"):
+    if options.list in KNOWN:
         return list_known(options.list)
     preset = read_preset(options.preset, options.overrides)
-    plan = make_plan(preset, options.frames)
+    plan = make_plan(preset, options.frames, registry())
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
@@ -193,6 +196,8 @@ def list_known(what: str) -> int:
         for path in sorted((ROOT / "presets").glob("*.yaml")):
             print(path.relative_to(ROOT))
         return 0
+    if what == "perturbations":
+        return list_perturbations()
     rows = list(list_keys(PresetSpec))
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
@@ -200,14 +205,29 @@ def list_known(what: str) -> int:
     return 0
 
 
+def list_perturbations() -> int:
+    """List every perturbation with its parameters, their ranges and their values at severities 1 to 5."""
+    from noisy_world.core.schema import list_keys  # noqa: PLC0415
+    from noisy_world.perturbations import registry  # noqa: PLC0415
+
+    for item in registry().values():
+        print(f"{item.name}  ({item.category}; {item.label})")
+        for name, meaning in list_keys(item.parameters):
+            levels = item.severities.get(name)
+            at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""
+            print(f"    {name}: {meaning}{at}")
+    return 0
+
+
 def list_plan(plan: "Plan", what: str) -> int:
     """List what a preset holds."""
     if what == "scenes":
         for render in plan.renders:
-            source = render.scene.mesh_path or render.scene.spec.mesh
-            print(f"{render.scene.name}  {len(render.frames)} frames  {source}")
+            scene = render.scene
+            source = scene.existing.folder if scene.existing else scene.mesh_path or scene.spec.mesh
+            print(f"{render.name}  {len(render.frames)} frames  {source}")
     elif what == "settings":
-        for setting in plan.preset.spec.settings:
+        for setting in plan.settings:
             print(setting.name)
     else:
         for sequence in plan.sequences:
@@ -226,8 +246,8 @@ def print_plan(plan: "Plan", out: Path) -> int:
     print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:
-        settings = ", ".join(sequence.setting for sequence in render.sequences)
-        print(f"  {render.scene.name}: {len(render.frames)} frames, settings {settings}")
+        settings = ", ".join(sequence.setting.name for sequence in render.sequences)
+        print(f"  {render.name}: {len(render.frames)} frames, settings {settings}")
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
     print(f"estimate   {guess.bytes_written / 1e6:.0f} MB, {duration(guess.seconds)} on two cores (rough)")
     return 0
@@ -247,7 +267,7 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
     from noisy_world.pipeline import Run  # noqa: PLC0415
     from workers import run_workers  # noqa: PLC0415
 
-    if problem := blender_problem():
+    if plan.needs_blender and (problem := missing_package(["bpy"]) or blender_problem()):
         return fail(problem)
     out = out_folder(options)
     # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.

@@ -4,34 +4,28 @@
 import shutil
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord, Journal
+from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord
 from .core.errors import InterruptedRunError
-from .core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
 from .core.machine import available_threads, peak_memory_bytes
 from .core.mesh import Mesh
 from .core.overview import draw_overview
-from .core.plan import Plan, Render, Sequence, estimate, load_mesh, load_trajectory, sensor_trajectories
+from .core.plan import Plan, Render, Sequence, estimate, load_mesh, render_trajectories, written_trajectories
 from .core.preset import canonical
 from .core.progress import Progress
 from .core.provenance import identity, manifest, render_seed
 from .core.selfcheck import reprojection_problem
 from .core.trajectory import Trajectory
+from .frame_writer import FrameWriter, SourceFrame
 
 if TYPE_CHECKING:
     from .blender.session import RenderOptions
-
-# Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
-WAITING_FRAMES = 3
-ENCODERS = 2
 
 
 @dataclass
@@ -65,7 +59,7 @@ class Report:
 
 
 type Work = dict[str, list[int]]
-"""Frames to be rendered, by scene."""
+"""Frames to be rendered, by the name of the render."""
 
 type Workers = Callable[[list[Work], Progress], Report]
 """Runs each of several pieces of work in a process of its own and returns when all are done."""
@@ -105,11 +99,8 @@ class Run:
         Raises InterruptedRunError when stopped, StorageError when the disk refuses; what is finished stays, and the
         same run again goes on from there.
         """
-        from .blender.session import renderer_versions
-
         start_s = time.perf_counter()
-        render = self._plan.preset.spec.render
-        who = identity(self._plan, renderer_versions(render.engine, render.device))
+        who = identity(self._plan, self._renderer_versions())
         self._dataset.open(who, overwrite=self._overwrite)
         try:
             if self._dataset.holds_frames():
@@ -132,6 +123,15 @@ class Run:
             self._dataset.close()
         return self.report
 
+    def _renderer_versions(self) -> dict[str, str]:
+        """Ask Blender for its versions, where anything is rendered."""
+        if not self._plan.needs_blender:
+            return {}
+        from .blender.session import renderer_versions
+
+        render = self._plan.preset.spec.render
+        return renderer_versions(render.engine, render.device)
+
     def take_part(self, work: Work, worker: int) -> Report:
         """Render a piece of the work of a run that another process has opened."""
         self._dataset.join()
@@ -139,14 +139,22 @@ class Run:
         return self.report
 
     def _missing(self) -> Work:
-        """Find what is to be rendered: frames that some sequence does not have."""
+        """Find what is to be rendered: frames that some sequence needs for a file it does not have."""
         work: Work = {}
+        layout = self._dataset.layout
         for render in self._plan.renders:
-            finished = [self._dataset.take_stock(sequence.folder) for sequence in render.sequences]
-            frames = [frame for frame in render.frames if not all(frame in there for there in finished)]
-            self.report.frames_kept += len(render.frames) - len(frames)
-            if frames:
-                work[render.scene.name] = frames
+            missing: set[int] = set()
+            for sequence in render.sequences:
+                there = self._dataset.take_stock(sequence.folder)
+                for frame in sequence.frames:
+                    lacking = layout.names(frame) - there.get(frame, set())
+                    if layout.rgb_name(frame) in lacking:
+                        missing.add(sequence.rgb_source(frame))
+                    if layout.depth_name(frame) in lacking:
+                        missing.add(sequence.depth_source(frame))
+            self.report.frames_kept += len(render.frames) - len(missing)
+            if missing:
+                work[render.name] = sorted(missing)
         return work
 
     def _warn_of_space(self, missing_frames: int) -> None:
@@ -163,22 +171,26 @@ class Run:
 
     def _render(self, work: Work, worker: int) -> None:
         for render in self._plan.renders:
-            frames = work.get(render.scene.name)
-            if frames:
+            frames = work.get(render.name)
+            if not frames:
+                continue
+            if render.scene.existing is not None:
+                self._read_sequence(render, frames, worker)
+            else:
                 self._render_scene(render, frames, worker)
 
     def _render_scene(self, render: Render, frames: list[int], worker: int) -> None:
         from .blender.session import Session
 
         start_s = time.perf_counter()
-        name = render.scene.name
+        name = render.name
         mesh = load_mesh(render.scene)
         for note in mesh.notes:
-            self._note(f"{name}: {note}")
-        trajectories = sensor_trajectories(self._plan, load_trajectory(self._plan, render.scene, mesh))
+            self._note(f"{render.scene.name}: {note}")
+        trajectories = render_trajectories(self._plan, render, mesh)
         self._trajectories[name] = trajectories
         options = render_options(self._plan, self._jobs)
-        with Session(mesh, name, trajectories, self._plan.camera, options) as session:
+        with Session(mesh, render.scene.name, trajectories, self._plan.camera, options) as session:
             if session.origin_m.any():
                 where = ", ".join(f"{value:g}" for value in session.origin_m)
                 self._note(f"{name}: far from the origin, so rendered around ({where}) m; poses stay as given")
@@ -191,17 +203,32 @@ class Run:
             if first.depth_m is not None:
                 self._check_first_frame(f"{name}: frame {frames[0]}", mesh, eye.c2w[frames[0]], first.depth_m)
             del mesh  # one frame tells, and the memory is free
-            with FrameWriter(self._dataset, render.sequences, worker) as writer:
-                for frame in frames:
-                    if self._stop.is_set():
-                        break
-                    rendered = first if frame == frames[0] else session.render(frame)
-                    time_s = float(trajectories[""].stamps_s[frame])
-                    self._count(writer.submit(frame, time_s, rendered.rgb, rendered.depth_m))
-                self._count(writer.drain())
+            self._write_frames(
+                render, frames, worker, lambda frame: first if frame == frames[0] else session.render(frame)
+            )
             self.report.rendering_s += time.perf_counter() - loaded_s
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
+
+    def _read_sequence(self, render: Render, frames: list[int], worker: int) -> None:
+        """Take the frames of a sequence that exists."""
+        assert render.scene.existing is not None
+        start_s = time.perf_counter()
+        self._write_frames(render, frames, worker, render.scene.existing.frame)
+        self.report.rendering_s += time.perf_counter() - start_s
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
+
+    def _write_frames(
+        self, render: Render, frames: list[int], worker: int, source: Callable[[int], SourceFrame]
+    ) -> None:
+        stamps_s = self._trajectories_of(render)[""].stamps_s
+        with FrameWriter(self._dataset, render.sequences, worker, stamps_s) as writer:
+            for frame in frames:
+                if self._stop.is_set():
+                    break
+                self._count(writer.submit(frame, source(frame)))
+            self._count(writer.drain())
 
     def _check_first_frame(self, where: str, mesh: Mesh, c2w: np.ndarray, depth_m: np.ndarray) -> None:
         """Say what looks wrong with the first frame, while there is time to stop."""
@@ -226,15 +253,14 @@ class Run:
         for render in self._plan.renders:
             trajectories = self._trajectories_of(render)
             for sequence in render.sequences:
-                records = self._dataset.records(sequence.folder)
-                if lost := [frame for frame in render.frames if frame not in records]:
-                    raise RuntimeError(f"{sequence.folder}: {len(lost)} frames were not made, {lost[0]} the first")
-                texts = self._plan.layout.sequence_texts(list(records), dict(trajectories))
+                records = self._finished_frames(sequence)
+                written = written_trajectories(self._plan, render, sequence, trajectories)
+                texts = self._plan.layout.sequence_texts(list(records), written)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 if with_overview:
                     pictured[sequence.folder] = list(records)
-        for setting in self._plan.preset.spec.settings:
+        for setting in self._plan.settings:
             for name, text in self._plan.layout.setting_texts(self._plan.camera).items():
                 path = f"{setting.name}/{name}"
                 files[path] = self._dataset.write_text(path, text)
@@ -243,11 +269,20 @@ class Run:
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         self._dataset.write_text("manifest.json", canonical(manifest(self._plan, who, files, counts)))
 
+    def _finished_frames(self, sequence: Sequence) -> dict[int, FrameRecord]:
+        """Return the whole frames of a sequence, those of earlier runs too, and remove what is there in part."""
+        layout = self._plan.layout
+        records = self._dataset.records(sequence.folder)
+        whole = {frame: record for frame, record in records.items() if set(record.files) >= layout.names(frame)}
+        if lost := [frame for frame in sequence.frames if frame not in whole]:
+            raise RuntimeError(f"{sequence.folder}: {len(lost)} frames were not made, {lost[0]} the first")
+        self._dataset.drop_frames(sequence.folder, [records[frame] for frame in records.keys() - whole.keys()])
+        return whole
+
     def _trajectories_of(self, render: Render) -> Mapping[str, Trajectory]:
-        scene = render.scene
-        if scene.name not in self._trajectories:
-            self._trajectories[scene.name] = sensor_trajectories(self._plan, load_trajectory(self._plan, scene))
-        return self._trajectories[scene.name]
+        if render.name not in self._trajectories:
+            self._trajectories[render.name] = render_trajectories(self._plan, render)
+        return self._trajectories[render.name]
 
 
 def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
@@ -266,61 +301,6 @@ def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
         depth="depth" in spec.output.modalities,
         threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
     )
-
-
-class FrameWriter:
-    """Encodes and writes frames in threads beside the rendering, in as many places as have the same pixels."""
-
-    def __init__(self, dataset: Dataset, sequences: tuple[Sequence, ...], worker: int) -> None:
-        self._dataset = dataset
-        self._folders = [sequence.folder for sequence in sequences]
-        self._journals: list[Journal] = [dataset.journal(folder, worker) for folder in self._folders]
-        self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
-        self._waiting: deque[Future[None]] = deque()
-        self._lock = threading.Lock()
-
-    def submit(self, frame: int, time_s: float, rgb: np.ndarray | None, depth_m: np.ndarray | None) -> int:
-        """Hand over a frame; wait while too many wait. Return how many frames were finished meanwhile.
-
-        Raises what went wrong with an earlier frame.
-        """
-        self._waiting.append(self._pool.submit(self._write, frame, time_s, rgb, depth_m))
-        finished = 0
-        while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
-            self._waiting.popleft().result()
-            finished += 1
-        return finished
-
-    def drain(self) -> int:
-        """Wait for all; return how many were finished."""
-        finished = len(self._waiting)
-        while self._waiting:
-            self._waiting.popleft().result()
-        return finished
-
-    def _write(self, frame: int, time_s: float, rgb: np.ndarray | None, depth_m: np.ndarray | None) -> None:
-        layout = self._dataset.layout
-        files: dict[str, bytes] = {}
-        if rgb is not None:
-            files[layout.rgb_name(frame)] = encode_rgb(rgb_bytes(rgb), layout.image)
-        if depth_m is not None:
-            files[layout.depth_name(frame)] = encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m))
-        first, *others = self._folders
-        record = FrameRecord(frame, time_s, self._dataset.write_frame(first, files))
-        for folder in others:
-            self._dataset.share_frame(first, folder, files)
-        with self._lock:
-            for journal in self._journals:
-                journal.append(record)
-
-    def __enter__(self) -> "FrameWriter":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        # What waits is let go where an error ends the run: the next run makes it again.
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        for journal in self._journals:
-            journal.close()
 
 
 def split_work(work: Work, parts: int) -> list[Work]:

@@ -23,18 +23,19 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
     from noisy_world.core.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.plan import load_mesh, load_trajectory, make_plan, sensor_trajectories  # noqa: PLC0415
+    from noisy_world.core.plan import load_mesh, make_plan, render_trajectories  # noqa: PLC0415
     from noisy_world.core.preset import read_preset  # noqa: PLC0415
 
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]
     imported_s = time.perf_counter()
     from noisy_world.blender.session import Session  # noqa: PLC0415
-    from noisy_world.pipeline import FrameWriter, render_options  # noqa: PLC0415
+    from noisy_world.frame_writer import FrameWriter  # noqa: PLC0415
+    from noisy_world.pipeline import render_options  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s
     mesh = load_mesh(render.scene)
-    trajectories = sensor_trajectories(plan, load_trajectory(plan, render.scene, mesh))
+    trajectories = render_trajectories(plan, render, mesh)
     options = render_options(plan, jobs=2 if "--one-thread" in flags else 1)
     dataset = Dataset(Path(out), plan.layout)
     dataset.open({"bench": preset_path}, overwrite=True)
@@ -48,10 +49,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> float:
             """Render and write; return seconds a frame."""
             start_s = time.perf_counter()
-            with FrameWriter(dataset, render.sequences, 0) as writer:
+            with FrameWriter(dataset, render.sequences, 0, trajectories[""].stamps_s) as writer:
                 for frame in frames:
-                    done = session.render(frame % frame_count)
-                    writer.submit(frame % frame_count, 0.0, done.rgb, done.depth_m)
+                    writer.submit(frame % frame_count, session.render(frame % frame_count))
                 writer.drain()
             return (time.perf_counter() - start_s) / len(frames)
 

@@ -14,6 +14,7 @@ class RenderOptions:
     samples: int
     seed: int
     engine: str = "cycles"
+    device: str = "cpu"
     rgb: bool = True
     depth: bool = True
     threads: int = 0

@@ -7,10 +7,16 @@ from worlds import ROOT, write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.plan import make_plan
+from noisy_world.perturbations import registry
 from noisy_world.core.preset import PresetSpec, read_preset
 from noisy_world.core.schema import list_keys
 
 MINIMAL = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"
+
+
+def perturbed(text, *, bare=False):
+    inside = f"{{{text}}}" if bare else f"[{{{text}}}]"
+    return MINIMAL + f"settings: [{{name: a, perturb: {inside}}}]\n"
 
 
 @pytest.fixture
@@ -47,7 +53,7 @@ def test_shipped_presets_are_valid():
         (MINIMAL + "render: {samples: 2.5}\n", ["render.samples", "the number 2.5", "whole number"]),
         (MINIMAL + "render: {samples: true}\n", ["render.samples", "the truth value true"]),
         (MINIMAL + "render: {samples: -1}\n", ["render.samples", "out of range", "1 to 65536"]),
-        (MINIMAL + "render: [1]\n", ["render", "a list", "mapping of engine, device, samples"]),
+        (MINIMAL + "render: [1]\n", ["render", "a list", "mapping of engine, backend, device, samples"]),
         (MINIMAL + "seed: -1\n", ["seed", "out of range"]),
         (MINIMAL + "seed: .nan\n", ["seed", "whole number"]),
         (MINIMAL + "camera: {width: 10}\n", ["camera.height", "is missing"]),
@@ -82,12 +88,35 @@ def test_shipped_presets_are_valid():
         ("seed: !!python/object/apply:os.system ['true']\n" + MINIMAL, ["line 1", "YAML"]),
         ("a: \x07\n", ["YAML"]),
         (MINIMAL + "1: 2\n", ["unknown key '1'"]),
+        ("scenes: [{trajectory: b.txt}]\n", ["scenes.0", "either mesh or sequence"]),
+        ("scenes: [{sequence: a, trajectory: b.txt}]\n", ["scenes.0.trajectory", "goes with mesh"]),
+        (MINIMAL + "settings: [{}]\n", ["settings.0", "either name or sweep"]),
+        (perturbed("fog: {severity: 3}", bare=True), ["settings.0.perturb", "has to be a list"]),
+        (perturbed("fogg: {severity: 3}"), ["settings.0.perturb.0", "unknown perturbation 'fogg'", "'fog'"]),
+        (perturbed("fog: {severty: 3}"), ["settings.0.perturb.0.fog.severty", "did you mean 'severity'"]),
+        (perturbed("fog: {severity: 0.5}"), ["settings.0.perturb.0.fog.severity", "0.5", "0, or 1 to 5"]),
+        (perturbed("fog: {severity: 6}"), ["settings.0.perturb.0.fog.severity", "out of range"]),
+        (perturbed("fog: {severity: true}"), ["settings.0.perturb.0.fog.severity", "truth value"]),
+        (perturbed("fog: 3"), ["settings.0.perturb.0.fog", "has to be a mapping"]),
+        (perturbed("fog: {mode: wild}"), ["settings.0.perturb.0.fog.mode", "static or dynamic"]),
+        (perturbed("fog: {severity: 2.5, mode: dynamic}"), ["settings.0.perturb.0.fog.severity", "whole"]),
+        (perturbed("fog: {levels: [1, 2]}"), ["settings.0.perturb.0.fog.levels", "mode: dynamic"]),
+        (perturbed("fog: {mode: dynamic, levels: [1, 9]}"), ["settings.0.perturb.0.fog.levels.1", "out of range"]),
+        (perturbed("fog: {mode: dynamic, levels: []}"), ["settings.0.perturb.0.fog.levels", "list of severities"]),
+        (perturbed("fog: {temporal: never}"), ["settings.0.perturb.0.fog.temporal", "one of fresh"]),
+        (perturbed("gaussian_noise: {std: -1}"), ["settings.0.perturb.0.gaussian_noise.std", "out of range"]),
+        (perturbed("gaussian_noise: {std: loud}"), ["settings.0.perturb.0.gaussian_noise.std", "a number"]),
+        (perturbed("desync: {severity: 3}"), ["settings.0.perturb.0.desync.severity", "unknown key"]),
+        (perturbed("desync: {offset: 1}}, {desync: {offset: 2}"), ["settings.0.perturb.1", "given twice"]),
+        (MINIMAL + "settings: [{sweep: {perturb: [fig]}}]\n", ["settings.0.sweep.perturb.0", "did you mean 'fog'"]),
+        (MINIMAL + "settings: [{sweep: {perturb: [desync]}}]\n", ["settings.0.sweep.perturb.0", "no severities"]),
+        (MINIMAL + "settings: [{sweep: {perturb: [fog], modes: [x]}}]\n", ["settings.0.sweep.modes.0", "'x'"]),
     ],
 )
 def test_mistakes_name_file_and_key(write, text, words):
     path = write(text)
     with pytest.raises(InputError) as error:
-        read_preset(path)
+        make_plan(read_preset(path), registry=registry())
     message = str(error.value)
     assert message.startswith(str(path))
     assert "\n" not in message

@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,16 +38,33 @@ FRAMES = "frames.jsonl"
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """A finished frame: its number, its time stamp and the SHA-256 of each file by name inside the sequence."""
+    """What is finished of a frame: its number, its time stamp, the SHA-256 of each file by name inside the sequence.
+
+    perturbed: what was done to it, by modality; each a list of steps with name, stream, severity and parameters.
+    """
 
     frame: int
     time_s: float
     files: dict[str, str]
+    perturbed: dict[str, Any] = field(default_factory=dict)
 
     def line(self) -> str:
         """The record as a line of JSON."""
-        record = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        if self.perturbed:
+            record["perturbed"] = self.perturbed
         return json.dumps(record, separators=(", ", ": ")) + "\n"
+
+    def joined(self, other: "FrameRecord") -> "FrameRecord":
+        """Return both in one: colour and depth of a frame may be finished apart."""
+        files = {**self.files, **other.files}
+        perturbed = {**self.perturbed, **other.perturbed}
+        return FrameRecord(
+            self.frame,
+            self.time_s,
+            {name: files[name] for name in sorted(files, reverse=True)},
+            {name: perturbed[name] for name in sorted(perturbed)},
+        )
 
 
 def _read_records(path: Path) -> Iterator[FrameRecord]:
@@ -61,9 +78,18 @@ def _parse_record(line: str) -> FrameRecord | None:
     """Read a line of a journal; None where it is torn."""
     try:
         record = json.loads(line)
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]))
-    except (ValueError, KeyError, TypeError):
+        done = dict(record.get("perturbed", {}))
+        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None
+
+
+def _joined(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
+    found: dict[int, FrameRecord] = {}
+    for record in records:
+        there = found.get(record.frame)
+        found[record.frame] = there.joined(record) if there else record
+    return {frame: found[frame] for frame in sorted(found)}
 
 
 class Dataset:
@@ -167,24 +193,24 @@ class Dataset:
 
     # --- frames ---
 
-    def take_stock(self, folder: str) -> set[int]:
-        """Return the frames of a sequence whose files are there as they were written.
+    def take_stock(self, folder: str) -> dict[int, set[str]]:
+        """Return the files of each frame of a sequence that are there as they were written.
 
-        From then on the journals alone say what is finished; records of frames that were lost or damaged are dropped.
+        From then on the journals alone say what is finished; records of files that were lost or damaged are dropped.
         """
-        intact = {record.frame: record for record in self._recorded(folder) if self._is_intact(folder, record)}
+        intact = {frame: self._intact(folder, record) for frame, record in _joined(self._recorded(folder)).items()}
+        intact = {frame: record for frame, record in intact.items() if record.files}
         kept = self._work / folder / "journal-kept.jsonl"
         if intact:
             self._write(kept, "".join(record.line() for record in intact.values()))
         for journal in (self._work / folder).glob("journal-*.jsonl"):
             if journal != kept or not intact:
                 journal.unlink()
-        return set(intact)
+        return {frame: set(record.files) for frame, record in intact.items()}
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
-        """Return the finished frames of a sequence by number, in order."""
-        found = {record.frame: record for path in self._journals(folder) for record in _read_records(path)}
-        return {frame: found[frame] for frame in sorted(found)}
+        """Return what is finished of a sequence by frame, in order."""
+        return _joined(record for path in self._journals(folder) for record in _read_records(path))
 
     def _journals(self, folder: str) -> list[Path]:
         return sorted((self._work / folder).glob("journal-*.jsonl"))
@@ -193,8 +219,12 @@ class Dataset:
         for path in (self.out / folder / FRAMES, *self._journals(folder)):
             yield from _read_records(path)
 
-    def _is_intact(self, folder: str, record: FrameRecord) -> bool:
-        return all(sha256_of_file(self.out / folder / name) == digest for name, digest in record.files.items())
+    def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
+        """Return the record without the files that are not as it says."""
+        files = {
+            name: digest for name, digest in record.files.items() if sha256_of_file(self.out / folder / name) == digest
+        }
+        return replace(record, files=files)
 
     def journal(self, folder: str, worker: int) -> "Journal":
         """Open the journal of a sequence for a worker, and make the sequence's folders."""
@@ -203,16 +233,21 @@ class Dataset:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
         return Journal(self._work / folder / f"journal-{worker}.jsonl")
 
-    def write_frame(self, folder: str, files: dict[str, bytes]) -> dict[str, str]:
-        """Write the files of a frame and return their SHA-256 by name."""
-        for name, data in files.items():
-            write_atomic(self.out / folder / name, data, self.scratch)
-        return {name: sha256_of_bytes(data) for name, data in files.items()}
+    def write_file(self, folder: str, name: str, data: bytes) -> str:
+        """Write a file of a sequence and return its SHA-256."""
+        write_atomic(self.out / folder / name, data, self.scratch)
+        return sha256_of_bytes(data)
 
-    def share_frame(self, source: str, folder: str, names: Iterable[str]) -> None:
-        """Give the files of a frame of one sequence to another that has the same pixels."""
-        for name in names:
-            link_or_copy(self.out / source / name, self.out / folder / name, self.scratch)
+    def link_file(self, source: Path, folder: str, name: str) -> None:
+        """Give a sequence a file that is there already, of this dataset or of another."""
+        link_or_copy(source, self.out / folder / name, self.scratch)
+
+    def drop_frames(self, folder: str, records: Iterable[FrameRecord]) -> None:
+        """Remove the files of frames of which only a part is there, left by another choice of frames."""
+        for record in records:
+            for name in record.files:
+                with storage_errors(self.out / folder / name):
+                    (self.out / folder / name).unlink(missing_ok=True)
 
     # --- papers ---
 

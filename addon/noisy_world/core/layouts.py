@@ -49,12 +49,19 @@ class Layout:
         """The depth image of a frame, inside its sequence."""
         return f"results/depth{frame:06d}.png" if self.name == "replica" else f"depth/{frame:06d}.png"
 
+    def names(self, frame: int) -> set[str]:
+        """The images of a frame, inside its sequence."""
+        found = {"rgb": self.rgb_name(frame), "depth": self.depth_name(frame)}
+        return {found[modality] for modality in self.modalities}
+
     @property
     def patterns(self) -> tuple[str, ...]:
         """Glob patterns of every file that may lie in a sequence's folder, for who removes a dataset."""
         images = ("results/frame{}.jpg", "results/frame{}.png", "results/depth{}.png", "rgb/{}.png", "depth/{}.png")
         numbers = ("[0-9]" * 6, "[0-9]" * 7)
-        poses = [f"{name}{sensor}.txt" for name in ("traj", "groundtruth") for sensor in ("", "_depth", "_robot")]
+        poses = [
+            f"{name}{sensor}.txt" for name in ("traj", "groundtruth") for sensor in ("", "_depth", "_robot", "_nominal")
+        ]
         lists = ("rgb.txt", "depth.txt", "associations.txt", "frames.jsonl")
         return (*(image.format(number) for image in images for number in numbers), *poses, *lists)
 

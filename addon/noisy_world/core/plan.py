@@ -2,18 +2,23 @@
 """From a preset to what is to be done: every sequence, and every render that several sequences may share."""
 
 import glob
+import hashlib
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .errors import InputError, NoisyWorldError
+from .existing import ExistingSequence, find_sequence
 from .geometry import Intrinsics
 from .handheld import handheld_path
 from .layouts import Layout
 from .mesh import Mesh
+from .mixture import Identifiers, Registry, Setting, Step, paired_depth, parse_settings, perturb_motion
 from .ply import check_ply, read_ply
 from .preset import EMBEDDED_ROOM, Preset, SceneSpec, SensorSpec, TrajectorySpec
 from .rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
@@ -27,6 +32,7 @@ from .trajectory_files import read_trajectory
 SECONDS_PER_SAMPLE = 3.5e-7
 SECONDS_PER_PIXEL = 1.0e-7
 SECONDS_PER_RENDER = 4.0
+SECONDS_PER_PERTURBED_PIXEL = 6e-8
 BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
 
 
@@ -34,7 +40,8 @@ BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
 class Scene:
     """A scene of the preset, its files found.
 
-    mesh_path: None is the embedded room. trajectory: None where the path is made from the mesh (handheld).
+    mesh_path: None is the embedded room, or an existing sequence. trajectory: None where the path is made from the
+    mesh (handheld).
     """
 
     name: str
@@ -44,28 +51,68 @@ class Scene:
     trajectory_path: Path | None
     trajectory: Trajectory | None
     frame_count: int
+    existing: ExistingSequence | None = None
 
 
 @dataclass(frozen=True)
 class Sequence:
-    """One setting of one scene: a folder of the dataset."""
+    """One setting of one scene: a folder of the dataset.
 
-    setting: str
+    identifiers: name its random streams. every: its frame i shows frame every * i of the render. depth_of: for each of
+    its frames the one whose depth goes with it; None where that is the same. frames: those that are to be made.
+    """
+
+    setting: Setting
     scene: str
+    identifiers: Identifiers
+    every: int
+    depth_of: tuple[int, ...] | None
+    frames: tuple[int, ...]
 
     @property
     def folder(self) -> str:
         """The sequence's folder inside the dataset, with forward slashes."""
-        return f"{self.setting}/{self.scene}"
+        return f"{self.setting.name}/{self.scene}"
+
+    def rgb_source(self, frame: int) -> int:
+        """Return the frame of the render whose colour a frame shows."""
+        return self.every * frame
+
+    def depth_source(self, frame: int) -> int:
+        """Return the frame of the render whose depth a frame shows."""
+        return self.every * (frame if self.depth_of is None else self.depth_of[frame])
+
+    @cached_property
+    def depth_shown_by(self) -> dict[int, list[int]]:
+        """The frames that show the depth of a frame of the render."""
+        shown: dict[int, list[int]] = {}
+        for frame in self.frames:
+            shown.setdefault(self.depth_source(frame), []).append(frame)
+        return shown
+
+    @cached_property
+    def rgb_shown_by(self) -> dict[int, int]:
+        """The frame that shows the colour of a frame of the render."""
+        return {self.rgb_source(frame): frame for frame in self.frames}
+
+    def sources(self, modalities: tuple[str, ...]) -> set[int]:
+        """Return the frames of the render that it needs."""
+        rgb = self.rgb_shown_by if "rgb" in modalities else ()
+        return {*rgb, *(self.depth_shown_by if "depth" in modalities else ())}
 
 
 @dataclass(frozen=True)
 class Render:
-    """What is rendered once for all the sequences that show it."""
+    """What is rendered (or read) once for all the sequences that show it.
 
+    deviation: what is done to the trajectory, with the names of its streams.
+    """
+
+    name: str
     scene: Scene
-    frames: range
+    frames: tuple[int, ...]
     sequences: tuple[Sequence, ...]
+    deviation: tuple[Step, Identifiers] | None = None
 
 
 @dataclass(frozen=True)
@@ -76,12 +123,18 @@ class Plan:
     camera: Intrinsics
     layout: Layout
     rig: Rig | None
+    settings: tuple[Setting, ...]
     renders: tuple[Render, ...]
 
     @property
     def sequences(self) -> tuple[Sequence, ...]:
-        """Every sequence, in the order of the renders."""
+        """Every sequence, in the order of the renders. All of a scene are there, or those that --frames leaves."""
         return tuple(sequence for render in self.renders for sequence in render.sequences)
+
+    @property
+    def needs_blender(self) -> bool:
+        """Whether anything is rendered."""
+        return any(render.scene.existing is None for render in self.renders)
 
     @property
     def frame_count(self) -> int:
@@ -97,47 +150,105 @@ class Estimate:
     seconds: float
 
 
-def make_plan(preset: Preset, frames: slice | None = None) -> Plan:
+def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | None = None) -> Plan:
     """Find every file of the preset and lay out the work.
 
-    frames: which frames of each trajectory, start and stop only; they keep their numbers.
-    Raises InputError for files that are missing or wrong.
+    frames: which frames of each sequence, start and stop only; they keep their numbers. registry: the perturbations
+    that settings may name. Raises InputError for files that are missing or wrong.
     """
     spec = preset.spec
     camera = spec.camera
+    settings = parse_settings(spec.settings, preset.place("settings"), registry or {})
     scenes = [scene for index, item in enumerate(spec.scenes) for scene in _find_scenes(preset, index, item)]
     names = [scene.name for scene in scenes]
     for scene in scenes:
         if names.count(scene.name) > 1:
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
+        if scene.existing is not None:
+            _check_existing(scene.existing, preset, scene.place.at("sequence"))
+    layout = Layout(
+        spec.output.layout,
+        spec.output.image or ("jpg" if spec.output.layout == "replica" else "png"),
+        spec.output.modalities,
+    )
     return Plan(
         preset=preset,
         camera=Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
-        layout=Layout(
-            spec.output.layout,
-            spec.output.image or ("jpg" if spec.output.layout == "replica" else "png"),
-            spec.output.modalities,
-        ),
-        rig=_rig(preset, {scene.spec.trajectory.axes for scene in scenes}),
+        layout=layout,
+        rig=_rig(preset, {scene.spec.trajectory.axes for scene in scenes if scene.spec.trajectory}),
+        settings=settings,
         renders=tuple(
-            Render(
-                scene,
-                _chosen(scene, frames, preset),
-                tuple(Sequence(setting.name, scene.name) for setting in spec.settings),
-            )
-            for scene in scenes
+            render for scene in scenes for render in _renders(preset, scene, settings, frames, layout.modalities)
         ),
+    )
+
+
+def _renders(
+    preset: Preset, scene: Scene, settings: tuple[Setting, ...], frames: slice | None, modalities: tuple[str, ...]
+) -> list[Render]:
+    """Group the settings of a scene by what has to be rendered: one for all that leave the path alone."""
+    _check_chosen(scene, frames, preset)
+    shared: list[Sequence] = []
+    deviated: list[Render] = []
+    for setting in settings:
+        identifiers = (preset.spec.seed, scene.name, setting.name)
+        sequence = _sequence(scene, setting, identifiers, frames, preset)
+        if not sequence.frames:
+            continue  # --frames chooses none of a sequence that is shorter than the others
+        step = setting.named("motion_deviation")
+        if step is None:
+            shared.append(sequence)
+            continue
+        if scene.existing is not None:
+            problem = (
+                f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
+            )
+            raise scene.place.at("sequence").error(problem, "take that setting out, or render the scene's mesh")
+        needed = tuple(sorted(sequence.sources(modalities)))
+        name = f"{scene.name}@{setting.name}"
+        deviated.append(Render(name, scene, needed, (sequence,), (step, identifiers)))
+    if shared:
+        needed = tuple(sorted(set().union(*(sequence.sources(modalities) for sequence in shared))))
+        deviated.insert(0, Render(scene.name, scene, needed, tuple(shared)))
+    return deviated
+
+
+def _sequence(
+    scene: Scene, setting: Setting, identifiers: Identifiers, frames: slice | None, preset: Preset
+) -> Sequence:
+    faster, desync = setting.named("faster_motion"), setting.named("desync")
+    every = faster.parameters(None).factor if faster else 1
+    count = -(-scene.frame_count // every)
+    depth_of = tuple(paired_depth(desync, count, identifiers)) if desync else None
+    kept = [frame for frame in range(count) if depth_of is None or depth_of[frame] >= 0]
+    if not kept:
+        raise preset.place("settings").error(
+            f"{setting.name}: desync leaves none of the {count} frames of {scene.name}", "use edge: clamp"
+        )
+    chosen = range(count)[frames or slice(None)]
+    return Sequence(
+        setting, scene.name, identifiers, every, depth_of, tuple(frame for frame in kept if frame in chosen)
     )
 
 
 def estimate(plan: Plan) -> Estimate:
     """Guess the bytes and the time of a plan from what a pixel cost where it was measured."""
     pixels = plan.camera.width_px * plan.camera.height_px
-    kinds = [plan.layout.image if modality == "rgb" else "depth" for modality in plan.layout.modalities]
-    per_frame = pixels * sum(BYTES_PER_PIXEL[kind] for kind in kinds)
-    seconds = pixels * (plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL)
-    loading = len(plan.renders) * SECONDS_PER_RENDER
-    return Estimate(int(plan.frame_count * per_frame), loading + plan.frame_count * seconds)
+    kinds = {modality: plan.layout.image if modality == "rgb" else "depth" for modality in plan.layout.modalities}
+    clean = plan.frame_count * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
+    perturbed = [
+        (kind, len(sequence.frames))
+        for sequence in plan.sequences
+        for modality, kind in kinds.items()
+        if getattr(sequence.setting, modality)
+    ]
+    written = pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
+    seconds = sum(count for _, count in perturbed) * pixels * SECONDS_PER_PERTURBED_PIXEL
+    for render in plan.renders:
+        if render.scene.existing is None:
+            per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
+            seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
+    return Estimate(int(written), seconds)
 
 
 def load_mesh(scene: Scene) -> Mesh:
@@ -149,6 +260,7 @@ def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Traje
     """Return the trajectory of a scene: the one read, or the one made in the mesh, which is loaded if not given."""
     if scene.trajectory is not None:
         return scene.trajectory
+    assert scene.spec.trajectory is not None
     spec = scene.spec.trajectory.handheld
     assert spec is not None
     try:
@@ -165,6 +277,28 @@ def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Traje
     return _chosen_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
 
 
+def render_trajectories(plan: Plan, render: Render, mesh: Mesh | None = None) -> dict[str, Trajectory]:
+    """Return where each thing goes in a render: as sensor_trajectories, after the deviation that there may be."""
+    nominal = load_trajectory(plan, render.scene, mesh)
+    if render.deviation is None:
+        return sensor_trajectories(plan, nominal)
+    return sensor_trajectories(plan, perturb_motion(render.deviation[0], nominal, render.deviation[1]))
+
+
+def written_trajectories(
+    plan: Plan, render: Render, sequence: Sequence, true: Mapping[str, Trajectory]
+) -> dict[str, Trajectory]:
+    """Return the trajectories of a sequence's own frames: the true ones and, where they deviate, the "nominal" one."""
+    paths = dict(true)
+    if render.deviation is not None:
+        paths["nominal"] = sensor_trajectories(plan, load_trajectory(plan, render.scene))[""]
+    faster = sequence.setting.named("faster_motion")
+    return {
+        key: path if faster is None else perturb_motion(faster, path, sequence.identifiers)
+        for key, path in paths.items()
+    }
+
+
 def sensor_trajectories(plan: Plan, trajectory: Trajectory) -> dict[str, Trajectory]:
     """Return where each thing goes: "" the colour sensor, and with a rig the "robot" and, if elsewhere, "depth"."""
     if plan.rig is None:
@@ -178,14 +312,21 @@ def sensor_trajectories(plan: Plan, trajectory: Trajectory) -> dict[str, Traject
 def input_hashes(plan: Plan) -> dict[str, dict[str, Any]]:
     """Return what each scene was made from: the names as the preset has them, and the SHA-256 of the files."""
     inputs: dict[str, dict[str, Any]] = {}
-    for render in plan.renders:
-        scene = render.scene
-        inputs[scene.name] = {
-            "mesh": EMBEDDED_ROOM if scene.mesh_path is None else scene.mesh_path.name,
-            "mesh_sha256": None if scene.mesh_path is None else sha256_of_file(scene.mesh_path),
+    for scene in {render.scene.name: render.scene for render in plan.renders}.values():
+        made = {
             "trajectory": "handheld" if scene.trajectory_path is None else scene.trajectory_path.name,
             "trajectory_sha256": None if scene.trajectory_path is None else sha256_of_file(scene.trajectory_path),
         }
+        if scene.existing is not None:
+            digests = "".join(sha256_of_file(path) or "" for path in scene.existing.files)
+            made |= {
+                "sequence": scene.existing.folder.name,
+                "files_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            }
+        else:
+            made["mesh"] = EMBEDDED_ROOM if scene.mesh_path is None else scene.mesh_path.name
+            made["mesh_sha256"] = None if scene.mesh_path is None else sha256_of_file(scene.mesh_path)
+        inputs[scene.name] = made
     return inputs
 
 
@@ -193,29 +334,61 @@ def _find_scenes(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     place = preset.place(f"scenes.{index}")
     if spec.mesh == EMBEDDED_ROOM:
         return [_scene(preset, place, spec, spec.name or "room", None)]
-    if spec.mesh.startswith("embedded:"):
+    if spec.mesh is not None and spec.mesh.startswith("embedded:"):
         raise place.at("mesh").error(f"there is no {spec.mesh!r}", f"did you mean {EMBEDDED_ROOM!r}?")
-    if not glob.has_magic(spec.mesh):
-        path = _existing(preset, place.at("mesh"), spec.mesh)
-        return [_scene(preset, place, spec, spec.name or path.stem, path)]
-    found = sorted(glob.glob(spec.mesh, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
+    pattern = spec.mesh if spec.sequence is None else spec.sequence
+    assert pattern is not None
+    make = _scene if kind == "mesh" else _existing_scene
+    if not glob.has_magic(pattern):
+        path = _existing(preset, place.at(kind), pattern, folder=kind == "sequence")
+        return [make(preset, place, spec, spec.name or path.stem, path)]
+    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
     if not found:
-        raise place.at("mesh").error(f"no file matches {spec.mesh!r} beside the preset")
+        raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
-        raise place.at("name").error(f"is {spec.name!r}, but {len(found)} meshes match", "put a * where they differ")
+        raise place.at("name").error(f"is {spec.name!r}, but {len(found)} {kinds} match", "put a * where they differ")
     scenes = []
     for text in found:
-        parts = _matched_parts(spec.mesh, text)
+        parts = _matched_parts(pattern, text)
         name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(_scene(preset, place, spec, name, preset.path.parent / text, parts=parts))
+        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
     return scenes
+
+
+def _existing_scene(
+    preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
+) -> Scene:
+    del preset, parts
+    _check_name(name, place)
+    existing = find_sequence(path)
+    return Scene(
+        name, spec, place, None, existing.trajectory_path, existing.trajectory, len(existing.trajectory), existing
+    )
+
+
+def _check_existing(existing: ExistingSequence, preset: Preset, place: Place) -> None:
+    """Hold an existing sequence against the preset: its size, and what is asked of it."""
+    camera = preset.spec.camera
+    if existing.size_px != (camera.width, camera.height):
+        wide, high = existing.size_px
+        raise place.error(
+            f"its images are {wide} x {high}", f"say so in camera, which has {camera.width} x {camera.height}"
+        )
+    if preset.spec.rig is not None:
+        raise place.error("is a sequence, which no rig can see otherwise", "leave rig out")
+
+
+def _check_name(name: str, place: Place) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+        raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
 
 
 def _scene(
     preset: Preset, place: Place, spec: SceneSpec, name: str, mesh_path: Path | None, *, parts: tuple[str, ...] = ()
 ) -> Scene:
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
-        raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
+    _check_name(name, place)
+    assert spec.trajectory is not None
     if mesh_path is not None:
         check_ply(mesh_path)  # what the header tells need not wait until the scenes before are rendered
     where = place.at("trajectory")
@@ -248,10 +421,10 @@ def _chosen_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) ->
         raise place.error(str(error)) from error
 
 
-def _existing(preset: Preset, place: Place, text: str) -> Path:
+def _existing(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
     path = preset.path.parent / text
-    if not path.is_file():
-        raise place.error(f"no such file: {path}", "paths are relative to the preset")
+    if not (path.is_dir() if folder else path.is_file()):
+        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
     return path
 
 
@@ -272,17 +445,14 @@ def _filled(template: str, parts: tuple[str, ...], place: Place) -> str:
     return template
 
 
-def _chosen(scene: Scene, frames: slice | None, preset: Preset) -> range:
-    chosen = range(scene.frame_count)[frames or slice(None)]
-    if not chosen:
-        assert frames is not None
+def _check_chosen(scene: Scene, frames: slice | None, preset: Preset) -> None:
+    if frames is not None and not range(scene.frame_count)[frames]:
         raise InputError(
             preset.path,
             f"--frames {frames.start or 0}:{frames.stop or ''} chooses none of the {scene.frame_count} "
             f"frames of {scene.name}",
             remedy=f"choose from 0:{scene.frame_count}",
         )
-    return chosen
 
 
 def _rig(preset: Preset, axes: set[str]) -> Rig | None:

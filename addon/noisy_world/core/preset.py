@@ -63,12 +63,16 @@ class TrajectorySpec:
 
 @dataclass(frozen=True)
 class SceneSpec:
-    """A scene and the way through it."""
+    """A scene and the way through it, or a sequence that exists."""
 
-    mesh: str = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}")
-    trajectory: TrajectorySpec = key("the way of the camera, or of the robot that carries it")
+    mesh: str | None = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}", default=None)
+    sequence: str | None = key(
+        "instead of mesh and trajectory: a folder in the layout of Replica or TUM, relative to the preset; * allowed",
+        default=None,
+    )
+    trajectory: TrajectorySpec | None = key("the way of the camera, or of the robot that carries it", default=None)
     name: str | None = key(
-        "the scene's folder in the dataset; * stands for what the * of mesh matched",
+        "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
         default=None,
         pattern=_scene_name,
     )
@@ -118,6 +122,7 @@ class RenderSpec:
         "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
         default="cycles",
     )
+    backend: Literal["reference"] = key("what executes the perturbations: numpy and OpenCV", default="reference")
     device: Literal["cpu", "gpu"] = key(
         "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
     )
@@ -125,10 +130,24 @@ class RenderSpec:
 
 
 @dataclass(frozen=True)
-class SettingSpec:
-    """A setting of the benchmark: what is done to every scene."""
+class SweepSpec:
+    """Settings of one perturbation each: every name with every severity in every mode."""
 
-    name: str = key("the setting's folder in the dataset", pattern=_safe_name)
+    perturb: tuple[str, ...] = key("names of perturbations")
+    severities: tuple[float, ...] = key("severities", default=(1.0, 2.0, 3.0, 4.0, 5.0), minimum=1, maximum=5)
+    modes: tuple[Literal["static", "dynamic"], ...] = key("modes", default=("static",))
+
+
+@dataclass(frozen=True)
+class SettingSpec:
+    """A setting of the benchmark: what is done to every scene; or a sweep that makes several."""
+
+    name: str | None = key("the setting's folder in the dataset", default=None, pattern=_safe_name)
+    perturb: tuple[Any, ...] = key(
+        "perturbations, each {name: {severity, mode, levels, temporal, or parameters}}; see --list perturbations",
+        default=(),
+    )
+    sweep: SweepSpec | None = key("instead of name and perturb: settings by the dozen", default=None)
 
 
 @dataclass(frozen=True)
@@ -288,10 +307,6 @@ def _check(spec: PresetSpec, place: Place) -> None:
         raise place.at("scenes").error("is empty", "name a scene")
     if not spec.settings:
         raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
-    names = [setting.name for setting in spec.settings]
-    for index, name in enumerate(names):
-        if name in names[:index]:
-            raise place.at("settings").at(index).at("name").error(f"{name!r} is given twice")
     if spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
     _check_output(spec.output, place.at("output"))
@@ -307,7 +322,7 @@ def _check(spec: PresetSpec, place: Place) -> None:
         known = ", ".join(map(str, WORKBENCH_SAMPLES))
         raise place.at("render").at("samples").error(f"is {spec.render.samples}; Workbench knows {known}")
     for index, scene in enumerate(spec.scenes):
-        _check_trajectory(scene.trajectory, place.at("scenes").at(index).at("trajectory"))
+        _check_scene(scene, place.at("scenes").at(index))
     if spec.rig:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
@@ -319,6 +334,18 @@ def _check_output(spec: OutputSpec, place: Place) -> None:
         raise place.at("image").error("is jpg, but the TUM layout's readers expect png", "use png")
     if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
         raise place.at("modalities").error("has to name rgb, depth or both, each once")
+
+
+def _check_scene(spec: SceneSpec, place: Place) -> None:
+    if (spec.mesh is None) == (spec.sequence is None):
+        raise place.error("needs either mesh or sequence", "name one of them")
+    if spec.sequence is not None:
+        if spec.trajectory is not None:
+            raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")
+        return
+    if spec.trajectory is None:
+        raise place.at("trajectory").error("is missing", "add it: the way of the camera")
+    _check_trajectory(spec.trajectory, place.at("trajectory"))
 
 
 def _check_trajectory(spec: TrajectorySpec, place: Place) -> None:

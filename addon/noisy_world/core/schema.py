@@ -128,6 +128,8 @@ def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> An
         return _parse_list(get_args(hint), value, place, item)
     if is_dataclass(hint) and isinstance(hint, type):
         return parse(hint, value, place)
+    if hint is Any:  # checked by whoever knows what it means
+        return value
     return _parse_plain(hint, value, place, item.metadata["key"])
 
 
