@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._bands import by_bands
 from ._quantiles import look_up
 
 BLACK = np.float32(1e-6)  # below it a colour has no hue
@@ -35,16 +36,20 @@ def apply(rgb: NDArray[np.float32], parameters: Brightness, _frame: Frame) -> ND
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: Brightness, _frame: Frame) -> NDArray[np.uint8]:
     """Brighten (H, W, 3) bytes: a table of every byte under every value."""
+    table = _table(parameters.offset)
+    return by_bands(rgb, rgb.dtype, lambda band: look_up(_places(band), table))
+
+
+def _places(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Return value x 256 + byte."""
     import cv2
 
     value = _value(rgb)
-    flat = rgb.reshape(len(rgb), -1)
-    values = cv2.merge([value, value, value]).reshape(flat.shape)
-    places = cv2.merge([flat, values]).view(np.uint16).reshape(rgb.shape)  # value x 256 + byte
-    return look_up(places, _table(parameters.offset))
+    values = cv2.merge([value, value, value]).reshape(len(rgb), -1)
+    return cv2.merge([rgb.reshape(len(rgb), -1), values]).view(np.uint16).reshape(rgb.shape)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _table(offset: float) -> NDArray[np.uint8]:
     levels = np.arange(256, dtype=np.float32) / np.float32(255)
     table = levels * _gain(levels, offset)[:, None]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._bands import by_bands
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 
@@ -23,19 +24,23 @@ def apply(rgb: NDArray[np.float32], parameters: GaussianNoise, frame: Frame) -> 
     """Add the noise to (H, W, 3)."""
     import cv2
 
-    noise = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _tables(parameters.std)[0])
-    return cv2.add(rgb, noise, dst=noise)
+    generator, noise = frame.pattern_stream(), _tables(parameters.std)[0]
+    return by_bands(rgb, rgb.dtype, lambda band: cv2.add(band, look_up(uniform_codes(generator, band.shape), noise)))
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: GaussianNoise, frame: Frame) -> NDArray[np.uint8]:
     """Add the noise to (H, W, 3) bytes."""
     import cv2
 
-    noise = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _tables(parameters.std)[1])
-    return cv2.add(rgb, noise, dtype=cv2.CV_8U)
+    generator, noise = frame.pattern_stream(), _tables(parameters.std)[1]
+    return by_bands(
+        rgb,
+        rgb.dtype,
+        lambda band: cv2.add(band, look_up(uniform_codes(generator, band.shape), noise), dtype=cv2.CV_8U),
+    )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _tables(std: float) -> tuple[NDArray[np.float32], NDArray[np.int16]]:
     """Return the noise of each code in full scales, and in whole bytes, which a byte plus the noise rounds to."""
     steps = normal_quantiles() * (std * 255)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._bands import by_bands
 from ._quantiles import CODES, look_up, uniform_codes
 
 
@@ -24,22 +25,27 @@ class ImpulseNoise:
 
 def apply(rgb: NDArray[np.float32], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.float32]:
     """Put the impulses into (H, W, 3)."""
-    import cv2
-
-    impulses = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _impulses(parameters.amount))
-    noisy = cv2.add(rgb, impulses, dtype=cv2.CV_32F)
-    return np.clip(noisy, 0, 1, out=noisy)
+    return np.clip(_add(rgb, parameters, frame), 0, 1)
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.uint8]:
     """Put the impulses into (H, W, 3) bytes."""
+    return _add(rgb, parameters, frame)
+
+
+def _add[T: np.generic](rgb: NDArray[T], parameters: ImpulseNoise, frame: Frame) -> NDArray[T]:
     import cv2
 
-    impulses = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _impulses(parameters.amount))
-    return cv2.add(rgb, impulses, dtype=cv2.CV_8U)
+    generator, impulses = frame.pattern_stream(), _impulses(parameters.amount)
+    depth = cv2.CV_8U if rgb.dtype == np.uint8 else cv2.CV_32F
+    return by_bands(
+        rgb,
+        rgb.dtype,
+        lambda band: cv2.add(band, look_up(uniform_codes(generator, band.shape), impulses), dtype=depth),
+    )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _impulses(amount: float) -> NDArray[np.int16]:
     """Return for each code what a byte goes up by, before it is clipped: 0, or 255 (salt), or -255 (pepper)."""
     half = round(amount * CODES / 2)

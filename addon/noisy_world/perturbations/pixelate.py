@@ -53,7 +53,7 @@ class _Blocks:
     shown: NDArray[np.int64]
 
     @staticmethod
-    @lru_cache(maxsize=8)
+    @lru_cache(maxsize=16)
     def along(pixels: int, factor: float) -> "_Blocks":
         """Divide a side: a pixel belongs to the block that its centre lies in, on a border to the first.
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._bands import by_bands
 from ._quantiles import look_up, uniform_codes
 
 OUTCOMES = 256
@@ -55,18 +56,21 @@ def _draw[T: np.generic](
     """Draw from each level's distribution: a column by 8 bits, one of the column's two outcomes by 16."""
     import cv2
 
-    flat = levels.reshape(len(levels), -1)
     generator = frame.pattern_stream()
-    codes = uniform_codes(generator, flat.shape)
-    columns = uniform_codes(generator, ((flat.size + 1) // 2,)).view(np.uint8)[: flat.size].reshape(flat.shape)
-    places = cv2.merge([columns, flat]).view(np.uint16).reshape(flat.shape)  # level x 256 + column
-    outcomes = look_up(places, first)
-    others = look_up(places, second)
-    is_second = cv2.compare(codes, look_up(places, threshold), cv2.CMP_GE)
-    return cv2.copyTo(others, is_second, outcomes).reshape(levels.shape)  # type: ignore[return-value]
+
+    def draw(band: NDArray[np.uint8]) -> NDArray[T]:
+        codes = uniform_codes(generator, band.shape)
+        columns = uniform_codes(generator, ((band.size + 1) // 2,)).view(np.uint8)[: band.size].reshape(band.shape)
+        places = cv2.merge([columns, band]).view(np.uint16).reshape(band.shape)  # level x 256 + column
+        outcomes = look_up(places, first)
+        is_second = cv2.compare(codes, look_up(places, threshold), cv2.CMP_GE)
+        return cv2.copyTo(look_up(places, second), is_second, outcomes)  # type: ignore[return-value]
+
+    flat = levels.reshape(len(levels), -1)
+    return by_bands(flat, first.dtype, draw).reshape(levels.shape)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _byte_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint8], NDArray[np.uint8]]:
     """Return `_alias_tables` with bytes as outcomes."""
     threshold, first, second = _alias_tables(photons)
@@ -74,12 +78,12 @@ def _byte_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint8],
     return threshold, rgb_bytes(first.astype(np.float32) * share), rgb_bytes(second.astype(np.float32) * share)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.uint16]]:
     """Tabulate the Poisson numbers of the 256 bytes for the alias method (Walker 1977), three arrays of 65,536.
 
     Column c of level l, at l x 256 + c, has probability 1/256 and two outcomes: the first with probability threshold
-    / 65,536, otherwise the second. Every outcome's probability is exact to 2^-24 a column.
+    / 65,536, otherwise the second. Every outcome's probability is exact to 1e-7.
     """
     offset, share = _poisson(np.arange(256) * (photons / 255))
     rows = np.arange(256)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
+from ._bands import by_bands
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 GAIN_STEPS = 2**14
@@ -23,19 +24,23 @@ class SpeckleNoise:
 
 def apply(rgb: NDArray[np.float32], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.float32]:
     """Multiply (H, W, 3) by the gains."""
-    gains = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _gains(parameters.std))
-    return np.multiply(gains, rgb, out=gains)
+    generator, gains = frame.pattern_stream(), _gains(parameters.std)
+    return by_bands(rgb, rgb.dtype, lambda band: band * look_up(uniform_codes(generator, band.shape), gains))
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.uint8]:
     """Multiply (H, W, 3) bytes by the gains."""
     import cv2
 
-    gains = look_up(uniform_codes(frame.pattern_stream(), rgb.shape), _gains(parameters.std))
-    return cv2.multiply(rgb, gains, dtype=cv2.CV_8U)
+    generator, gains = frame.pattern_stream(), _gains(parameters.std)
+    return by_bands(
+        rgb,
+        rgb.dtype,
+        lambda band: cv2.multiply(band, look_up(uniform_codes(generator, band.shape), gains), dtype=cv2.CV_8U),
+    )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _gains(std: float) -> NDArray[np.float32]:
     """Return the gain of each code: the nearest odd multiple of 2^-14.
 
