@@ -64,16 +64,16 @@ def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray
 
 @kept_for_sequence
 def _cover(frame: Frame, size: tuple[int, int], parameters: Spatter) -> NDArray[np.float32]:
-    """Return how much of each pixel the drops cover, (H, W) on a torus, so that it can run on and on."""
+    """Return how much of each pixel the drops cover, (H, W); on a torus if it drifts, so that it runs on and on."""
     import cv2
 
     noise = frame.pattern_stream().standard_normal(size, dtype=np.float32)
     noise *= np.float32(parameters.std)
     noise += np.float32(parameters.mean)
-    margin = math.ceil(4 * parameters.sigma_px) + (_FAR_PX + 4 if not parameters.complexity else 0)
-    if parameters.complexity:
-        margin += math.ceil(4 * parameters.scaling)
-    layer = gaussian(cv2.copyMakeBorder(noise, *[margin] * 4, cv2.BORDER_WRAP), parameters.sigma_px)
+    margin = _margin(parameters) if frame.temporal == "drift" else 0
+    if margin:
+        noise = cv2.copyMakeBorder(noise, *[margin] * 4, cv2.BORDER_WRAP)
+    layer = gaussian(noise, parameters.sigma_px)
     layer *= layer >= np.float32(parameters.threshold)
     cover = _mud(layer, parameters) if parameters.complexity else _water(layer)
     cover = cover[margin : margin + size[0], margin : margin + size[1]]
@@ -82,6 +82,12 @@ def _cover(frame: Frame, size: tuple[int, int], parameters: Spatter) -> NDArray[
     cover = np.ascontiguousarray(cover)
     cover.flags.writeable = False
     return cover
+
+
+def _margin(parameters: Spatter) -> int:
+    """Return how far away noise has an influence."""
+    reach = math.ceil(4 * parameters.scaling) if parameters.complexity else _FAR_PX + 4
+    return math.ceil(4 * parameters.sigma_px) + reach
 
 
 def _mud(layer: NDArray[np.float32], parameters: Spatter) -> NDArray[np.float32]:
