@@ -288,7 +288,7 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
         ),
     )
     report = make()
-    for sequence in plan.sequences:
+    for sequence in (item for item in plan.sequences if item.frames):
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")

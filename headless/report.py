@@ -47,7 +47,6 @@ CONFIGURATIONS = (
     ("cycles", 1),
     ("cycles", 4),
     ("cycles", 16),
-    ("cycles", 64),
     ("eevee", 1),
     ("eevee", 4),
     ("workbench", 1),
@@ -352,7 +351,6 @@ def engines(work: Path, results: Results, rounds: int) -> None:
         folder = work / f"frames-{engine}{samples}"
         folder.mkdir()
         item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
-        memory = item.ask(do="time", frames=[0])
         results.rows.append(
             Row(
                 engine,
@@ -361,7 +359,7 @@ def engines(work: Path, results: Results, rounds: int) -> None:
                 tables.spread_of_ratios(item.turns, embree.turns) if embree else tables.spread([]),
                 item.start["first_frame_s"],
                 item.start["loading_s"],
-                memory["peak_bytes"],
+                item.ask(do="memory")["peak_bytes"],
                 errors.rgb_errors(folder, reference, ERROR_FRAMES),
                 item.ask(do="analytic"),
                 errors.cast_errors(folder, truth, ERROR_FRAMES) if embree else {},
@@ -400,7 +398,7 @@ def needs(work: Path, results: Results, rounds: int) -> None:
                 "name": name,
                 "samples": 4 if item is full else 1,
                 **{key: item.start[key] for key in ("passes", "lights", "bounces", "libraries", "first_frame_s")},
-                "peak_bytes": item.ask(do="time", frames=[0])["peak_bytes"],
+                "peak_bytes": item.ask(do="memory")["peak_bytes"],
                 "frame_s": asdict(tables.spread(item.turns)),
                 "of_clean": asdict(tables.spread_of_ratios(item.turns, contestants["clean: colour and depth"].turns)),
                 "of_everything": asdict(tables.spread_of_ratios(item.turns, full.turns)),

@@ -51,9 +51,9 @@ class FrameWriter:
         stamps_s: time stamps of the sequences' frames, whose i-th is the same in all.
         """
         self._dataset = dataset
-        self._sequences = sequences
+        self._sequences = [sequence for sequence in sequences if sequence.frames]
         self._stamps_s = stamps_s
-        self._journals = [dataset.journal(sequence.folder, worker) for sequence in sequences]
+        self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[None]] = deque()
         self._lock = threading.Lock()

@@ -251,18 +251,20 @@ class Run:
         pictured: dict[str, list[int]] = {}
         with_overview = self._plan.preset.spec.output.overview
         for render in self._plan.renders:
-            trajectories = self._trajectories_of(render)
             for sequence in render.sequences:
                 records = self._finished_frames(sequence)
+                if not records:
+                    continue  # --frames chose none of it
+                trajectories = self._trajectories_of(render)
                 written = written_trajectories(self._plan, render, sequence, trajectories)
                 texts = self._plan.layout.sequence_texts(list(records), written)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 if with_overview:
                     pictured[sequence.folder] = list(records)
-        for setting in self._plan.settings:
+        for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in self._plan.layout.setting_texts(self._plan.camera).items():
-                path = f"{setting.name}/{name}"
+                path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if with_overview:
             picture = draw_overview(self._dataset.out, self._plan.layout, pictured)

@@ -336,7 +336,7 @@ def composed_rotations() -> Table:
         rows.append((label, error, float(rotation_error(turned)), float(np.linalg.det(turned.astype(np.float64)) - 1)))
     return Table(
         "100,000 composed rotations",
-        ("arithmetic", "largest entry's error", "largest entry of |R'R - I|", "determinant - 1"),
+        ("arithmetic", "largest entry's error", "largest entry of R'R - I", "determinant - 1"),
         tuple(rows),
         "Poses stay float64 until they are keyed.",
     )
@@ -361,7 +361,7 @@ def half_turns() -> Table:
         rows.append((f"{angle_deg:.9g}", min(errors), float(rotation_error(turned).max())))
     return Table(
         "Interpolation across half turns",
-        ("turn, degrees", "largest entry's error on the shorter way", "largest entry of |R'R - I|"),
+        ("turn, degrees", "largest entry's error on the shorter way", "largest entry of R'R - I"),
         tuple(rows),
         "Even speed and the shorter way at every angle; at exactly 180 degrees one of the two.",
     )

@@ -128,7 +128,7 @@ class Plan:
 
     @property
     def sequences(self) -> tuple[Sequence, ...]:
-        """Every sequence, in the order of the renders. All of a scene are there, or those that --frames leaves."""
+        """Every sequence, in the order of the renders; --frames may leave it without a frame."""
         return tuple(sequence for render in self.renders for sequence in render.sequences)
 
     @property
@@ -193,8 +193,6 @@ def _renders(
     for setting in settings:
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = _sequence(scene, setting, identifiers, frames, preset)
-        if not sequence.frames:
-            continue  # --frames chooses none of a sequence that is shorter than the others
         step = setting.named("motion_deviation")
         if step is None:
             shared.append(sequence)

@@ -4,6 +4,7 @@
 import contextlib
 import errno
 import hashlib
+import itertools
 import os
 import sys
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from .errors import StorageError
 
+_UNFINISHED = itertools.count()
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -35,7 +37,7 @@ def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
 
     Raises StorageError; the unfinished file is removed.
     """
-    unfinished = scratch / f"{os.getpid()}-{path.parent.name}-{path.name}"
+    unfinished = _unfinished(scratch, path)
     with storage_errors(path):
         try:
             unfinished.write_bytes(data)
@@ -48,9 +50,8 @@ def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
 
 def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
     """Give a finished file a second name, atomically; where the file system has no hard links, copy it."""
-    unfinished = scratch / f"{os.getpid()}-link-{target.parent.name}-{target.name}"
+    unfinished = _unfinished(scratch, target)
     with storage_errors(target):
-        unfinished.unlink(missing_ok=True)
         try:
             unfinished.hardlink_to(source)
         except OSError as error:
@@ -61,6 +62,11 @@ def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
         unfinished.replace(target)
         # Renaming one name of a file onto another of the same file does nothing, and leaves both.
         unfinished.unlink(missing_ok=True)
+
+
+def _unfinished(scratch: Path, path: Path) -> Path:
+    """Return a name in the scratch folder that nobody else uses: threads write files of one name for many folders."""
+    return scratch / f"{os.getpid()}-{next(_UNFINISHED)}-{path.name}"
 
 
 def sha256_of_bytes(data: bytes) -> str:
