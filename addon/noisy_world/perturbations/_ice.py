@@ -128,7 +128,8 @@ def _ferns(generator: np.random.Generator) -> Field:
                 part = np.rint(segments[number::3] * 16).astype(np.int32)
                 cv2.polylines(canvas, part, False, float(grey), 1, cv2.LINE_AA, 4)
         canvas = cv2.addWeighted(canvas, 0.9, cv2.GaussianBlur(canvas, (0, 0), 3), 0.12, 0.0)
-    drawn = canvas.astype(np.float32)
+    drawn = cv2.GaussianBlur(canvas, (0, 0), 0.6).astype(np.float32)
+    drawn += 0.4 * cv2.GaussianBlur(drawn, (0, 0), 2.0)
     haze = cv2.GaussianBlur(drawn, (0, 0), 22) + 20 * _clouds(generator, 250, 30)
     return drawn + 0.5 * haze + 12 * dense + 4 * _clouds(generator, 5, 2, 0.8)
 
@@ -167,7 +168,7 @@ def _rime(generator: np.random.Generator) -> Field:
     runs = generator.standard_normal((HEIGHT_PX, WIDTH_PX), dtype=np.float32)
     runs = cv2.GaussianBlur(runs, (0, 0), 5.0, sigmaY=13)
     runs /= runs.std()
-    grown = 1 / (1 + np.exp(-2 * (0.8 * runs + 0.9 * cover + 0.8)))
+    grown = 1 / (1 + np.exp(-2 * (0.8 * runs + 0.6 * cover + 0.9)))
     frozen = _lit(grains * grown, 250, 0.7) + 0.5 * np.maximum(grains * grown, 0)
     canvas = np.zeros((HEIGHT_PX, WIDTH_PX), dtype=np.uint8)
     for _ in range(330):
@@ -178,7 +179,7 @@ def _rime(generator: np.random.Generator) -> Field:
                 _blade(canvas, generator, centre, float(angle), size)
     shown = cv2.GaussianBlur((canvas > 0).astype(np.float32), (0, 0), 1.2)
     stars = (cv2.GaussianBlur(canvas, (0, 0), 0.9).astype(np.float32) - 128) / 36
-    return frozen * (1 - 0.75 * shown) + stars * shown + 0.5 * cover
+    return frozen * (1 - 0.75 * shown) + stars * shown + 0.7 * cover + 0.3 * _clouds(generator, 60, 2, 0.8)
 
 
 def _blade(

@@ -27,7 +27,9 @@ class Fog:
         "how much weaker the haze gets from one scale to the next finer, squared", default=1.7, minimum=1, maximum=10
     )
     uniform: bool = key("the same grey everywhere instead of the plasma", default=False)
-    flow_px: float = key("drift: how far the haze flows a frame, to the right", default=3.0, unit="px", maximum=1000)
+    flow_px: float = key(
+        "drift: how far the haze flows a frame, to the right", default=3.0, unit="px", minimum=-1000, maximum=1000
+    )
 
 
 def apply(rgb: NDArray[np.float32], parameters: Fog, frame: Frame) -> NDArray[np.float32]:
