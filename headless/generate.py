@@ -193,7 +193,7 @@ def list_known(what: str) -> int:
     from noisy_world.core.schema import list_keys  # noqa: PLC0415
 
     if what == "presets":
-        for path in sorted((ROOT / "presets").glob("*.yaml")):
+        for path in sorted((ROOT / "presets").rglob("*.yaml")):
             print(path.relative_to(ROOT))
         return 0
     if what == "perturbations":

@@ -21,6 +21,7 @@ from worlds import content
 from noisy_world.core.plan import make_plan
 from noisy_world.core.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
 sys.modules["noisy_world.blender.session"] = fake_session
@@ -30,7 +31,8 @@ CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "o
 
 def run(preset, out):
     with Path(os.devnull).open("w") as log:
-        Run(make_plan(read_preset(preset)), out, progress=PlainProgress(log), stop=threading.Event())()
+        plan = make_plan(read_preset(preset), registry=registry())
+        Run(plan, out, progress=PlainProgress(log), stop=threading.Event())()
 
 
 def crash_at(step, work):

@@ -17,6 +17,7 @@ from noisy_world.core import storage
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
 from noisy_world.core.plan import make_plan
 from noisy_world.core.preset import read_preset
+from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
 
@@ -44,7 +45,7 @@ def _no_blender(monkeypatch):
 
 
 def run(preset, out, *, frames=None, stop=None, overwrite=False):
-    plan = make_plan(read_preset(preset), frames)
+    plan = make_plan(read_preset(preset), frames, registry())
     listener = Listener()
     report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite)()
     return report, listener
@@ -97,7 +98,10 @@ def test_the_same_again_renders_nothing(world, whole, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_crash_at_every_step_costs_nothing(world, whole, tmp_path):
+def test_a_crash_at_every_step_costs_nothing(tmp_path):
+    late = {"name": "late", "perturb": [{"gaussian_noise": None}, {"desync": {"offset": 1}}]}
+    world = write_world(tmp_path / "crash", frames=3, size=(8, 6), settings=[{"name": "clean"}, late])
+    run(world, tmp_path / "whole")
     # In a process of its own, which has no threads yet and can be forked.
     script = Path(__file__).with_name("crash_every_step.py")
     command = [sys.executable, script, world, tmp_path / "whole", tmp_path]

@@ -192,7 +192,12 @@ def _renders(
     deviated: list[Render] = []
     for setting in settings:
         identifiers = (preset.spec.seed, scene.name, setting.name)
-        sequence = _sequence(scene, setting, identifiers, frames, preset)
+        sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, frames)
+        if frames is None and not sequence.frames:
+            raise preset.place("settings").error(
+                f"{setting.name}: desync leaves none of the {scene.frame_count} frames of {scene.name}",
+                "use edge: clamp",
+            )
         step = setting.named("motion_deviation")
         if step is None:
             shared.append(sequence)
@@ -211,22 +216,17 @@ def _renders(
     return deviated
 
 
-def _sequence(
-    scene: Scene, setting: Setting, identifiers: Identifiers, frames: slice | None, preset: Preset
+def lay_out(
+    setting: Setting, scene: str, frame_count: int, identifiers: Identifiers, frames: slice | None = None
 ) -> Sequence:
+    """Return what a setting makes of a scene with so many frames. frames: which of its own, start and stop only."""
     faster, desync = setting.named("faster_motion"), setting.named("desync")
     every = faster.parameters(None).factor if faster else 1
-    count = -(-scene.frame_count // every)
+    count = -(-frame_count // every)
     depth_of = tuple(paired_depth(desync, count, identifiers)) if desync else None
-    kept = [frame for frame in range(count) if depth_of is None or depth_of[frame] >= 0]
-    if not kept:
-        raise preset.place("settings").error(
-            f"{setting.name}: desync leaves none of the {count} frames of {scene.name}", "use edge: clamp"
-        )
     chosen = range(count)[frames or slice(None)]
-    return Sequence(
-        setting, scene.name, identifiers, every, depth_of, tuple(frame for frame in kept if frame in chosen)
-    )
+    kept = tuple(frame for frame in chosen if depth_of is None or depth_of[frame] >= 0)
+    return Sequence(setting, scene, identifiers, every, depth_of, kept)
 
 
 def estimate(plan: Plan) -> Estimate:

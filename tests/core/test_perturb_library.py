@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The library: one array, and the frames of a sequence, the same as a preset makes."""
+
+import json
+import sys
+import threading
+from pathlib import Path
+
+import cv2
+import fake_session
+import numpy as np
+import pytest
+from worlds import ROOT, write_world
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.images import quantise_depth, rgb_bytes
+from noisy_world.core.plan import make_plan
+from noisy_world.core.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.perturb import apply, frames
+from noisy_world.perturbations import registry
+from noisy_world.pipeline import Run
+
+RGB = [name for name, item in registry().items() if item.category in ("environment", "lens", "sensor", "post")]
+DEPTH = [name for name, item in registry().items() if item.category == "depth"]
+MIXED = [
+    {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
+    {"contrast": {"severity": 3}},
+    {"depth_gaussian_noise": {"severity": 3}},
+    {"desync": {"offset": 2, "edge": "drop"}},
+    {"faster_motion": {"factor": 2}},
+]
+
+
+def test_the_taxonomy_is_whole():
+    assert len(RGB) == 16
+    assert len(DEPTH) == 4
+    assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"}
+
+
+@pytest.fixture(scope="module")
+def picture():
+    rng = np.random.default_rng(4)
+    return cv2.GaussianBlur(rng.integers(0, 256, (60, 90, 3)).astype(np.uint8), (0, 0), 2)
+
+
+@pytest.mark.parametrize("name", RGB)
+def test_bytes_and_floats_agree(name, picture):
+    before = picture.copy()
+    low = apply(picture, name, severity=3, seed=5, frame=7)
+    high = apply((picture / np.float32(255)).astype(np.float32), name, severity=3, seed=5, frame=7)
+    assert (low.dtype, low.shape) == (np.uint8, picture.shape)
+    assert (high.dtype, high.shape) == (np.float32, picture.shape)
+    assert 0 <= high.min() <= high.max() <= 1
+    assert np.array_equal(low, rgb_bytes(high))
+    assert np.array_equal(picture, before)
+    assert np.array_equal(apply(picture, name, severity=3, seed=5, frame=7), low)
+    assert not np.array_equal(low, picture)
+    assert np.array_equal(apply(picture, name, severity=0), picture)
+    if registry()[name].temporals:
+        assert not np.array_equal(apply(picture, name, severity=3, seed=5, frame=8), low)
+        assert not np.array_equal(apply(picture, name, severity=3, seed=6, frame=7), low)
+
+
+@pytest.mark.parametrize("name", DEPTH)
+def test_depth_keeps_its_kind(name):
+    depth_m = np.linspace(0.1, 9, 60 * 90, dtype=np.float32).reshape(60, 90)
+    depth_m[20:30, 40:60] = 0
+    before = depth_m.copy()
+    found = apply(depth_m, name, severity=5, seed=1)
+    assert (found.dtype, found.shape) == (np.float32, depth_m.shape)
+    assert not found[20:30, 40:60].any()
+    assert np.array_equal(depth_m, before)
+    assert np.array_equal(apply(depth_m, name, severity=0), depth_m)
+
+
+def test_what_apply_refuses(picture):
+    with pytest.raises(InputError, match="did you mean 'fog'"):
+        apply(picture, "fogg", severity=3)
+    with pytest.raises(InputError, match="severity"):
+        apply(picture, "fog", severity=9)
+    with pytest.raises(TypeError, match="uint8 or float32"):
+        apply(picture.astype(np.float64), "fog", severity=3)
+    with pytest.raises(TypeError, match="float32"):
+        apply(picture, "depth_gaussian_noise", severity=3)
+    with pytest.raises(TypeError, match="whole sequence"):
+        apply(picture, "desync", offset=3)
+
+
+def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    world = write_world(tmp_path / "world", frames=9, size=(40, 32))
+
+    def make(preset, out):
+        plan = make_plan(read_preset(preset), registry=registry())
+        Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event())()
+
+    make(world, tmp_path / "clean")
+    folder = tmp_path / "clean/clean/box"
+    preset = {
+        "seed": 11,
+        "scenes": [{"name": "box", "sequence": str(folder)}],
+        "camera": {"width": 40, "height": 32, "fx": 20, "fy": 20, "cx": 19.5, "cy": 15.5},
+        "settings": [{"name": "mixed", "perturb": MIXED}],
+        "output": {"image": "png"},
+    }
+    (tmp_path / "p.yaml").write_text(json.dumps(preset))
+    make(tmp_path / "p.yaml", tmp_path / "out")
+    out = tmp_path / "out/mixed/box"
+    found = list(frames(folder, MIXED, seed=11, setting="mixed"))
+    poses = np.loadtxt(out / "traj.txt").reshape(-1, 4, 4)
+    assert len(found) == len(poses) == 3
+    for item, pose in zip(found, poses, strict=True):
+        rgb = cv2.imread(str(out / f"results/frame{item.index:06d}.png"))[..., ::-1]
+        steps = cv2.imread(str(out / f"results/depth{item.index:06d}.png"), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(item.rgb, rgb)
+        assert np.array_equal(quantise_depth(item.depth_m, 6553.5), steps)
+        assert np.array_equal(item.c2w, pose)
+    with pytest.raises(InputError, match="needs a mesh"):
+        next(frames(folder, [{"motion_deviation": None}]))
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "presets").rglob("*.yaml")), ids=lambda path: path.stem)
+def test_presets_that_are_shipped_can_be_planned(path):
+    plan = make_plan(read_preset(path), registry=registry())
+    assert plan.settings[0].name == "clean"
+    if path.parent.name == "perturbations":
+        names = {step.perturbation.name for setting in plan.settings for step in setting.steps}
+        assert names == {path.stem}
+
+
+def test_every_perturbation_has_a_preset_of_its_own():
+    assert {path.stem for path in Path(ROOT / "presets/perturbations").iterdir()} == set(registry())
+
+
+def test_the_mixed_preset_is_the_paper_s_table():
+    plan = make_plan(read_preset(ROOT / "presets/mixed.yaml"), registry=registry())
+    # Rows of the table "Effect of mixed perturbations": in which of the six compositions each takes part.
+    table = {
+        "snow": [1, 2, 3, 4, 5, 6],
+        "motion_blur": [2, 3, 4, 5, 6],
+        "gaussian_noise": [3, 4, 5, 6],
+        "jpeg_compression": [4, 5, 6],
+        "depth_gaussian_noise": [5, 6],
+        "desync": [6],
+    }
+    for number, setting in enumerate(plan.settings):
+        there = {step.perturbation.name for step in setting.steps}
+        assert there == {name for name, columns in table.items() if number in columns}
+        assert {step.severity for step in setting.steps if step.perturbation.severities} <= {3.0}
