@@ -136,6 +136,16 @@ def test_full_rate_erodes_seven_by_seven_around_every_edge_pixel():
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=1.0), np.where(lost, 0, depth))
 
 
+@pytest.mark.parametrize(
+    ("ratio", "is_edge"), [(1.0495, False), (1.0505, True), (1 / 1.0495, False), (1 / 1.0505, True)]
+)
+def test_an_edge_is_more_than_5_percent_of_the_nearer_depth(ratio, is_edge):
+    depth = np.full((9, 30), 2, np.float32)
+    depth[:, 15:] *= np.float32(ratio)
+    for image in (depth, np.ascontiguousarray(depth.T)):
+        assert (perturbed("depth_edge_erosion", image, rate=1.0) == 0).any() == is_edge
+
+
 def test_rate_0_loses_nothing_or_the_edges_alone():
     depth = scene(2)
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=0.0), depth)

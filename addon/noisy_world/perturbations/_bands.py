@@ -6,13 +6,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-ROWS = 64  # times any width times 3 is a whole number of Philox's 64-bit words
+ROWS = 32  # times any width times 3 is a whole number of Philox's 64-bit words
 
 
 def by_bands[T: np.generic, U: np.generic](
     image: NDArray[T], dtype: np.dtype[U], perturb: Callable[[NDArray[T]], NDArray[U]]
 ) -> NDArray[U]:
-    """Put together what `perturb` makes of bands of 64 rows, from the top down; it returns arrays of `dtype`.
+    """Put together what `perturb` makes of bands of 32 rows, from the top down; it returns arrays of `dtype`.
 
     What it needs for a band stays in the processor's cache; for a whole frame the system would have to find memory
     anew each time, which makes shot noise take 22 ms, and brightness 7, where they take 9 and 2 by bands.
