@@ -31,10 +31,10 @@ class Frost:
 
 def apply(rgb: NDArray[np.float32], parameters: Frost, frame: Frame) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
+    import cv2
+
     frosted = _crop(rgb.shape[:2], parameters, frame).astype(np.float32)
-    frosted *= np.float32(parameters.influence / 255)
-    frosted += rgb * np.float32(parameters.intensity)
-    return frosted
+    return cv2.addWeighted(rgb, parameters.intensity, frosted, parameters.influence / 255, 0.0, dst=frosted)
 
 
 def _crop(size: tuple[int, int], parameters: Frost, frame: Frame) -> NDArray[np.uint8]:
@@ -48,6 +48,9 @@ def _crop(size: tuple[int, int], parameters: Frost, frame: Frame) -> NDArray[np.
     scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
     slack = np.array([_ice.HEIGHT_PX - size[0] / scale, _ice.WIDTH_PX - size[1] / scale])
     origin = np.floor(start * slack)
+    if scale == 1 and not frame.drift_frames:
+        row, column = origin.astype(int)
+        return picture[row : row + size[0], column : column + size[1]]
     if frame.drift_frames:
         crept = frame.drift_frames * parameters.creep_px / scale * np.array([np.sin(angle), np.cos(angle)])
         origin = _to_and_fro(origin + crept, slack)
