@@ -192,10 +192,10 @@ def test_fixed_keeps_one_pattern_and_fresh_redraws(name):
 @pytest.mark.parametrize(("name", "module"), [("gaussian_noise", gaussian_noise), ("speckle_noise", speckle_noise)])
 @pytest.mark.parametrize("std", [0.08, 0.15, 0.18, 0.35, 0.6, 0.0137, 2.0])
 def test_bytes_are_the_rounded_floats_for_every_byte_and_every_code(monkeypatch, name, module, std):
-    codes = np.tile(np.arange(65535, dtype=np.uint16), 64).reshape(64, -1, 3)
-    monkeypatch.setattr(module, "uniform_codes", lambda _, shape: codes.reshape(shape))
+    codes = np.arange(65535, dtype=np.uint16).reshape(1, -1, 3)  # in every row
+    monkeypatch.setattr(module, "uniform_codes", lambda _, shape: np.repeat(codes, shape[0], axis=0))
     for first in range(0, 256, 64):
-        rgb = np.repeat(np.arange(first, first + 64, dtype=np.uint8), 65535).reshape(codes.shape)
+        rgb = np.repeat(np.arange(first, first + 64, dtype=np.uint8), 65535).reshape(64, -1, 3)
         floats = perturbed(name, rgb / np.float32(255), std=std)
         np.testing.assert_array_equal(perturbed(name, rgb, std=std), rgb_bytes(floats))
 
