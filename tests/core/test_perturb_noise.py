@@ -155,6 +155,7 @@ def test_no_light_and_no_photons_are_black():
     for dtype in (np.float32, np.uint8):
         assert not perturbed("shot_noise", np.zeros((20, 20, 3), dtype)).any()
         assert not perturbed("shot_noise", np.full((20, 20, 3), 1, dtype), photons=0.0).any()
+        assert not perturbed("shot_noise", np.full((20, 20, 3), 1, dtype), photons=1e-300).any()
 
 
 @pytest.mark.parametrize("name", NOISES)

@@ -15,6 +15,7 @@ from ._quantiles import look_up, uniform_codes
 
 OUTCOMES = 256
 MOST_PHOTONS = 256  # the widest Poisson whose 256 likeliest outcomes leave out less than 1e-12
+FEWEST_PHOTONS = 1e-6  # fewer than a few in a frame are darkness
 BYTE_NOISE = np.float32(2**-10)  # of a byte: what float32 adds to a byte on its way through [0, 1]
 
 
@@ -31,7 +32,7 @@ def apply(rgb: NDArray[np.float32], parameters: ShotNoise, frame: Frame) -> NDAr
     What a value has above the byte below it is drawn apart: the sum of two Poisson numbers is one of the sum's mean.
     """
     photons = parameters.photons
-    if photons == 0:
+    if photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
     scaled = rgb * np.float32(255)
     levels = np.clip(scaled + BYTE_NOISE, 0, 255).astype(np.uint8)
@@ -45,7 +46,7 @@ def apply(rgb: NDArray[np.float32], parameters: ShotNoise, frame: Frame) -> NDAr
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, frame: Frame) -> NDArray[np.uint8]:
     """Count photons in (H, W, 3) bytes."""
-    if parameters.photons == 0:
+    if parameters.photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
     return _draw(rgb, frame, *_byte_tables(parameters.photons))
 
@@ -96,9 +97,9 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
         has = poor[rows, taker]
         threshold[rows, taker] = has
         partner[rows, taker] = giver
-        poor[rows, taker], rich[rows, taker] = np.inf, -np.inf
         poor[rows, giver] += has - 1
         rich[rows, giver] = poor[rows, giver]
+        poor[rows, taker], rich[rows, taker] = np.inf, -np.inf
     # A column that only rounding left unsettled is its own partner: there the threshold tells nothing.
     steps = np.clip(np.rint(threshold * 65536), 0, 65535)
     first = offset[:, None] + np.arange(OUTCOMES)
