@@ -120,10 +120,10 @@ def _ferns(generator: np.random.Generator) -> Field:
         for _ in range(count):
             root = generator.uniform((0, 0), (WIDTH_PX, HEIGHT_PX))
             thick = float(dense[int(root[1]), int(root[0])])
-            if thick < generator.normal(-1.4, 0.8):
+            if thick < generator.normal(-1.7, 0.9):
                 continue
             segments = _fern(generator, root, length_px * generator.uniform(0.4, 1.6))
-            shades = np.clip(generator.normal(95 + 35 * layer + 25 * thick, 30) + generator.normal(0, 25, 3), 30, 255)
+            shades = np.clip(generator.normal(95 + 35 * layer + 10 * thick, 30) + generator.normal(0, 25, 3), 30, 255)
             for number, grey in enumerate(shades):
                 part = np.rint(segments[number::3] * 16).astype(np.int32)
                 cv2.polylines(canvas, part, False, float(grey), 1, cv2.LINE_AA, 4)
@@ -131,7 +131,7 @@ def _ferns(generator: np.random.Generator) -> Field:
     drawn = cv2.GaussianBlur(canvas, (0, 0), 0.6).astype(np.float32)
     drawn += 0.4 * cv2.GaussianBlur(drawn, (0, 0), 2.0)
     haze = cv2.GaussianBlur(drawn, (0, 0), 22) + 20 * _clouds(generator, 250, 30)
-    return drawn + 0.5 * haze + 12 * dense + 4 * _clouds(generator, 5, 2, 0.8)
+    return drawn + 0.3 * haze + 4 * dense + 4 * _clouds(generator, 5, 2, 0.8)
 
 
 def _fern(generator: np.random.Generator, root: NDArray[np.float64], length_px: float) -> NDArray[np.float64]:
@@ -169,7 +169,7 @@ def _rime(generator: np.random.Generator) -> Field:
     runs = cv2.GaussianBlur(runs, (0, 0), 5.0, sigmaY=13)
     runs /= runs.std()
     grown = 1 / (1 + np.exp(-2 * (0.8 * runs + 0.6 * cover + 0.9)))
-    frozen = _lit(grains * grown, 250, 0.7) + 0.5 * np.maximum(grains * grown, 0)
+    frozen = _lit(grains * grown, 250, 0.9) + 0.5 * np.maximum(grains * grown, 0)
     canvas = np.zeros((HEIGHT_PX, WIDTH_PX), dtype=np.uint8)
     for _ in range(330):
         centre = generator.uniform((0, 0), (WIDTH_PX, HEIGHT_PX))
@@ -209,7 +209,7 @@ def _sheet(generator: np.random.Generator) -> Field:
         ridges += cv2.remap(folds, bent_x, bent_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
     broad = _clouds(generator, 420, 100)
     patches = np.clip(1.0 + 0.4 * _clouds(generator, 200, 60), 0.5, 1.6)
-    return _lit(ridges, 235, 0.5) * patches + 0.9 * broad + 0.35 * _clouds(generator, 3, 1.5, 0.8)
+    return _lit(ridges, 235, 0.5) * patches + 0.75 * broad + 0.35 * _clouds(generator, 3, 1.5, 0.8)
 
 
 type _Picture = tuple[
