@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture test bench lint format lock blender-env peer-env clean
+.PHONY: help venv demo picture test bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,9 +58,18 @@ peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to c
 	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps pyrender==0.1.45
 	touch $@
 
+corruptions-env: .venv-corruptions/.installed ## an environment with imagecorruptions, to compare with; Python 3.11, a compiler
+
+.venv-corruptions/.installed: tests/peer/corruptions.txt
+	@for python in python3.11 /usr/bin/python3.11; do \
+	  if $$python -c pass 2>/dev/null; then rm -rf .venv-corruptions; $$python -m venv .venv-corruptions && exit 0; fi; \
+	done; echo "make: imagecorruptions needs Python 3.11, which is not here" >&2; exit 1
+	.venv-corruptions/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	touch $@
+
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) .venv-peer .blender-env out dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) .venv-peer .venv-corruptions .blender-env out dist .pytest_cache .ruff_cache

@@ -11,7 +11,6 @@ figure is the median of the rounds, and its spread the distance between the quar
 import argparse
 import json
 import platform
-import subprocess
 import sys
 import tempfile
 import time
@@ -28,6 +27,7 @@ PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench import errors, pictures, tables
+from bench.contestant import Contestant, ContestantError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.handheld import handheld_path
 from noisy_world.core.machine import available_threads, processor_features
@@ -52,58 +52,6 @@ CONFIGURATIONS = (
     ("workbench", 1),
     ("workbench", 5),
 )
-
-
-class ContestantError(Exception):
-    """A process ended before it answered; the message holds its last words."""
-
-
-class Contestant:
-    """A process that waits for orders."""
-
-    def __init__(self, name: str, command: Sequence[str | Path]) -> None:
-        self.name = name
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        self._process = subprocess.Popen(
-            [str(part) for part in command],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._log,
-            text=True,
-        )
-        self.start = self.answer()
-        self.turns: list[float] = []
-
-    def answer(self) -> dict[str, Any]:
-        """Wait for the next answer. Raises ContestantError where none comes."""
-        for line in self._process.stdout:
-            if line.startswith("@"):
-                return json.loads(line[1:])
-        self._process.wait()
-        self._log.seek(0)
-        words = self._log.read().decode(errors="replace").strip().splitlines()
-        raise ContestantError(f"{self.name}: {words[-1] if words else 'ended without a word'}")
-
-    def send(self, **order: Any) -> None:
-        """Give an order without waiting."""
-        self._process.stdin.write(json.dumps(order) + "\n")
-        self._process.stdin.flush()
-
-    def ask(self, **order: Any) -> dict[str, Any]:
-        """Give an order and wait for the answer."""
-        self.send(**order)
-        return self.answer()
-
-    def take_turn(self, frames: list[int]) -> dict[str, Any]:
-        """Let it work; remember how long a frame took."""
-        answer = self.ask(do="time", frames=frames)
-        self.turns.append(answer["frame_s"])
-        return answer
-
-    def stop(self) -> None:
-        """End the process."""
-        self._process.stdin.close()
-        self._process.wait()
 
 
 @dataclass

@@ -12,7 +12,7 @@ from worlds import ROOT
 sys.path.insert(0, str(ROOT / "headless"))
 
 import report
-from bench import errors, pictures, tables
+from bench import contestant, errors, pictures, tables
 
 from noisy_world.core.mesh import Mesh
 
@@ -73,15 +73,15 @@ def test_colour_errors_are_the_textbook_s(tmp_path):
 
 
 def test_a_contestant_that_dies_is_told_of_with_its_last_words():
-    with pytest.raises(report.ContestantError, match=r"broken: .*no such thing"):
-        report.Contestant("broken", [sys.executable, "-c", "raise SystemExit('no such thing')"])
+    with pytest.raises(contestant.ContestantError, match=r"broken: .*no such thing"):
+        contestant.Contestant("broken", [sys.executable, "-c", "raise SystemExit('no such thing')"])
 
 
 def test_a_contestant_answers_beside_the_noise_that_others_print():
     lines = ["import sys", "print('noise')", "print('@{}', flush=True)"]
     lines += ["for line in sys.stdin:", "    print('x')", "    print('@' + line, flush=True)"]
     echo = "\n".join(lines)
-    item = report.Contestant("echo", [sys.executable, "-c", echo])
+    item = contestant.Contestant("echo", [sys.executable, "-c", echo])
     assert item.start == {}
     assert item.ask(do="time", frame_s=1.5) == {"do": "time", "frame_s": 1.5}
     item.stop()

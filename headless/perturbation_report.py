@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The perturbations beside a peer, on the same frames in one run: time, and distance from the peer's severities.
+
+    python headless/perturbation_report.py FRAMES [--targets TARGETS.csv] [--out DIR] [--seeds N]
+
+FRAMES: a folder of colour images; they are resized to 1200 x 680. TARGETS.csv: what the severities should look like
+(columns corruption, severity, psnr, ssim, mean_shift). The peer is imagecorruptions, in the environment that
+`make corruptions-env` builds. Writes perturbations.md.
+"""
+
+import argparse
+import csv
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+ROOT = Path(__file__).resolve().parents[1]
+PEER_PYTHON = ROOT / ".venv-corruptions" / "bin" / "python"
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
+
+from bench import tables
+from bench.contestant import Contestant
+from noisy_world.core.perturbation import RGB_CATEGORIES, SEVERITIES
+from noisy_world.perturb import apply
+from noisy_world.perturbations import registry
+
+SIZE_PX = (1200, 680)
+TIMED_SEVERITY = 3
+SLOW = {"glass_blur": 0.26}  # seconds: the release of the peer takes 15; its unreleased faster version this
+PSNR_DB = {"frost": 1.5, "fog": 1.5, "motion_blur": 1.5, "glass_blur": 1.5}
+SSIM = {"frost": 0.06}
+SHIFT = {"fog": 5.0, "frost": 10.0}
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog="perturbation_report.py", description="Measure the perturbations.")
+    parser.add_argument("frames", type=Path, help="a folder of colour images")
+    parser.add_argument("--targets", type=Path, help="what the severities should look like, as CSV")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench", help="where the report goes")
+    parser.add_argument("--seeds", type=int, default=4, help="the figures are the mean over so many seeds (default 4)")
+    options = parser.parse_args(arguments)
+    paths = sorted(path for path in options.frames.glob("*") if path.suffix.lower() in (".jpg", ".png"))
+    if not paths:
+        parser.error(f"{options.frames}: no .jpg or .png there")
+    options.out.mkdir(parents=True, exist_ok=True)
+    cv2.setNumThreads(2)
+    images = [cv2.resize(cv2.imread(str(path))[..., ::-1], SIZE_PX, interpolation=cv2.INTER_CUBIC) for path in paths]
+    frames = np.stack(images)
+    names = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]
+    with tempfile.TemporaryDirectory() as folder:
+        clean = Path(folder) / "clean.npy"
+        np.save(clean, frames)
+        peer = None
+        if PEER_PYTHON.exists():
+            peer = Contestant("peer", [PEER_PYTHON, ROOT / "headless/bench/corruptions_peer.py", clean])
+        parts = ["# The perturbations", times(names, frames, peer), depth_times()]
+        if options.targets and peer:
+            parts.append(fidelity(names, frames, peer, options.targets, seeds=options.seeds))
+        if peer:
+            peer.stop()
+        else:
+            parts.append("No peer: `make corruptions-env` builds its environment where Python 3.11 is.")
+    (options.out / "perturbations.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+    print(f"wrote {options.out / 'perturbations.md'}")
+    return 0
+
+
+def timed(call: Any, count: int) -> float:
+    """Return seconds a call."""
+    start_s = time.perf_counter()
+    for index in range(count):
+        call(index)
+    return (time.perf_counter() - start_s) / count
+
+
+def times(names: list[str], frames: NDArray[np.uint8], peer: Contestant | None) -> str:
+    """Time every perturbation of colour at one severity, uint8 in and out, in turns with the peer."""
+    rows, ratios = [], []
+    count = len(frames)
+    for name in names:
+        mine, theirs = [], []
+
+        def call(index: int, name: str = name) -> None:
+            apply(frames[index % count], name, severity=TIMED_SEVERITY, frame=index)
+
+        call(0)
+        for _ in range(5):
+            mine.append(timed(call, 8))
+            if peer and name not in SLOW:
+                order = {"name": name, "severity": TIMED_SEVERITY, "frames": [0, 1 % count]}
+                theirs.append(peer.ask(do="time", **order)["frame_s"])
+        other = SLOW.get(name, float(np.median(theirs)) if theirs else float("nan"))
+        ratios.append(other / float(np.median(mine)))
+        rows.append((name, 1e3 * float(np.median(mine)), 1e3 * other if peer else "-", ratios[-1] if peer else "-"))
+    mean = float(np.exp(np.mean(np.log(ratios))))
+    text = f"Severity {TIMED_SEVERITY}, {SIZE_PX[0]} x {SIZE_PX[1]}, uint8 RGB in and out, OpenCV with two threads."
+    if peer:
+        text += f" Geometric mean of the ratios: {mean:.1f}."
+    return "\n\n".join([text, tables.table(("perturbation", "ms", "peer, ms", "times faster"), rows)])
+
+
+def depth_times() -> str:
+    """Time the perturbations of depth on a slanted floor with void."""
+    ramp = np.linspace(0.5, 9.0, SIZE_PX[1], dtype=np.float32)
+    depth_m = np.repeat(ramp[:, None], SIZE_PX[0], axis=1)
+    depth_m[100:200, 300:500] = 0
+    depth_m[:, 600:] *= np.float32(0.8)
+    rows = []
+    for item in registry().values():
+        if item.category == "depth":
+
+            def call(index: int, name: str = item.name) -> None:
+                apply(depth_m, name, severity=TIMED_SEVERITY, frame=index)
+
+            call(0)
+            rows.append((item.name, 1e3 * float(np.median([timed(call, 6) for _ in range(5)]))))
+    return tables.table(("perturbation of depth", "ms"), rows)
+
+
+def fidelity(names: list[str], frames: NDArray[np.uint8], peer: Contestant, targets: Path, *, seeds: int) -> str:
+    """Compare each severity's PSNR, SSIM and mean shift, means over frames and seeds, with the targets."""
+    with targets.open(newline="", encoding="utf-8") as file:
+        wanted = {(row["corruption"], int(row["severity"])): row for row in csv.DictReader(file)}
+    rows, missed = [], 0
+    for name in names:
+        drawn = range(seeds) if registry()[name].temporals else range(1)
+        for severity in SEVERITIES:
+            each = [measured(name, severity, seed, frames, peer) for seed in drawn]
+            found = {key: float(np.mean([one[key] for one in each])) for key in each[0]}
+            target = wanted[name, severity]
+            off = {key: found[key] - float(target[key]) for key in ("psnr", "ssim", "mean_shift")}
+            bars = (PSNR_DB.get(name, 1.0), SSIM.get(name, 0.03), SHIFT.get(name, 3.0))
+            within = all(abs(value) <= bar for value, bar in zip(off.values(), bars, strict=True))
+            missed += not within
+            rows.append(
+                (
+                    name,
+                    severity,
+                    f"{found['psnr']:.2f} ({off['psnr']:+.2f})",
+                    f"{found['ssim']:.3f} ({off['ssim']:+.3f})",
+                    f"{found['mean_shift']:.2f} ({off['mean_shift']:+.2f})",
+                    "" if within else "beyond the bars",
+                )
+            )
+    text = f"In brackets: less the target. Beyond the bars: {missed} of {len(rows)}."
+    return "\n\n".join([text, tables.table(("perturbation", "severity", "PSNR, dB", "SSIM", "shift", ""), rows)])
+
+
+def measured(name: str, severity: int, seed: int, frames: NDArray[np.uint8], peer: Contestant) -> dict[str, float]:
+    """Perturb the frames with one seed and let the peer's library measure them."""
+    images = [apply(frame, name, severity=severity, seed=seed, frame=k) for k, frame in enumerate(frames)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "other.npy"
+        np.save(path, np.stack(images))
+        return peer.ask(do="metrics", file=str(path))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
