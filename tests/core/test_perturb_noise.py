@@ -2,9 +2,7 @@
 """The sensor's noises against their closed forms."""
 
 import math
-import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -246,18 +244,3 @@ def test_threads_change_no_byte(name):
 def test_tables_do_not_pile_up():
     for module in (gaussian_noise._tables, impulse_noise._impulses, speckle_noise._gains, shot_noise._alias_tables):
         assert 0 < module.cache_info().maxsize <= 16
-
-
-@pytest.mark.parametrize("name", NOISES)
-def test_a_frame_of_bytes_takes_a_fraction_of_numpys_normals(name):
-    rgb = np.full((680, 1200, 3), 99, np.uint8)
-    item = registry()[name]
-    parameters = replace(item.parameters())
-    numpys, ours = math.inf, math.inf
-    for repeat in range(4):
-        start = time.perf_counter()
-        np.random.Generator(np.random.Philox(repeat)).standard_normal(rgb.shape, dtype=np.float32)
-        middle = time.perf_counter()
-        item.apply_bytes(rgb, parameters, Frame(repeat, ("speed",)))
-        numpys, ours = min(numpys, middle - start), min(ours, time.perf_counter() - middle)
-    assert ours < numpys  # 6 to 9 ms against 28
