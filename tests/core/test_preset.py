@@ -3,7 +3,7 @@
 
 import pytest
 import yaml
-from worlds import ROOT, write_box_ply, write_world
+from worlds import write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.plan import make_plan
@@ -35,13 +35,6 @@ def test_defaults(write):
     assert [setting.name for setting in spec.settings] == ["clean"]
     assert (spec.camera.width, spec.camera.height, spec.camera.cx) == (1200, 680, 599.5)
     assert spec.scenes[0].trajectory.file == "b.txt"
-
-
-def test_shipped_presets_are_valid():
-    presets = sorted((ROOT / "presets").glob("*.yaml"))
-    assert presets
-    for path in presets:
-        make_plan(read_preset(path))
 
 
 @pytest.mark.parametrize(
