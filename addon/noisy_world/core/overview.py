@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A contact sheet of a dataset: a few frames of each sequence, colour above and depth below."""
+"""A contact sheet of a dataset: a few frames of each sequence, colour above and depth below, if new there."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,22 +23,35 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
     """Draw the contact sheet and return it as PNG.
 
     out: the dataset. frames: the numbers of the frames of each sequence, by the sequence's folder; the first
-    MAX_SEQUENCES are shown. All depths share one colour scale, from the nearest to the farthest shown.
+    MAX_SEQUENCES are shown. Of a scene's later sequences only what differs from the first one is. All depths share one
+    colour scale, from the nearest to the farthest shown.
     """
     import cv2
 
     shown = [(folder, _spread(numbers)) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers]
+    models = _first_of_scene([folder for folder, _ in shown])
+    names = {"rgb": layout.rgb_name, "depth": layout.depth_name}
+    same = {
+        (folder, modality): folder != models[folder]
+        and all(
+            _same_bytes(out / folder / names[modality](k), out / models[folder] / names[modality](k)) for k in numbers
+        )
+        for folder, numbers in shown
+        for modality in layout.modalities
+    }
     depths_m = {
         folder: [_read_depth(out / folder / layout.depth_name(frame), layout) for frame in numbers]
         for folder, numbers in shown
-        if "depth" in layout.modalities
+        if same.get((folder, "depth")) is False
     }
     seen_m = np.concatenate([depth_m[depth_m > 0] for row in depths_m.values() for depth_m in row] or [np.zeros(0)])
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
     rows = [_legend(near_m, far_m)] if depths_m else []
     for folder, numbers in shown:
-        rows.append(_label(f"{folder}   frames {', '.join(str(number) for number in numbers)}"))
-        if "rgb" in layout.modalities:
+        as_there = [word for word, key in (("colour", "rgb"), ("depth", "depth")) if same.get((folder, key))]
+        note = f"   ({' and '.join(as_there)} as in {models[folder]})" if as_there else ""
+        rows.append(_label(f"{folder}   frames {', '.join(str(number) for number in numbers)}{note}"))
+        if same.get((folder, "rgb")) is False:
             rows.append(_row([_read_rgb(out / folder / layout.rgb_name(frame)) for frame in numbers]))
         if folder in depths_m:
             rows.append(_row([_coloured(depth_m, near_m, far_m) for depth_m in depths_m[folder]]))
@@ -46,6 +59,16 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
         rows.append(_label(f"and {len(frames) - MAX_SEQUENCES} more sequences"))
     _, data = cv2.imencode(".png", np.concatenate(rows)[..., ::-1])
     return data.tobytes()
+
+
+def _first_of_scene(folders: Sequence[str]) -> dict[str, str]:
+    """Return for each sequence, `setting/scene`, the first one of its scene."""
+    first: dict[str, str] = {}
+    return {folder: first.setdefault(folder.split("/")[1], folder) for folder in folders}
+
+
+def _same_bytes(path: Path, other: Path) -> bool:
+    return other.exists() and (path.samefile(other) or path.read_bytes() == other.read_bytes())
 
 
 def _spread(numbers: Sequence[int]) -> list[int]:
