@@ -46,6 +46,8 @@ def draw(results: "Results", path: Path) -> None:
         axes.plot([times_s[k] for k in front], [error[k] for k in front], "k--", linewidth=0.8, zorder=0)
         axes.set(xscale="log", yscale="log", xlabel="seconds a frame, colour and depth on disk", ylabel=label)
         axes.grid(visible=True, which="both", linewidth=0.3)
+    colour.yaxis.set_minor_formatter("{x:g}")
+    colour.yaxis.set_major_formatter("{x:g}")
     for item in results.others:
         colour.axvline(item["frame_s"]["median"], color="grey", linewidth=0.8, linestyle=":")
         colour.text(

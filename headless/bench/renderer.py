@@ -162,7 +162,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     low, high = np.array([-1.5, -2.0, -1.0]), np.array([3.5, 2.5, 1.5])
     plane_m = plane_depth(camera, eye, point, normal)
     scenes = {
-        "plane": (plane_mesh(point, normal, 200.0), plane_m, plane_m < FARTHEST_M),
+        "plane": (plane_mesh(point, normal, 20.0), plane_m, plane_m < FARTHEST_M),
         "sphere": (sphere_mesh(centre, 1.0, 1000), *sphere_depth(camera, eye, centre, 1.0)),
         "box": (box_mesh(low, high), *box_depth(camera, eye, low, high)),
     }

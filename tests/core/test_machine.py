@@ -10,7 +10,12 @@ from worlds import ROOT
 
 from noisy_world.core.machine import peak_memory_bytes
 
-TELL = "import sys; sys.path.insert(0, sys.argv[1]); from noisy_world.core import machine; print(machine.peak_memory_bytes())"
+TELL = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from noisy_world.core.machine import peak_memory_bytes
+print(peak_memory_bytes())
+"""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="not told on Windows")
