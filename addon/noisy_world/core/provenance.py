@@ -50,6 +50,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "format": FORMAT,
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
+        "backend": plan.preset.spec.render.backend,
         "inputs": input_hashes(plan),
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
