@@ -16,10 +16,11 @@ from .core.errors import InterruptedRunError
 from .core.machine import available_threads, peak_memory_bytes
 from .core.mesh import Mesh
 from .core.overview import draw_overview
-from .core.plan import Plan, Render, Sequence, estimate, load_mesh, render_trajectories, written_trajectories
+from .core.plan import Plan, Render, Sequence, estimate, render_trajectories, written_trajectories
 from .core.preset import canonical
 from .core.progress import Progress
 from .core.provenance import identity, manifest, render_seed
+from .core.scenes import load_mesh
 from .core.selfcheck import reprojection_problem
 from .core.trajectory import Trajectory
 from .frame_writer import FrameWriter, SourceFrame

@@ -24,8 +24,9 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
     from noisy_world.core.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.plan import load_mesh, make_plan, render_trajectories  # noqa: PLC0415
+    from noisy_world.core.plan import make_plan, render_trajectories  # noqa: PLC0415
     from noisy_world.core.preset import read_preset  # noqa: PLC0415
+    from noisy_world.core.scenes import load_mesh  # noqa: PLC0415
 
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]

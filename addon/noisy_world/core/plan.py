@@ -1,32 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From a preset to what is to be done: every sequence, and every render that several sequences may share."""
 
-import glob
 import hashlib
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .errors import InputError, NoisyWorldError
-from .existing import ExistingSequence, find_sequence
 from .geometry import Intrinsics
 from .handheld import handheld_path
 from .layouts import Layout
 from .mesh import Mesh
 from .mixture import Identifiers, Registry, Setting, Step, paired_depth, parse_settings, perturb_motion
-from .ply import check_ply, read_ply
-from .preset import EMBEDDED_ROOM, Preset, SceneSpec, SensorSpec, TrajectorySpec
+from .preset import EMBEDDED_ROOM, Preset, SensorSpec
 from .rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
-from .room import build_room
+from .scenes import Scene, check_existing, chosen_poses, find_scenes, load_mesh
 from .schema import Place
 from .storage import sha256_of_file
-from .trajectory import Trajectory, evenly_stamped, resample, subsample
-from .trajectory_files import read_trajectory
+from .trajectory import Trajectory
 
 # Measured on two cores: what a ray, a pixel and a scene cost, and what a pixel weighs. An estimate for --dry-run.
 SECONDS_PER_SAMPLE = 3.5e-7
@@ -34,24 +26,6 @@ SECONDS_PER_PIXEL = 1.0e-7
 SECONDS_PER_RENDER = 4.0
 SECONDS_PER_PERTURBED_PIXEL = 6e-8
 BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A scene of the preset, its files found.
-
-    mesh_path: None is the embedded room, or an existing sequence. trajectory: None where the path is made from the
-    mesh (handheld).
-    """
-
-    name: str
-    spec: SceneSpec
-    place: Place
-    mesh_path: Path | None
-    trajectory_path: Path | None
-    trajectory: Trajectory | None
-    frame_count: int
-    existing: ExistingSequence | None = None
 
 
 @dataclass(frozen=True)
@@ -159,13 +133,13 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
     spec = preset.spec
     camera = spec.camera
     settings = parse_settings(spec.settings, preset.place("settings"), registry or {})
-    scenes = [scene for index, item in enumerate(spec.scenes) for scene in _find_scenes(preset, index, item)]
+    scenes = [scene for index, item in enumerate(spec.scenes) for scene in find_scenes(preset, index, item)]
     names = [scene.name for scene in scenes]
     for scene in scenes:
         if names.count(scene.name) > 1:
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
         if scene.existing is not None:
-            _check_existing(scene.existing, preset, scene.place.at("sequence"))
+            check_existing(scene.existing, preset, scene.place.at("sequence"))
     layout = Layout(
         spec.output.layout,
         spec.output.image or ("jpg" if spec.output.layout == "replica" else "png"),
@@ -249,11 +223,6 @@ def estimate(plan: Plan) -> Estimate:
     return Estimate(int(written), seconds)
 
 
-def load_mesh(scene: Scene) -> Mesh:
-    """Read the scene's mesh, or make the embedded room."""
-    return build_room() if scene.mesh_path is None else read_ply(scene.mesh_path)
-
-
 def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Trajectory:
     """Return the trajectory of a scene: the one read, or the one made in the mesh, which is loaded if not given."""
     if scene.trajectory is not None:
@@ -272,7 +241,7 @@ def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Traje
         )
     except NoisyWorldError as error:
         raise scene.place.at("trajectory").at("handheld").error(str(error)) from error
-    return _chosen_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
+    return chosen_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
 
 
 def render_trajectories(plan: Plan, render: Render, mesh: Mesh | None = None) -> dict[str, Trajectory]:
@@ -326,121 +295,6 @@ def input_hashes(plan: Plan) -> dict[str, dict[str, Any]]:
             made["mesh_sha256"] = None if scene.mesh_path is None else sha256_of_file(scene.mesh_path)
         inputs[scene.name] = made
     return inputs
-
-
-def _find_scenes(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
-    place = preset.place(f"scenes.{index}")
-    if spec.mesh == EMBEDDED_ROOM:
-        return [_scene(preset, place, spec, spec.name or "room", None)]
-    if spec.mesh is not None and spec.mesh.startswith("embedded:"):
-        raise place.at("mesh").error(f"there is no {spec.mesh!r}", f"did you mean {EMBEDDED_ROOM!r}?")
-    kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
-    pattern = spec.mesh if spec.sequence is None else spec.sequence
-    assert pattern is not None
-    make = _scene if kind == "mesh" else _existing_scene
-    if not glob.has_magic(pattern):
-        path = _existing(preset, place.at(kind), pattern, folder=kind == "sequence")
-        return [make(preset, place, spec, spec.name or path.stem, path)]
-    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
-    if not found:
-        raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
-    if spec.name and "*" not in spec.name and len(found) > 1:
-        raise place.at("name").error(f"is {spec.name!r}, but {len(found)} {kinds} match", "put a * where they differ")
-    scenes = []
-    for text in found:
-        parts = _matched_parts(pattern, text)
-        name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
-    return scenes
-
-
-def _existing_scene(
-    preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
-) -> Scene:
-    del preset, parts
-    _check_name(name, place)
-    existing = find_sequence(path)
-    return Scene(
-        name, spec, place, None, existing.trajectory_path, existing.trajectory, len(existing.trajectory), existing
-    )
-
-
-def _check_existing(existing: ExistingSequence, preset: Preset, place: Place) -> None:
-    """Hold an existing sequence against the preset: its size, and what is asked of it."""
-    camera = preset.spec.camera
-    if existing.size_px != (camera.width, camera.height):
-        wide, high = existing.size_px
-        raise place.error(
-            f"its images are {wide} x {high}", f"say so in camera, which has {camera.width} x {camera.height}"
-        )
-    if preset.spec.rig is not None:
-        raise place.error("is a sequence, which no rig can see otherwise", "leave rig out")
-
-
-def _check_name(name: str, place: Place) -> None:
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
-        raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
-
-
-def _scene(
-    preset: Preset, place: Place, spec: SceneSpec, name: str, mesh_path: Path | None, *, parts: tuple[str, ...] = ()
-) -> Scene:
-    _check_name(name, place)
-    assert spec.trajectory is not None
-    if mesh_path is not None:
-        check_ply(mesh_path)  # what the header tells need not wait until the scenes before are rendered
-    where = place.at("trajectory")
-    if spec.trajectory.file is None:
-        assert spec.trajectory.handheld is not None
-        count = _planned_frames(spec.trajectory, where)
-        return Scene(name, spec, place, mesh_path, None, None, count)
-    text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
-    path = _existing(preset, where, text)
-    whole = read_trajectory(
-        path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
-    )
-    trajectory = _chosen_poses(whole, spec.trajectory, where)
-    return Scene(name, spec, place, mesh_path, path, trajectory, len(trajectory))
-
-
-def _planned_frames(spec: TrajectorySpec, place: Place) -> int:
-    """Count the poses of a path that is not made yet, by choosing from one that stands still."""
-    assert spec.handheld is not None
-    still = evenly_stamped(np.broadcast_to(np.eye(4), (spec.handheld.frames, 4, 4)), spec.handheld.rate_hz)
-    return len(_chosen_poses(still, spec, place))
-
-
-def _chosen_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
-    if spec.resample_hz is not None:
-        trajectory = resample(trajectory, spec.resample_hz)
-    try:
-        return subsample(trajectory, spec.start, spec.stop, spec.every)
-    except ValueError as error:
-        raise place.error(str(error)) from error
-
-
-def _existing(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
-    path = preset.path.parent / text
-    if not (path.is_dir() if folder else path.is_file()):
-        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
-    return path
-
-
-def _matched_parts(pattern: str, text: str) -> tuple[str, ...]:
-    """Return what each wildcard of a glob pattern matched."""
-    wildcards = {"*": "([^/]*)", "?": "([^/])"}
-    expression = "".join(wildcards.get(letter, re.escape(letter)) for letter in pattern.replace("\\", "/"))
-    match = re.fullmatch(expression, text.replace("\\", "/"))
-    return match.groups() if match else (Path(text).stem,)
-
-
-def _filled(template: str, parts: tuple[str, ...], place: Place) -> str:
-    """Put what the mesh's wildcards matched in the place of those of another text, in order."""
-    if template.count("*") > len(parts):
-        raise place.error(f"{template!r} has more * than mesh has wildcards")
-    for part in parts:
-        template = template.replace("*", part, 1)
-    return template
 
 
 def _check_chosen(scene: Scene, frames: slice | None, preset: Preset) -> None:
