@@ -5,7 +5,7 @@
 
 Writes report.md, report.json and speed_against_error.png. Each contestant is a process of its own that has loaded its
 scene and waits; in every round each does a few frames in turn, so ratios are taken between neighbours in time. A
-figure is the median of the rounds, and its spread the distance between the quartiles over the median.
+figure is the median of the rounds, and its spread the distance between the least and the largest over the median.
 """
 
 import argparse

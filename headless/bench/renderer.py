@@ -164,7 +164,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     plane_m = plane_depth(camera, eye, point, normal)
     scenes = {
         "plane": (plane_mesh(point, normal, 20.0), plane_m, plane_m < FARTHEST_M),
-        "sphere": (sphere_mesh(centre, 1.0, 1000), *sphere_depth(camera, eye, centre, 1.0)),
+        "sphere": (sphere_mesh(centre, 1.0, 2000), *sphere_depth(camera, eye, centre, 1.0)),
         "box": (box_mesh(low, high), *box_depth(camera, eye, low, high)),
     }
     errors = {}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure from several turns: their median, and the distance of the quartiles over it."""
+    """A figure from several turns: their median, and the distance from the least to the largest over it."""
 
     median: float
     relative: float
@@ -28,7 +28,7 @@ def spread(values: Sequence[float]) -> Spread:
     """Summarise turns."""
     if not values:
         return Spread(float("nan"), float("nan"), 0)
-    low, median, high = np.quantile(values, [0.25, 0.5, 0.75])
+    low, median, high = np.quantile(values, [0, 0.5, 1])
     return Spread(float(median), float((high - low) / median), len(values))
 
 
@@ -87,7 +87,8 @@ def _machine(results: "Results") -> str:
     text = (
         f"{m['processor']}, {m['threads']} threads ({', '.join(m['features'])}), {m['system']}. Noisy World "
         f"{m['noisy_world']}, Blender {m['blender']}, Python {m['python']}, numpy {m['numpy']}. Measured in "
-        f"{results.seconds / 60:.1f} minutes. After ±: the distance between the turns' quartiles, over their median."
+        f"{results.seconds / 60:.1f} minutes. After ±: the distance between the least and "
+        "the largest of the turns, over their median."
     )
     return "\n\n".join([text, *[f"Note: {note}." for note in results.notes]])
 
