@@ -143,8 +143,6 @@ class CleanFiles:
         self._dataset = dataset
         self._image = image
         self._written: dict[str, tuple[Path, str]] = {}
-        if isinstance(image, StoredFrame):
-            self._take_stored(image)
 
     @cached_property
     def rgb(self) -> NDArray[Any]:
@@ -160,6 +158,8 @@ class CleanFiles:
 
     def give(self, modality: str, folder: str, name: str) -> str:
         """Put the clean image under a name into a sequence; return its SHA-256."""
+        if modality not in self._written and isinstance(self._image, StoredFrame):
+            self._take_stored(modality, self._image)
         if modality in self._written:
             path, digest = self._written[modality]
             self._dataset.link_file(path, folder, name)
@@ -175,14 +175,17 @@ class CleanFiles:
             return encode_rgb(pixels, layout.image)
         return encode_depth(quantise_depth(self.depth_m, layout.depth_scale_per_m))
 
-    def _take_stored(self, image: StoredFrame) -> None:
-        """Use the files of an existing sequence as they are, where the dataset's are of the same kind."""
+    def _take_stored(self, modality: str, image: StoredFrame) -> None:
+        """Use the file of an existing sequence as it is, where the dataset's are of the same kind."""
         layout = self._dataset.layout
-        same = {"rgb": image.rgb_file.suffix == f".{layout.image}"}
-        same["depth"] = image.depth_scale_per_m == layout.depth_scale_per_m and image.depth_file.suffix == ".png"
-        for modality, path in (("rgb", image.rgb_file), ("depth", image.depth_file)):
-            if same[modality] and modality in layout.modalities:
-                digest = sha256_of_file(path)
-                if digest is None:
-                    raise InputError(path, "is gone")
-                self._written[modality] = (path, digest)
+        if modality == "rgb":
+            path, same = image.rgb_file, image.rgb_file.suffix == f".{layout.image}"
+        else:
+            path = image.depth_file
+            same = image.depth_scale_per_m == layout.depth_scale_per_m and path.suffix == ".png"
+        if not same:
+            return
+        digest = sha256_of_file(path)
+        if digest is None:
+            raise InputError(path, "is gone")
+        self._written[modality] = (path, digest)
