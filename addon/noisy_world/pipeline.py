@@ -16,11 +16,11 @@ from .core.errors import InterruptedRunError
 from .core.machine import available_threads, peak_memory_bytes
 from .core.mesh import Mesh
 from .core.overview import draw_overview
-from .core.plan import Plan, Render, Sequence, estimate, render_trajectories, written_trajectories
+from .core.plan import Plan, Render, Sequence, estimate, load_trajectory, render_trajectories, written_trajectories
 from .core.preset import canonical
 from .core.progress import Progress
 from .core.provenance import identity, manifest, render_seed
-from .core.scenes import load_mesh
+from .core.scenes import Scene, load_mesh
 from .core.selfcheck import reprojection_problem
 from .core.trajectory import Trajectory
 from .frame_writer import FrameWriter, SourceFrame
@@ -92,6 +92,7 @@ class Run:
         self._workers = workers
         self._dataset = Dataset(out, plan.layout)
         self._trajectories: dict[str, Mapping[str, Trajectory]] = {}
+        self._nominals: dict[str, Trajectory] = {}
         self.report = Report(jobs=jobs)
 
     def __call__(self) -> Report:
@@ -188,7 +189,7 @@ class Run:
         mesh = load_mesh(render.scene)
         for note in mesh.notes:
             self._note(f"{render.scene.name}: {note}")
-        trajectories = render_trajectories(self._plan, render, mesh)
+        trajectories = render_trajectories(self._plan, render, self._nominal(render.scene, mesh))
         self._trajectories[name] = trajectories
         options = render_options(self._plan, self._jobs)
         with Session(mesh, render.scene.name, trajectories, self._plan.camera, options) as session:
@@ -257,7 +258,7 @@ class Run:
                 if not records:
                     continue  # --frames chose none of it
                 trajectories = self._trajectories_of(render)
-                written = written_trajectories(self._plan, render, sequence, trajectories)
+                written = written_trajectories(self._plan, render, sequence, trajectories, self._nominal(render.scene))
                 texts = self._plan.layout.sequence_texts(list(records), written)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
@@ -282,9 +283,15 @@ class Run:
         self._dataset.drop_frames(sequence.folder, [records[frame] for frame in records.keys() - whole.keys()])
         return whole
 
+    def _nominal(self, scene: Scene, mesh: Mesh | None = None) -> Trajectory:
+        """Return a scene's own trajectory, made once: in a mesh that takes seconds."""
+        if scene.name not in self._nominals:
+            self._nominals[scene.name] = load_trajectory(self._plan, scene, mesh)
+        return self._nominals[scene.name]
+
     def _trajectories_of(self, render: Render) -> Mapping[str, Trajectory]:
         if render.name not in self._trajectories:
-            self._trajectories[render.name] = render_trajectories(self._plan, render)
+            self._trajectories[render.name] = render_trajectories(self._plan, render, self._nominal(render.scene))
         return self._trajectories[render.name]
 
 

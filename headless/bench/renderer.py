@@ -24,7 +24,7 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
     from noisy_world.core.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.plan import make_plan, render_trajectories  # noqa: PLC0415
+    from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories  # noqa: PLC0415
     from noisy_world.core.preset import read_preset  # noqa: PLC0415
     from noisy_world.core.scenes import load_mesh  # noqa: PLC0415
 
@@ -37,7 +37,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
 
     blender_s = time.perf_counter() - imported_s
     mesh = load_mesh(render.scene)
-    trajectories = render_trajectories(plan, render, mesh)
+    trajectories = render_trajectories(plan, render, load_trajectory(plan, render.scene, mesh))
     options = render_options(plan, jobs=2 if "--one-thread" in flags else 1)
     dataset = Dataset(Path(out), plan.layout)
     dataset.open({"bench": preset_path}, overwrite=True)

@@ -244,21 +244,20 @@ def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Traje
     return chosen_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
 
 
-def render_trajectories(plan: Plan, render: Render, mesh: Mesh | None = None) -> dict[str, Trajectory]:
+def render_trajectories(plan: Plan, render: Render, nominal: Trajectory) -> dict[str, Trajectory]:
     """Return where each thing goes in a render: as sensor_trajectories, after the deviation that there may be."""
-    nominal = load_trajectory(plan, render.scene, mesh)
     if render.deviation is None:
         return sensor_trajectories(plan, nominal)
     return sensor_trajectories(plan, perturb_motion(render.deviation[0], nominal, render.deviation[1]))
 
 
 def written_trajectories(
-    plan: Plan, render: Render, sequence: Sequence, true: Mapping[str, Trajectory]
+    plan: Plan, render: Render, sequence: Sequence, true: Mapping[str, Trajectory], nominal: Trajectory
 ) -> dict[str, Trajectory]:
     """Return the trajectories of a sequence's own frames: the true ones and, where they deviate, the "nominal" one."""
     paths = dict(true)
     if render.deviation is not None:
-        paths["nominal"] = sensor_trajectories(plan, load_trajectory(plan, render.scene))[""]
+        paths["nominal"] = sensor_trajectories(plan, nominal)[""]
     faster = sequence.setting.named("faster_motion")
     return {
         key: path if faster is None else perturb_motion(faster, path, sequence.identifiers)
