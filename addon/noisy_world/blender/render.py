@@ -53,7 +53,7 @@ class FrameRenderer:
         self._rgb = rgb
         self._depth = depth
         self._encoded_colours = encoded_colours
-        self._scratch = _scratch_folder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
+        self._scratch = scratch_folder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
         self._path = Path(self._scratch.name) / "frame.exr"
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
@@ -108,7 +108,7 @@ class FrameRenderer:
         return RenderedFrame(colours, depth_m)
 
 
-def _scratch_folder(bytes_needed: int) -> tempfile.TemporaryDirectory[str]:
+def scratch_folder(bytes_needed: int) -> tempfile.TemporaryDirectory[str]:
     """Make a folder in memory or, where there is too little, on the disk; remove those that killed processes left."""
     folder = None
     if SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK):

@@ -67,6 +67,11 @@ type BytesApply = Callable[[NDArray[np.uint8], Any, Frame], NDArray[np.uint8]]
 Byte for byte what `apply` makes of `rgb / np.float32(255)`, rounded by `images.rgb_bytes`: a faster way, no other one.
 """
 
+type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
+"""groups.Canvas; a socket for each parameter, sizes in pixels of the image that arrives, angles in degrees; the largest
+values to be served -> the socket of the perturbed image, encoded as the canvas's. It may lie outside [0, 1].
+"""
+
 type DepthApply = Callable[[NDArray[np.float32], Any, Frame], NDArray[np.float32]]
 """(H, W) float32 planar depth in metres, 0 = void; parameters; frame -> a new array alike. The input is left alone."""
 
@@ -81,6 +86,8 @@ class Perturbation:
     apply_bytes: the same on bytes, where a frame comes as bytes, goes as bytes and nothing else stands between.
     temporals: what `temporal` may be; () where nothing is random.
     counts: parameters that are whole numbers, which a fractional severity rounds.
+    build: the same definition as a compositor node group. capacity: for parameters that the number of its nodes depends
+    on, the largest value that the group serves by default. needs_depth: the group has an input for planar depth.
     """
 
     name: str
@@ -93,6 +100,9 @@ class Perturbation:
     apply_bytes: BytesApply | None = None
     temporals: tuple[Temporal, ...] = ()
     counts: frozenset[str] = field(default_factory=frozenset)
+    build: GroupBuild | None = None
+    capacity: Mapping[str, float] = field(default_factory=dict)
+    needs_depth: bool = False
 
     def __post_init__(self) -> None:
         known = {item.name for item in fields(self.parameters)}

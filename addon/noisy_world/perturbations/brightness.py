@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Brightness: an exposure that is too long."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
@@ -69,6 +72,19 @@ def _gain(value: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
     return np.minimum(value + np.float32(offset), 1) / np.maximum(value, BLACK)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Multiply by the gain that the largest channel needs."""
+    graph, image, offset = canvas.graph, canvas.image, given["offset"]
+    with graph.section("Value"):
+        value = graph.math("MAXIMUM", graph.math("MAXIMUM", image.r, image.g), image.b)
+    with graph.section("Gain"):
+        brighter = graph.math("MINIMUM", value + offset, 1.0)
+        gain = brighter / graph.math("MAXIMUM", value, float(BLACK))
+    with graph.section("Brighten"):
+        black = value < float(BLACK)
+        return graph.mix(image * gain, graph.math("MINIMUM", offset, 1.0), black)
+
+
 PERTURBATION = Perturbation(
     name="brightness",
     label="Brightness",
@@ -77,5 +93,6 @@ PERTURBATION = Perturbation(
     severities={"offset": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
 )

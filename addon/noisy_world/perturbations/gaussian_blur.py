@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gaussian blur: a soft lens."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import gaussian
@@ -23,6 +26,14 @@ def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, _frame: Frame) -> 
     return gaussian(rgb, parameters.sigma_px)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Blur with the Blur node, whose Gaussian's size is 3 sigma."""
+    size = given["sigma_px"] * 3.0
+    with canvas.graph.section("Blur"):
+        inputs = {"Image": canvas.image, "Size": canvas.graph.vector(size, size), "Type": "Gaussian"}
+        return canvas.graph.node("CompositorNodeBlur", inputs | {"Separable": True}).out("Image", "color")
+
+
 PERTURBATION = Perturbation(
     name="gaussian_blur",
     label="Gaussian blur",
@@ -31,4 +42,5 @@ PERTURBATION = Perturbation(
     severities={"sigma_px": (1, 2, 3, 4, 6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
 )

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node groups evaluated on arrays: one upload of a frame, one evaluation, a picture for each setting."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.chain import build_chain, is_active, socket_values, step_node
+from ..core.errors import StorageError
+from ..core.images import rgb_bytes
+from ..core.mixture import Identifiers, Step
+from .nodes import ensure_group, remove_group
+from .render import muted_output, scratch_folder
+
+SCENE = "Noisy World compositor"
+LAYERS_PER_CALL = 16  # of float colour, so that memory does not grow with the number of settings
+BYTES_PER_PIXEL = 12
+
+
+class Compositor:
+    """Evaluates chains of node groups on frames that it is given, in a scene of its own that renders nothing.
+
+    The user's scenes and their colour management are left alone: what is stored leaves the compositor as float values.
+    """
+
+    def __init__(self, size_px: tuple[int, int], chains: Mapping[str, Sequence[Step]], reference_width_px: int) -> None:
+        """Build the chains.
+
+        size_px: width, height of the frames. chains: steps of colour by the name of what they make.
+        reference_width_px: the width that sizes in pixels are meant at.
+        """
+        # One pixel alone is a single value to Blender, for which it writes no file: it goes as two equal ones.
+        self._one_pixel = size_px == (1, 1)
+        self._size_px = size_px = (2, 1) if self._one_pixel else size_px
+        self._chains = {name: tuple(steps) for name, steps in chains.items()}
+        self._needs_depth = any(step.perturbation.needs_depth for steps in chains.values() for step in steps)
+        self._scratch = scratch_folder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), LAYERS_PER_CALL))
+        self._path = Path(self._scratch.name) / "settings.exr"
+        self._scene = bpy.data.scenes.new(SCENE)
+        self._tree = bpy.data.node_groups.new(SCENE, "CompositorNodeTree")
+        self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
+        self._image = _float_image("Noisy World frame", size_px)
+        self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
+        self._configure()
+        self._nodes: dict[str, bpy.types.Node] = {}
+        names = list(self._chains)
+        self._batches = [names[k : k + LAYERS_PER_CALL] for k in range(0, len(names), LAYERS_PER_CALL)]
+        self._files = self._wire(reference_width_px)
+
+    def _configure(self) -> None:
+        scene = self._scene
+        scene.compositing_node_group = self._tree
+        render = scene.render
+        render.resolution_x, render.resolution_y = self._size_px
+        render.resolution_percentage = 100
+        render.use_compositing = True
+        render.use_sequencer = False
+        render.compositor_device = "CPU"
+        render.compositor_precision = "FULL"
+
+    def _wire(self, reference_width_px: int) -> list[bpy.types.Node]:
+        """Link the frame through every chain to a layer of its batch's file."""
+        tree = self._tree
+        frame = _image_node(tree, self._image)
+        depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
+        files = []
+        for batch in self._batches:
+            file = tree.nodes.new("CompositorNodeOutputFile")
+            file.directory = str(self._path.parent)
+            file.file_name = self._path.stem
+            file.format.media_type = "MULTI_LAYER_IMAGE"
+            file.format.file_format = "OPEN_EXR_MULTILAYER"
+            file.format.color_depth = "32"
+            file.format.exr_codec = "NONE"
+            file.format.use_exr_interleave = True
+            file.save_as_render = False
+            for place, name in enumerate(batch):
+                node = tree.nodes.new("CompositorNodeGroup")
+                node.node_tree = ensure_group(build_chain(f"NW chain {name}", self._chains[name]))
+                node.inputs["Reference Width"].default_value = reference_width_px
+                node.inputs["Encoded"].default_value = True
+                tree.links.new(frame.outputs["Image"], node.inputs["Image"])
+                if depth is not None and "Depth" in node.inputs:
+                    tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
+                file.file_output_items.new("VECTOR", f"s{place}")
+                tree.links.new(node.outputs["Image"], file.inputs[place])
+                self._nodes[name] = node
+            files.append(file)
+        return files
+
+    def perturb(
+        self,
+        rgb: NDArray[Any],
+        frames: Mapping[str, tuple[int, Identifiers]],
+        depth_m: NDArray[np.float32] | None = None,
+    ) -> dict[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]:
+        """Perturb a frame for every setting that shows it, and round once at the end.
+
+        rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
+        and what names its streams. depth_m: (H, W), for chains that ask for it.
+
+        Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done.
+        """
+        images, notes = self.evaluate(rgb, frames, depth_m)
+        return {name: (None if image is None else rgb_bytes(image), notes[name]) for name, image in images.items()}
+
+    def evaluate(
+        self,
+        rgb: NDArray[Any],
+        frames: Mapping[str, tuple[int, Identifiers]],
+        depth_m: NDArray[np.float32] | None = None,
+    ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
+        """Do what `perturb` does, without rounding."""
+        images: dict[str, NDArray[np.float32] | None] = {}
+        notes: dict[str, list[dict[str, Any]]] = {}
+        uploaded = False
+        for batch, file in zip(self._batches, self._files, strict=True):
+            active = []
+            for name in (name for name in batch if name in frames):
+                works, notes[name] = self._set_sockets(name, *frames[name])
+                images[name] = None
+                if works:
+                    active.append(name)
+            if active:
+                if not uploaded:
+                    self._upload(rgb, depth_m)
+                    uploaded = True
+                images |= self._run(file, batch, active)
+        return images, notes
+
+    def _set_sockets(self, name: str, index: int, identifiers: Identifiers) -> tuple[bool, list[dict[str, Any]]]:
+        tree = self._nodes[name].node_tree
+        values, notes = {}, []
+        for step in self._chains[name]:
+            values[step_node(step)], note = socket_values(
+                step, index, identifiers, scene_frame=self._scene.frame_current
+            )
+            notes.append(note)
+        for node_name, sockets in values.items():
+            inputs = tree.nodes[node_name].inputs
+            for socket_name, value in sockets.items():
+                inputs[socket_name].default_value = value
+        return is_active(values), notes
+
+    def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
+        values = rgb[::-1]
+        if rgb.dtype == np.uint8:
+            np.divide(values, np.float32(255), out=self._rgba[..., :3], casting="unsafe")
+        else:
+            self._rgba[..., :3] = values
+        _fill(self._image, self._rgba)
+        if self._depth_image is not None:
+            if depth_m is None:
+                raise ValueError("a chain asks for depth, and there is none")
+            rgba = np.ones_like(self._rgba)
+            rgba[..., :3] = depth_m[::-1, :, None]
+            _fill(self._depth_image, rgba)
+
+    def _run(self, file: bpy.types.Node, batch: Sequence[str], active: Sequence[str]) -> dict[str, NDArray[np.float32]]:
+        import OpenEXR
+
+        for other in self._files:
+            other.mute = other != file
+        for place, name in enumerate(batch):
+            self._link(file, place, name if name in active else None)
+        self._path.unlink(missing_ok=True)
+        problem = ""
+        try:
+            with muted_output():
+                bpy.ops.render.render(scene=self._scene.name)
+        except RuntimeError as error:  # how Blender reports that it could not write
+            problem = str(error).strip().splitlines()[-1]
+        if problem or not self._path.exists():
+            raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
+        with OpenEXR.File(str(self._path), separate_channels=True) as layers:
+            channels = {name: item.pixels for name, item in layers.channels().items()}
+        shown = slice(1) if self._one_pixel else slice(None)
+        return {
+            name: np.stack([channels[f"s{batch.index(name)}.{axis}"][:, shown] for axis in "XYZ"], axis=-1)
+            for name in active
+        }
+
+    def _link(self, file: bpy.types.Node, place: int, name: str | None) -> None:
+        """Link a chain to its layer, or unlink the layer: what nothing asks for is not calculated."""
+        socket = file.inputs[place]
+        if name is None:
+            for link in list(socket.links):
+                self._tree.links.remove(link)
+        elif not socket.is_linked:
+            self._tree.links.new(self._nodes[name].outputs["Image"], socket)
+
+    def close(self) -> None:
+        """Remove everything that was made."""
+        for node in self._nodes.values():
+            tree = node.node_tree
+            node.node_tree = None
+            remove_group(tree)
+        self._nodes.clear()
+        bpy.data.scenes.remove(self._scene)
+        bpy.data.node_groups.remove(self._tree)
+        for image in (self._image, self._depth_image):
+            if image is not None:
+                bpy.data.images.remove(image)
+        self._scratch.cleanup()
+
+    def __enter__(self) -> "Compositor":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _float_image(name: str, size_px: tuple[int, int]) -> bpy.types.Image:
+    image = bpy.data.images.new(name, *size_px, alpha=False, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    return image
+
+
+def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.Node:
+    node = tree.nodes.new("CompositorNodeImage")
+    node.image = image
+    return node
+
+
+def _fill(image: bpy.types.Image, rgba: NDArray[np.float32]) -> None:
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()

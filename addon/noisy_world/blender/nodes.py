@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node groups out of descriptions: made whole or not at all, found again where nothing changed, laid out to be read."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+import bpy
+import numpy as np
+
+from ..core.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
+from ..core.node_layout import Arrangement, arrange
+
+STAMP = "noisy_world_stamp"
+PICTURE_VERSION = "noisy_world_version"
+_SOCKET_TYPES = {
+    "float": "NodeSocketFloat",
+    "int": "NodeSocketInt",
+    "bool": "NodeSocketBool",
+    "vector": "NodeSocketVector",
+    "color": "NodeSocketColor",
+}
+
+
+def ensure_group(graph: Graph) -> bpy.types.NodeTree:
+    """Return the node group of a description: the one in the file where it is the same, a new one in its place if not.
+
+    What uses the old group uses the new one afterwards. Whatever fails, the file is left as it was.
+    """
+    old = _local(bpy.data.node_groups, graph.name)
+    if old is not None and old.get(STAMP) == graph.stamp:
+        return old
+    before = {*bpy.data.node_groups, *bpy.data.images}
+    try:
+        tree = _build(graph)
+    except BaseException:
+        _remove_new(before)
+        raise
+    if old is not None:
+        old.user_remap(tree)
+        bpy.data.node_groups.remove(old)
+    tree.name = graph.name
+    return tree
+
+
+def remove_group(tree: bpy.types.NodeTree) -> None:
+    """Remove a group with the groups and the images that only it used."""
+    used = _used_by(tree)
+    bpy.data.node_groups.remove(tree)
+    for item in used:
+        with suppress(ReferenceError):  # a group within a group may have gone with it
+            if item.users == 0:
+                remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.images.remove(item)
+
+
+def _local(collection: bpy.types.bpy_prop_collection, name: str) -> bpy.types.ID | None:
+    return next((item for item in collection if item.name == name and item.library is None), None)
+
+
+def _remove_new(before: set[bpy.types.ID]) -> None:
+    for collection in (bpy.data.node_groups, bpy.data.images):
+        for item in [item for item in collection if item not in before]:
+            collection.remove(item)
+
+
+def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
+    used = [getattr(node, name, None) for node in tree.nodes for name in ("node_tree", "image")]
+    return list(dict.fromkeys(item for item in used if item is not None))
+
+
+# --- building ---
+
+
+def _build(graph: Graph) -> bpy.types.NodeTree:
+    children = {number: ensure_group(node.group) for number, node in enumerate(graph.nodes) if node.group is not None}
+    tree = bpy.data.node_groups.new(f"{graph.name} (unfinished)", "CompositorNodeTree")
+    tree.description = graph.description
+    tree.color_tag = "FILTER"
+    identifiers = {item.name: _add_input(tree, item) for item in graph.inputs}
+    for item in graph.outputs:
+        socket = tree.interface.new_socket(item.name, in_out="OUTPUT", socket_type=_SOCKET_TYPES[item.kind])
+        socket.description = item.description
+    plan = arrange(graph)
+    frames = _frames(tree, plan)
+    made = {number: _add_node(tree, graph.nodes[number], children.get(number)) for number in plan.places}
+    entries = _entries(tree, plan, frames)
+    for number, node in made.items():
+        _place(node, plan.places[number], frames.get(graph.nodes[number].section))
+        for name, value in graph.nodes[number].inputs.items():
+            target = _input(node, name)
+            if isinstance(value, Socket):
+                source = _source(value, made, entries.get(graph.nodes[number].section), identifiers)
+                tree.links.new(source, target)
+            else:
+                target.default_value = value
+    end = tree.nodes.new("NodeGroupOutput")
+    end.is_active_output = True
+    end.location = plan.output
+    for item in graph.outputs:
+        tree.links.new(_source(item.socket, made, entries.get(""), identifiers), end.inputs[item.name])
+    _hide_unused(tree)
+    tree[STAMP] = graph.stamp
+    return tree
+
+
+def _add_input(tree: bpy.types.NodeTree, item: GroupInput) -> str:
+    socket = tree.interface.new_socket(item.name, in_out="INPUT", socket_type=_SOCKET_TYPES[item.kind])
+    socket.description = item.description
+    if item.kind in ("float", "int"):
+        socket.subtype = item.subtype
+        if item.minimum is not None:
+            socket.min_value = item.minimum
+        if item.maximum is not None:
+            socket.max_value = item.maximum
+    socket.default_value = item.default
+    return socket.identifier
+
+
+def _frames(tree: bpy.types.NodeTree, plan: Arrangement) -> dict[str, bpy.types.Node]:
+    frames = {}
+    for label in plan.sections:
+        frame = tree.nodes.new("NodeFrame")
+        frame.label = frame.name = label
+        frame.shrink = True
+        frames[label] = frame
+    return frames
+
+
+def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | None) -> bpy.types.Node:
+    node = tree.nodes.new(item.idname)
+    if child is not None:
+        node.node_tree = child
+    if item.picture is not None:
+        node.image = ensure_picture(item.picture)
+    for name, value in item.properties.items():
+        setattr(node, name, value)
+    if item.label:
+        node.label = item.label
+    if item.name:
+        node.name = item.name
+    return node
+
+
+def _entries(
+    tree: bpy.types.NodeTree, plan: Arrangement, frames: Mapping[str, bpy.types.Node]
+) -> dict[str, bpy.types.Node]:
+    """Give each section that uses the group's inputs a Group Input of its own: short links are read more easily."""
+    entries = {}
+    for section, place in plan.entries.items():
+        entry = tree.nodes.new("NodeGroupInput")
+        _place(entry, place, frames.get(section))
+        entries[section] = entry
+    return entries
+
+
+def _place(node: bpy.types.Node, place: tuple[float, float], frame: bpy.types.Node | None) -> None:
+    node.parent = frame
+    node.location = place
+
+
+def _input(node: bpy.types.Node, name: str) -> bpy.types.NodeSocket:
+    """Return a node's input: by identifier, a group's by name."""
+    if node.bl_idname == "CompositorNodeGroup":
+        return node.inputs[name]
+    found = next((item for item in node.inputs if item.identifier == name), None)
+    if found is None:
+        raise KeyError(f"{node.bl_idname} has no input {name!r}")
+    return found
+
+
+def _source(
+    socket: Socket,
+    made: Mapping[int, bpy.types.Node],
+    entry: bpy.types.Node | None,
+    identifiers: Mapping[str, str],
+) -> bpy.types.NodeSocket:
+    if socket.node == INTERFACE:
+        assert entry is not None
+        return next(item for item in entry.outputs if item.identifier == identifiers[socket.output])
+    node = made[socket.node]
+    if node.bl_idname == "CompositorNodeGroup":
+        return node.outputs[socket.output]
+    found = next((item for item in node.outputs if item.identifier == socket.output), None)
+    if found is None:
+        raise KeyError(f"{node.bl_idname} has no output {socket.output!r}")
+    return found
+
+
+def _hide_unused(tree: bpy.types.NodeTree) -> None:
+    """Show of each Group Input what is linked, and of each node no output that nothing asks for."""
+    for node in tree.nodes:
+        for socket in node.outputs:
+            if not socket.is_linked:
+                socket.hide = True
+
+
+# --- pictures ---
+
+
+def ensure_picture(picture: Picture) -> bpy.types.Image:
+    """Return the image of a picture, packed into the file; made anew where it is of another version."""
+    old = _local(bpy.data.images, picture.name)
+    if old is not None and old.get(PICTURE_VERSION) == picture.version:
+        return old
+    pixels = picture.make()
+    height, width = pixels.shape[:2]
+    is_float = pixels.dtype == np.float32
+    image = bpy.data.images.new(picture.name, width, height, alpha=False, float_buffer=is_float)
+    image.colorspace_settings.name = "Non-Color"
+    values = np.ones((height, width, 4), dtype=np.float32)
+    values[..., :3] = (pixels if is_float else pixels / np.float32(255)).reshape(height, width, -1)[::-1]
+    image.pixels.foreach_set(values.ravel())
+    image.update()
+    image.pack()
+    image[PICTURE_VERSION] = picture.version
+    if old is not None:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+        image.name = picture.name
+    return image

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A setting's perturbations of colour as one node group of groups, in propagation order, and what its sockets say."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+from .graph import Graph, GroupInput, Socket
+from .groups import REFERENCE_WIDTH_PX, build_group, convert, seed_of, socket_name, socket_value
+from .mixture import Identifiers, Step
+
+ENCODED_INPUT = GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
+REFERENCE_INPUT = GroupInput(
+    "Reference Width",
+    "int",
+    REFERENCE_WIDTH_PX,
+    "The frame's full width: sizes in pixels are meant at it",
+    minimum=1,
+    maximum=65500,
+    subtype="PIXEL",
+)
+
+
+def build_chain(name: str, steps: Sequence[Step]) -> Graph:
+    """Describe a chain: linear light in and out, converted once at its edges, encoded values between the groups.
+
+    steps: of colour, in propagation order. Each one's group node is called as `step_node` says.
+    """
+    graph = Graph(name, "Perturbations of colour in propagation order")
+    image = graph.input(GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame"))
+    depth_m = None
+    if any(step.perturbation.needs_depth for step in steps):
+        depth_m = graph.input(
+            GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
+        )
+    reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
+    with graph.section("To encoded colour"):
+        linear = graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB"))
+        result = graph.choose(encoded, image, linear)
+    with graph.section("Perturbations"):
+        for step in steps:
+            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": True}
+            if step.perturbation.needs_depth:
+                inputs["Depth"] = depth_m
+            group = build_group(step.perturbation, capacity_of(step))
+            result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
+    with graph.section("From encoded colour"):
+        back = convert(graph, result, "sRGB", "Linear Rec.709")
+        alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
+        kept = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
+        chosen: Socket = graph.choose(encoded, result, kept.out("Image", "color"))
+        graph.output("Image", chosen, description="The perturbed frame")
+    return graph
+
+
+def step_node(step: Step) -> str:
+    """Return the name of a step's node in its chain."""
+    return step.perturbation.label if step.place == 0 else f"{step.perturbation.label} {step.place + 1}"
+
+
+def capacity_of(step: Step) -> dict[str, float]:
+    """Return the largest values that a step's group has to serve, where they are more than it does by default."""
+    levels = (step.severity,) if step.levels is None else step.levels
+    used = [step.parameters(level) for level in levels if level != 0]
+    served = {}
+    for name, default in step.perturbation.capacity.items():
+        largest = max((getattr(item, name) for item in used), default=default)
+        if largest > default:
+            served[name] = largest
+    return served
+
+
+def socket_values(
+    step: Step, index: int, identifiers: Identifiers, *, scene_frame: int = 0
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a step's sockets say for a frame of a sequence, by their names; and a note for the provenance.
+
+    scene_frame: the frame that Blender's scene stands at while this one is evaluated.
+    """
+    frame = step.frame(index, identifiers)
+    severity = step.severity_of(frame)
+    note = step.note(frame, severity)
+    values: dict[str, Any] = {"Enabled": severity != 0}
+    perturbation = step.perturbation
+    if severity != 0:
+        parameters = step.parameters(severity)
+        for item in fields(parameters):
+            value = socket_value(perturbation, item.name, getattr(parameters, item.name))
+            values[socket_name(item.name)] = value
+    if perturbation.temporals:
+        values["Seed"] = note["node_seed"] = seed_of(frame.identifiers)
+        values["Frame Offset"] = index - scene_frame
+        values["Redraw"] = step.temporal == "fresh"
+        if "drift" in perturbation.temporals:
+            values["Drift"] = step.temporal == "drift"
+    return values, note
+
+
+def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:
+    """Tell whether any step of a chain does anything, from its socket values by node."""
+    return any(item["Enabled"] for item in values.values())

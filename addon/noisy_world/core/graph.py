@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A node group described as arithmetic, before Blender makes it: sockets, nodes, sections, and a stamp of it all.
+
+A description holds no Blender object. So it is finished, or has failed, before anything in a file is touched, and two
+descriptions are the same where their stamps are.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+type Kind = Literal["float", "int", "bool", "vector", "color"]
+type Value = "Socket | float | tuple[float, ...]"
+
+IMAGE_KINDS = ("vector", "color")  # what has several numbers at each pixel
+INTERFACE = -1  # the node number of the group's own inputs
+
+
+@dataclass(frozen=True)
+class GroupInput:
+    """An input of the group. subtype: as Blender names it (PIXEL, ANGLE, DISTANCE, FACTOR), which gives the unit."""
+
+    name: str
+    kind: Kind
+    default: Any
+    description: str
+    minimum: float | None = None
+    maximum: float | None = None
+    subtype: str = "NONE"
+
+
+@dataclass(frozen=True)
+class GroupOutput:
+    """An output of the group and what it shows."""
+
+    name: str
+    kind: Kind
+    socket: "Socket"
+    description: str
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image that a group carries with it, for what nodes cannot make.
+
+    make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, the same for the same `version`. Values are used
+    as they stand, without colour management.
+    """
+
+    name: str
+    version: str
+    make: Callable[[], NDArray[Any]]
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node: its type, what it does (properties and unlinked inputs), what is linked to it, and where it belongs."""
+
+    idname: str
+    label: str
+    section: str
+    properties: Mapping[str, Any]
+    inputs: Mapping[str, Any]
+    picture: Picture | None = None
+    group: "Graph | None" = None
+    name: str = ""
+
+
+class Socket:
+    """A value in a graph: an output of a node, or an input of the group. Arithmetic on it makes nodes."""
+
+    __slots__ = ("graph", "kind", "node", "output")
+
+    def __init__(self, graph: "Graph", node: int, output: str, kind: Kind) -> None:
+        self.graph = graph
+        self.node = node
+        self.output = output
+        self.kind = kind
+
+    def __add__(self, other: Value) -> "Socket":
+        return self.graph.math("ADD", self, other)
+
+    def __radd__(self, other: Value) -> "Socket":
+        return self.graph.math("ADD", other, self)
+
+    def __sub__(self, other: Value) -> "Socket":
+        return self.graph.math("SUBTRACT", self, other)
+
+    def __rsub__(self, other: Value) -> "Socket":
+        return self.graph.math("SUBTRACT", other, self)
+
+    def __mul__(self, other: Value) -> "Socket":
+        return self.graph.math("MULTIPLY", self, other)
+
+    def __rmul__(self, other: Value) -> "Socket":
+        return self.graph.math("MULTIPLY", other, self)
+
+    def __truediv__(self, other: Value) -> "Socket":
+        """Divide; by zero is zero, as Blender's nodes have it."""
+        return self.graph.math("DIVIDE", self, other)
+
+    def __rtruediv__(self, other: Value) -> "Socket":
+        return self.graph.math("DIVIDE", other, self)
+
+    def __neg__(self) -> "Socket":
+        return self.graph.math("MULTIPLY", self, -1.0)
+
+    def __pow__(self, other: Value) -> "Socket":
+        return self.graph.math("POWER", self, other)
+
+    def __lt__(self, other: Value) -> "Socket":
+        return self.graph.math("LESS_THAN", self, other)
+
+    def __gt__(self, other: Value) -> "Socket":
+        return self.graph.math("GREATER_THAN", self, other)
+
+    def __getattr__(self, name: str) -> "Socket":
+        """Return a component: x, y and z of a vector; r, g and b of a colour are the same."""
+        places = {"x": "X", "y": "Y", "z": "Z", "r": "X", "g": "Y", "b": "Z"}
+        if name not in places or self.kind not in IMAGE_KINDS:
+            raise AttributeError(name)
+        return self.graph.node("ShaderNodeSeparateXYZ", {"Vector": self}).out(places[name], "float")
+
+
+@dataclass(frozen=True)
+class Made:
+    """A node that was made, to ask for its outputs."""
+
+    graph: "Graph"
+    number: int
+
+    def out(self, identifier: str, kind: Kind) -> Socket:
+        """Return an output by its identifier."""
+        return Socket(self.graph, self.number, identifier, kind)
+
+
+# What a vector node calls differently, or can do only as several.
+_VECTOR_OPERATIONS = {"LESS_THAN", "GREATER_THAN"}
+
+
+@dataclass(eq=False)
+class Graph:
+    """A node group that is being described.
+
+    name: of the group. description: what it does, for its tooltip. category: the asset catalogue that shows it; ""
+    keeps it to the groups that use it.
+    """
+
+    name: str
+    description: str
+    category: str = ""
+    tags: tuple[str, ...] = ()
+    inputs: list[GroupInput] = field(default_factory=list)
+    outputs: list[GroupOutput] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    _section: str = ""
+    _known: dict[str, int] = field(default_factory=dict)
+
+    # --- the group's own sockets ---
+
+    def input(self, item: GroupInput) -> Socket:
+        """Add an input of the group."""
+        if any(known.name == item.name for known in self.inputs):
+            raise ValueError(f"{self.name}: the input {item.name!r} is there twice")
+        self.inputs.append(item)
+        return Socket(self, INTERFACE, item.name, item.kind)
+
+    def output(self, name: str, socket: Socket, kind: Kind = "color", description: str = "") -> None:
+        """Add an output of the group."""
+        self.outputs.append(GroupOutput(name, kind, socket, description))
+
+    @contextmanager
+    def section(self, label: str) -> Iterator[None]:
+        """Put the nodes that are made meanwhile into a labelled frame of their own."""
+        before, self._section = self._section, label
+        yield
+        self._section = before
+
+    # --- nodes ---
+
+    def node(
+        self,
+        idname: str,
+        inputs: Mapping[str, Any],
+        properties: Mapping[str, Any] | None = None,
+        *,
+        label: str = "",
+        picture: Picture | None = None,
+        group: "Graph | None" = None,
+        name: str = "",
+    ) -> Made:
+        """Add a node, or find the same one in the same section.
+
+        inputs: by identifier: a socket, or the value of an unlinked one.
+        """
+        item = Node(idname, label, self._section, dict(properties or {}), dict(inputs), picture, group, name)
+        for value in item.inputs.values():
+            if isinstance(value, Socket) and value.graph is not self:
+                raise ValueError(f"{self.name}: {idname} is linked to a socket of {value.graph.name}")
+        text = json.dumps(_content(item), sort_keys=True)
+        if text not in self._known:
+            self._known[text] = len(self.nodes)
+            self.nodes.append(item)
+        return Made(self, self._known[text])
+
+    def math(self, operation: str, *values: Value, label: str = "") -> Socket:
+        """Calculate at every pixel; with images (three numbers a pixel), or with one number.
+
+        operation: as Blender's Math and Vector Math nodes name it; comparisons give 0 and 1.
+        """
+        kinds = [_kind(value) for value in values]
+        if any(kind in IMAGE_KINDS for kind in kinds):
+            return self._vector_math(operation, values, label)
+        names = ("Value", "Value_001", "Value_002")
+        inputs = {name: value for name, value in zip(names, values, strict=False)}  # noqa: C416 - values may be fewer
+        return self.node("ShaderNodeMath", inputs, {"operation": operation}, label=label).out("Value", "float")
+
+    def _vector_math(self, operation: str, values: Sequence[Value], label: str) -> Socket:
+        if operation in _VECTOR_OPERATIONS:
+            # Vector Math cannot compare: the sign of the difference can.
+            first, second = values if operation == "GREATER_THAN" else reversed(values)
+            sign = self._vector_math("SIGN", (self._vector_math("SUBTRACT", (first, second), ""),), "")
+            return self._vector_math("MAXIMUM", (sign, 0.0), label)
+        names = ("Vector", "Vector_001", "Vector_002")
+        wide = [value if isinstance(value, Socket) else _triple(value) for value in values]
+        inputs = dict(zip(names, wide, strict=False))
+        scalar = operation in ("DOT_PRODUCT", "LENGTH", "DISTANCE")
+        node = self.node("ShaderNodeVectorMath", inputs, {"operation": operation}, label=label)
+        return node.out("Value", "float") if scalar else node.out("Vector", "vector")
+
+    def clamp(self, value: Socket, low: Value = 0.0, high: Value = 1.0) -> Socket:
+        """Return what is at least `low` and at most `high`."""
+        return self.math("MINIMUM", self.math("MAXIMUM", value, low), high)
+
+    def mix(self, first: Value, second: Value, share: Value) -> Socket:
+        """Return first + (second - first) * share."""
+        return self.math("MULTIPLY_ADD", self.math("SUBTRACT", second, first), share, first)
+
+    def vector(self, x: Value, y: Value, z: Value = 0.0) -> Socket:
+        """Put three numbers together."""
+        return self.node("ShaderNodeCombineXYZ", {"X": x, "Y": y, "Z": z}).out("Vector", "vector")
+
+    def choose(self, condition: Socket, if_true: Value, if_false: Value, kind: Kind = "color") -> Socket:
+        """Return one of two; where the condition is one value for the frame, the other is not calculated at all."""
+        types = {"color": "RGBA", "vector": "VECTOR", "float": "FLOAT", "int": "INT", "bool": "BOOLEAN"}
+        inputs = {"Switch": condition, "True": _as(kind, if_true), "False": _as(kind, if_false)}
+        return self.node("GeometryNodeSwitch", inputs, {"input_type": types[kind]}).out("Output", kind)
+
+    def picture(self, picture: Picture) -> Socket:
+        """Show an image of ours."""
+        return self.node("CompositorNodeImage", {}, label=picture.name, picture=picture).out("Image", "color")
+
+    def group(self, graph: "Graph", inputs: Mapping[str, Any], name: str = "") -> Made:
+        """Add a group node; inputs and outputs go by their names."""
+        return self.node("CompositorNodeGroup", inputs, group=graph, label=name, name=name)
+
+    # --- identity ---
+
+    @property
+    def stamp(self) -> str:
+        """A hash of everything that the group is."""
+        content = {
+            "name": self.name,
+            "description": self.description,
+            "category": self.category,
+            "tags": self.tags,
+            "inputs": [[getattr(item, name) for name in GroupInput.__dataclass_fields__] for item in self.inputs],
+            "outputs": [[item.name, item.kind, _content(item.socket), item.description] for item in self.outputs],
+            "nodes": [_content(node) for node in self.nodes],
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+    def reachable(self) -> list[int]:
+        """Return the numbers of the nodes that an output depends on, each after those it depends on."""
+        seen: set[int] = set()
+        ordered: list[int] = []
+
+        def visit(number: int) -> None:
+            if number == INTERFACE or number in seen:
+                return
+            seen.add(number)
+            for value in self.nodes[number].inputs.values():
+                if isinstance(value, Socket):
+                    visit(value.node)
+            ordered.append(number)
+
+        for item in self.outputs:
+            visit(item.socket.node)
+        return sorted(ordered)
+
+
+def _kind(value: Value) -> Kind:
+    if isinstance(value, Socket):
+        return value.kind
+    return "vector" if isinstance(value, tuple) else "float"
+
+
+def _triple(value: float | tuple[float, ...]) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (float(value),) * 3
+
+
+def _as(kind: Kind, value: Value) -> Any:
+    """Return an unlinked input's value as its kind wants it."""
+    if isinstance(value, Socket):
+        return value
+    if kind == "color":
+        return (*_triple(value)[:3], 1.0)
+    return _triple(value) if kind == "vector" else value
+
+
+def _content(item: Any) -> Any:
+    """Return what a stamp is made of."""
+    if isinstance(item, Socket):
+        return ["socket", item.node, item.output, item.kind]
+    if isinstance(item, Node):
+        picture = [item.picture.name, item.picture.version] if item.picture else None
+        parts = [item.idname, item.label, item.section, _content(item.properties), _content(item.inputs)]
+        return [*parts, picture, item.group.stamp if item.group else None, item.name]
+    if isinstance(item, Mapping):
+        return {str(name): _content(value) for name, value in item.items()}
+    if isinstance(item, (tuple, list, np.ndarray)):
+        return [_content(value) for value in item]
+    if isinstance(item, float) and not math.isfinite(item):
+        raise ValueError(f"{item} stands in a node group")
+    return item.item() if isinstance(item, np.generic) else item

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A perturbation as a node group: the sockets that every group has, around the nodes that are its own.
+
+A group's own nodes work on sRGB-encoded values in [0, 1], as the definitions do. At its edges a group converts from and
+to scene-linear light; with `Encoded` on, it takes and gives encoded values as they are.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, get_type_hints
+
+from .graph import Graph, GroupInput, Kind, Socket, Value
+from .perturbation import Perturbation
+from .streams import stream
+
+REFERENCE_WIDTH_PX = 1200
+SEEDS = 2**24  # whole numbers that float32 holds exactly
+PURPOSES = 32  # fields of random numbers that a group may draw for a frame
+LARGEST_FRAME = 2**24 // PURPOSES
+
+_SUBTYPES = {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}
+_UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm")
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """What a perturbation builds on.
+
+    image: encoded, in [0, 1]; its alpha means nothing. width_px, height_px: of the image that arrives, one number each.
+    scale: pixels of it for one of the reference width. position_px: each pixel's column and row (x, y, 0) at the
+    reference width, whole numbers, from the upper left. drift_frames: how many frames a kept pattern has moved on.
+    depth_m: planar depth, 0 = void, in a group that asks for it.
+    """
+
+    graph: Graph
+    image: Socket
+    width_px: Socket
+    height_px: Socket
+    scale: Socket
+    position_px: Socket
+    seed: Socket | None = None
+    key: Socket | None = None
+    drift_frames: Value = 0.0
+    depth_m: Socket | None = None
+
+    def random(self, purpose: int, place: Value = (0.0, 0.0, 0.0)) -> Socket:
+        """Return three independent uniform numbers in [0, 1] for each place, of this seed and frame.
+
+        purpose: from 0 to 31, another one for other numbers at the same place. place: whole numbers x and y, such as
+        position_px; left out, the numbers are the same for the whole frame.
+        """
+        return self._white_noise(purpose, place, "Color", "vector")
+
+    def random_value(self, purpose: int, place: Value = (0.0, 0.0, 0.0)) -> Socket:
+        """Return one uniform number for each place: as `random`, for less."""
+        return self._white_noise(purpose, place, "Value", "float")
+
+    def _white_noise(self, purpose: int, place: Value, output: str, kind: Kind) -> Socket:
+        if not 0 <= purpose < PURPOSES or self.seed is None or self.key is None:
+            raise ValueError(
+                f"{self.graph.name}: purpose {purpose} has to be from 0 to {PURPOSES - 1}, of a seeded group"
+            )
+        graph = self.graph
+        w = graph.math("MULTIPLY_ADD", self.key, float(PURPOSES), float(purpose))
+        if isinstance(place, Socket):
+            where: Value = graph.math("ADD", place, graph.vector(0.0, 0.0, self.seed))
+        else:
+            where = graph.vector(0.0, 0.0, self.seed)
+        node = graph.node("ShaderNodeTexWhiteNoise", {"Vector": where, "W": w}, {"noise_dimensions": "4D"})
+        return node.out(output, kind)
+
+
+def socket_name(parameter: str) -> str:
+    """Return the name of a parameter's socket: the unit is the socket's own."""
+    for suffix in _UNIT_SUFFIXES:
+        parameter = parameter.removesuffix(suffix)
+    return parameter.replace("_", " ").capitalize()
+
+
+def socket_value(perturbation: Perturbation, parameter: str, value: Any) -> Any:
+    """Return a parameter's value as its socket holds it: angles in radians."""
+    info = next(item for item in fields(perturbation.parameters) if item.name == parameter).metadata["key"]
+    return math.radians(value) if info.unit == "deg" else value
+
+
+def seed_of(identifiers: tuple[str | int, ...]) -> int:
+    """Return the Seed of a stream: the identifiers' own random number."""
+    return int(stream(*identifiers, "compositor").integers(SEEDS))
+
+
+def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None = None) -> Graph:
+    """Describe the node group of a perturbation of colour.
+
+    capacity: for parameters that the number of nodes depends on, the largest value that it is to serve; by default
+    that of the perturbation. Raises ValueError where the perturbation has no group.
+    """
+    if perturbation.build is None:
+        raise ValueError(f"{perturbation.name} has no node group")
+    served = dict(perturbation.capacity) | dict(capacity or {})
+    more = [f"{socket_name(name)} {value:g}" for name, value in served.items() if value != perturbation.capacity[name]]
+    name = " ".join([f"NW {perturbation.label}", *([f"({', '.join(more)})"] if more else [])])
+    text = " ".join((perturbation.parameters.__doc__ or "").split("\n\n")[0].split())
+    graph = Graph(
+        name,
+        f"{text} Takes and gives scene-linear colour, or encoded colour where Encoded is on",
+        category="" if more else perturbation.category,
+        tags=("noisy world", perturbation.category, perturbation.name),
+    )
+    image = graph.input(GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame"))
+    depth_m = None
+    if perturbation.needs_depth:
+        depth_m = graph.input(
+            GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
+        )
+    given = _parameters(graph, perturbation, served)
+    timing = _timing(graph, perturbation)
+    reference = graph.input(
+        GroupInput(
+            "Reference Width",
+            "int",
+            REFERENCE_WIDTH_PX,
+            "The frame's full width: sizes in pixels are meant at it, and follow the image where that is smaller",
+            minimum=1,
+            maximum=65500,
+            subtype="PIXEL",
+        )
+    )
+    enabled = graph.input(GroupInput("Enabled", "bool", True, "Off: the image passes unchanged"))
+    encoded = graph.input(
+        GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
+    )
+    with graph.section("To encoded colour"):
+        linear = graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB"))
+        source = graph.choose(encoded, image, linear)
+    with graph.section("Size"):
+        canvas = _canvas(source, reference, timing, depth_m)
+        scaled = {
+            key: value * canvas.scale if _unit(perturbation, key) == "px" else value for key, value in given.items()
+        }
+        scaled = {
+            key: value * (180 / math.pi) if _unit(perturbation, key) == "deg" else value
+            for key, value in scaled.items()
+        }
+    result = perturbation.build(canvas, scaled, served)
+    with graph.section("From encoded colour"):
+        clamped = graph.clamp(result)
+        back = convert(graph, clamped, "sRGB", "Linear Rec.709")
+        alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
+        with_alpha = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
+        chosen = graph.choose(encoded, clamped, with_alpha.out("Image", "color"))
+        graph.output("Image", graph.choose(enabled, chosen, image), description="The perturbed frame")
+    return graph
+
+
+def _unit(perturbation: Perturbation, parameter: str) -> str:
+    return next(item for item in fields(perturbation.parameters) if item.name == parameter).metadata["key"].unit
+
+
+def _parameters(graph: Graph, perturbation: Perturbation, served: Mapping[str, float]) -> dict[str, Socket]:
+    """Add a socket for each parameter; its default is severity 3's."""
+    hints = get_type_hints(perturbation.parameters)
+    kinds: dict[Any, Kind] = {float: "float", int: "int", bool: "bool"}
+    sockets = {}
+    for item in fields(perturbation.parameters):
+        info = item.metadata["key"]
+        kind = kinds[hints[item.name]]
+        default = socket_value(perturbation, item.name, item.default)
+        low = info.minimum if info.above is None else info.above
+        high = min(info.maximum, served.get(item.name, info.maximum)) if info.maximum is not None else None
+        subtype = _SUBTYPES.get(info.unit, "FACTOR" if kind == "float" and (low, high) == (0, 1) else "NONE")
+        limits = [None if bound is None else socket_value(perturbation, item.name, bound) for bound in (low, high)]
+        meaning = info.meaning[0].upper() + info.meaning[1:]
+        sockets[item.name] = graph.input(
+            GroupInput(socket_name(item.name), kind, default, meaning, limits[0], limits[1], subtype)
+        )
+    return sockets
+
+
+def _timing(graph: Graph, perturbation: Perturbation) -> dict[str, Socket]:
+    """Add the sockets of what is random: where nothing is, there are none."""
+    if not perturbation.temporals:
+        return {}
+    sockets = {
+        "seed": graph.input(
+            GroupInput("Seed", "int", 0, "Another seed, another pattern; the same one, the same", 0, SEEDS - 1)
+        ),
+        "offset": graph.input(
+            GroupInput("Frame Offset", "int", 0, "Added to the scene's frame, which keys the pattern", -(2**19), 2**19)
+        ),
+        "redraw": graph.input(GroupInput("Redraw", "bool", True, "A new pattern for each frame; off: one for all")),
+    }
+    if "drift" in perturbation.temporals:
+        sockets["drift"] = graph.input(
+            GroupInput("Drift", "bool", False, "Where the pattern is one for all frames, it moves smoothly")
+        )
+    return sockets
+
+
+def convert(graph: Graph, image: Socket, source: str, target: str) -> Socket:
+    """Convert between colour spaces, named as Blender does."""
+    properties = {"from_color_space": source, "to_color_space": target}
+    return graph.node("CompositorNodeConvertColorSpace", {"Image": image}, properties).out("Image", "color")
+
+
+def _canvas(image: Socket, reference: Socket, timing: Mapping[str, Socket], depth_m: Socket | None) -> Canvas:
+    graph = image.graph
+    size = graph.node("CompositorNodeImageInfo", {"Image": image}).out("Resolution", "vector")
+    width, height = size.x, size.y
+    scale = graph.math("DIVIDE", width, reference, label="Pixels for a reference pixel")
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
+    # From the lower left corner of a small preview to the whole pixels of the full frame, counted from the top.
+    flipped = graph.vector(0.5, height - 0.5)
+    centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
+    position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")
+    if not timing:
+        return Canvas(graph, image, width, height, scale, position, depth_m=depth_m)
+    now = graph.node("CompositorNodeSceneTime", {}).out("Frame", "float") + timing["offset"]
+    key = now * timing["redraw"]
+    drift: Value = now - key
+    drift = drift * timing["drift"] if "drift" in timing else 0.0
+    return Canvas(graph, image, width, height, scale, position, timing["seed"], key, drift, depth_m)

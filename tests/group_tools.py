@@ -1,0 +1,109 @@
+"""Node groups beside their references: the same parameters, the same frame."""
+
+import time
+from itertools import pairwise
+
+import numpy as np
+from noisy_world.blender.compositor import Compositor
+from noisy_world.core.mixture import parse_steps
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+
+IDENTIFIERS = (7, "room", "setting")
+
+
+def picture(height, width, seed=0):
+    """A frame with edges, texture, dark and light: (H, W, 3) float32, whole bytes."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.mgrid[:height, :width].astype(np.float32)
+    phase = rng.uniform(0, 6, 3)
+    waves = 0.5 + 0.3 * np.sin(rows[..., None] / 37 + phase) * np.cos(columns[..., None] / 53 + phase)
+    boxes = rng.random((height // 24 + 1, width // 24 + 1, 3)).repeat(24, 0).repeat(24, 1)[:height, :width]
+    fine = rng.random((height, width, 1)) - 0.5
+    image = 0.55 * waves + 0.4 * boxes + 0.1 * fine
+    image[: height // 8, : width // 8] = 0
+    image[-(height // 8) :, -(width // 8) :] = 1
+    return (np.rint(np.clip(image, 0, 1) * 255) / 255).astype(np.float32)
+
+
+def step_of(name, **values):
+    """The step of a preset's {name: values}."""
+    (step,) = parse_steps([{name: values}], Place("test"), registry())
+    return step
+
+
+def by_nodes(name, image, frames=(0,), *, reference_width=None, identifiers=IDENTIFIERS, depth_m=None, **values):
+    """What the node group makes of the frames: a list of (H, W, 3) float32, encoded; the image itself at severity 0."""
+    size = image.shape[1], image.shape[0]
+    with Compositor(size, {"x": [step_of(name, **values)]}, reference_width or size[0]) as compositor:
+        found = [compositor.evaluate(image, {"x": (k, identifiers)}, depth_m)[0]["x"] for k in frames]
+    return [image if item is None else item for item in found]
+
+
+def by_reference(name, image, frames=(0,), *, identifiers=IDENTIFIERS, depth_m=None, **values):
+    """What the reference makes of them, clipped."""
+    step = step_of(name, **values)
+    results = []
+    for k in frames:
+        frame = step.frame(k, identifiers)
+        extra = () if depth_m is None else (depth_m,)
+        made = step.perturbation.apply(image, step.parameters(step.severity_of(frame)), frame, *extra)
+        results.append(np.clip(made, 0, 1))
+    return results
+
+
+def levels_apart(one, other):
+    """The largest and the mean difference, in 255ths."""
+    apart = np.abs(one.astype(np.float64) - other) * 255
+    return apart.max(), apart.mean()
+
+
+def ks_distance(one, other):
+    """The Kolmogorov-Smirnov distance of two samples."""
+    one, other = np.sort(one, axis=None), np.sort(other, axis=None)
+    both = np.concatenate([one, other])
+    share = [np.searchsorted(item, both, side="right") / item.size for item in (one, other)]
+    return np.abs(share[0] - share[1]).max()
+
+
+def ks_bar(one, other, level=0.01):
+    """The distance that two equal distributions reach with this probability."""
+    return np.sqrt(-0.5 * np.log(level / 2)) * np.sqrt(1 / one.size + 1 / other.size)
+
+
+def radial_power(change, bands=12):
+    """The mean power of (H, W, 3) or (H, W) in rings of equal ratio from 1 / 256 to 1 / 2 cycles a pixel."""
+    grey = change.mean(axis=2) if change.ndim == 3 else change
+    power = np.abs(np.fft.fft2(grey)) ** 2 / grey.size
+    radius = np.hypot(np.fft.fftfreq(grey.shape[0])[:, None], np.fft.fftfreq(grey.shape[1]))
+    edges = np.geomspace(1 / 256, 0.5, bands + 1)
+    rings = [power[(radius >= low) & (radius < high)].mean() for low, high in pairwise(edges)]
+    return np.array(rings)
+
+
+def spectrum_ratios(name, image, draws, **values):
+    """Nodes' power of the change over the reference's in each band, both the means over draws."""
+    powers = []
+    for make in (by_nodes, by_reference):
+        total = 0
+        for made in make(name, image, range(draws), **values):
+            total = total + radial_power(made - image)
+        powers.append(total / draws)
+    return powers[0] / powers[1]
+
+
+def net_seconds(name, size=(1200, 680), count=5, **values):
+    """The group's time for a frame beyond that of a pass-through: the medians of turns."""
+    image = picture(size[1], size[0])
+    chains = {"one": [step_of(name, **values)], "none": [step_of("brightness", offset=0.0)]}
+    times = {key: [] for key in chains}
+    with Compositor(size, chains, size[0]) as compositor:
+        for node in compositor._nodes["none"].node_tree.nodes:
+            if node.bl_idname == "CompositorNodeGroup":
+                node.mute = True
+        for k in range(count + 1):
+            for key in chains:
+                start = time.perf_counter()
+                compositor.evaluate(image, {key: (k, IDENTIFIERS)})
+                times[key].append(time.perf_counter() - start)
+    return float(np.median(times["one"][1:]) - np.median(times["none"][1:]))
