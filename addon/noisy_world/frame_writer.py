@@ -3,7 +3,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
@@ -23,6 +23,10 @@ from .core.storage import sha256_of_file
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
 WAITING_FRAMES = 3
 ENCODERS = 2
+
+
+type Composited = Mapping[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]
+"""By the sequence's folder: (H, W, 3) perturbed colour, None where nothing changes it; and what was done."""
 
 
 class SourceFrame(Protocol):
@@ -58,12 +62,14 @@ class FrameWriter:
         self._waiting: deque[Future[None]] = deque()
         self._lock = threading.Lock()
 
-    def submit(self, source: int, image: SourceFrame) -> int:
+    def submit(self, source: int, image: SourceFrame, composited: Composited | None = None) -> int:
         """Hand over a frame of the render; wait while too many wait. Return how many were finished meanwhile.
+
+        composited: by the sequence's folder, colour that the compositor has perturbed already, and what was done.
 
         Raises what went wrong with an earlier frame.
         """
-        self._waiting.append(self._pool.submit(self._write, source, image))
+        self._waiting.append(self._pool.submit(self._write, source, image, composited or {}))
         finished = 0
         while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
             self._waiting.popleft().result()
@@ -77,22 +83,30 @@ class FrameWriter:
             self._waiting.popleft().result()
         return finished
 
-    def _write(self, source: int, image: SourceFrame) -> None:
+    def _write(self, source: int, image: SourceFrame, composited: Composited) -> None:
         clean = CleanFiles(self._dataset, image)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
-            records = [*self._write_rgb(sequence, source, clean), *self._write_depth(sequence, source, clean)]
+            records = [
+                *self._write_rgb(sequence, source, clean, composited),
+                *self._write_depth(sequence, source, clean),
+            ]
             with self._lock:
                 for record in records:
                     journal.append(record)
 
-    def _write_rgb(self, sequence: Sequence, source: int, clean: "CleanFiles") -> Iterator[FrameRecord]:
+    def _write_rgb(
+        self, sequence: Sequence, source: int, clean: "CleanFiles", composited: Composited
+    ) -> Iterator[FrameRecord]:
         layout = self._dataset.layout
         frame = sequence.rgb_shown_by.get(source)
         if frame is None or "rgb" not in layout.modalities:
             return
         pixels, notes = None, []
-        if sequence.setting.rgb:
-            pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, frame, sequence.identifiers)
+        if sequence.setting.composited:
+            pixels, notes = composited[sequence.folder]
+        elif sequence.setting.rgb:
+            depth_m = clean.depth_m if sequence.setting.needs_depth else None
+            pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, frame, sequence.identifiers, depth_m)
         name = layout.rgb_name(frame)
         if pixels is None:
             digest = clean.give("rgb", sequence.folder, name)

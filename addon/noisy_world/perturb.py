@@ -17,20 +17,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.existing import find_sequence
-from .core.mixture import Setting, Step, parse_steps, perturb_depth, perturb_motion, perturb_rgb
+from .core.mixture import Setting, parse_steps, perturb_colour, perturb_depth, perturb_motion, perturb_rgb
 from .core.plan import lay_out
 from .core.schema import Place
 from .perturbations import registry
 
 
 def apply[Pixel: (np.uint8, np.float32)](
-    image: NDArray[Pixel], name: str, *, seed: int = 0, frame: int = 0, **values: Any
+    image: NDArray[Pixel],
+    name: str,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    depth_m: NDArray[np.float32] | None = None,
+    **values: Any,
 ) -> NDArray[Pixel]:
     """Perturb one colour or depth image; the input is left alone.
 
     image: (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], for a perturbation of colour; (H, W) float32 planar
     depth in metres, 0 = void, for one of depth. The result has the same shape and type.
     name: of the perturbation, such as "fog". seed, frame: name the random stream; the same ones, the same pixels.
+    depth_m: (H, W) float32 planar depth, 0 = void, for the perturbations of colour that depend on it.
     values: as in a preset: severity (0, or 1 to 5), mode, levels, temporal, or single parameters.
 
     Raises InputError for a name or a value that does not exist, TypeError for an array of another kind.
@@ -47,19 +54,14 @@ def apply[Pixel: (np.uint8, np.float32)](
     kinds = (np.uint8, np.float32)
     _check(image, image.ndim == 3 and image.shape[2] == 3 and image.dtype in kinds, "(H, W, 3) uint8 or float32")
     if image.dtype == np.uint8:
-        pixels, _ = perturb_rgb([step], image, frame, identifiers)
+        pixels, _ = perturb_rgb([step], image, frame, identifiers, depth_m)
         return image.copy() if pixels is None else pixels  # type: ignore[return-value]
-    return _float_rgb(step, image, frame, identifiers)  # type: ignore[arg-type, return-value]
-
-
-def _float_rgb(
-    step: Step, image: NDArray[np.float32], frame: int, identifiers: tuple[int | str, ...]
-) -> NDArray[np.float32]:
     where = step.frame(frame, identifiers)
     severity = step.severity_of(where)
     if severity == 0:
         return image.copy()
-    return np.clip(step.perturbation.apply(image, step.parameters(severity), where), 0.0, 1.0)  # type: ignore[misc]
+    made = perturb_colour(step, image, severity, where, depth_m)  # type: ignore[arg-type]
+    return np.clip(made, 0.0, 1.0)  # type: ignore[return-value]
 
 
 def _check(image: NDArray[Any], fits: bool, wanted: str) -> None:
@@ -111,7 +113,8 @@ def frames(
     for index in sequence.frames:
         source = sequence.depth_source(index)
         rgb, depth_m = existing.frame(sequence.rgb_source(index)).rgb, existing.frame(source).depth_m
-        new_rgb, _ = perturb_rgb(whole.rgb, rgb, index, sequence.identifiers)
+        seen_m = existing.frame(sequence.rgb_source(index)).depth_m if whole.needs_depth else None
+        new_rgb, _ = perturb_rgb(whole.rgb, rgb, index, sequence.identifiers, seen_m)
         new_depth_m, _ = perturb_depth(whole.depth, depth_m, source // sequence.every, sequence.identifiers)
         yield PerturbedFrame(
             index,

@@ -5,6 +5,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,9 +24,12 @@ from .core.provenance import identity, manifest, render_seed
 from .core.scenes import Scene, load_mesh
 from .core.selfcheck import reprojection_problem
 from .core.trajectory import Trajectory
-from .frame_writer import FrameWriter, SourceFrame
+from .frame_writer import Composited, FrameWriter, SourceFrame
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
+    from .blender.compositor import Compositor
     from .blender.session import RenderOptions
 
 
@@ -129,10 +133,10 @@ class Run:
         """Ask Blender for its versions, where anything is rendered."""
         if not self._plan.needs_blender:
             return {}
-        from .blender.session import renderer_versions
+        from .blender.session import blender_version, renderer_versions
 
         render = self._plan.preset.spec.render
-        return renderer_versions(render.engine, render.device)
+        return renderer_versions(render.engine, render.device) if self._plan.renders_anything else blender_version()
 
     def take_part(self, work: Work, worker: int) -> Report:
         """Render a piece of the work of a run that another process has opened."""
@@ -225,12 +229,26 @@ class Run:
         self, render: Render, frames: list[int], worker: int, source: Callable[[int], SourceFrame]
     ) -> None:
         stamps_s = self._trajectories_of(render)[""].stamps_s
-        with FrameWriter(self._dataset, render.sequences, worker, stamps_s) as writer:
+        with (
+            FrameWriter(self._dataset, render.sequences, worker, stamps_s) as writer,
+            self._compositor(render) as compositor,
+        ):
             for frame in frames:
                 if self._stop.is_set():
                     break
-                self._count(writer.submit(frame, source(frame)))
+                image = source(frame)
+                self._count(writer.submit(frame, image, _composited(compositor, render, frame, image)))
             self._count(writer.drain())
+
+    def _compositor(self, render: Render) -> "AbstractContextManager[Compositor | None]":
+        """Make the node groups of the settings that show a render, where they are to be had from the compositor."""
+        chains = {item.folder: item.setting.rgb for item in render.sequences if item.frames and item.setting.composited}
+        if not chains or "rgb" not in self._plan.layout.modalities:
+            return nullcontext()
+        from .blender.compositor import Compositor
+
+        camera = self._plan.camera
+        return Compositor((camera.width_px, camera.height_px), chains, camera.width_px)
 
     def _check_first_frame(self, where: str, mesh: Mesh, c2w: np.ndarray, depth_m: np.ndarray) -> None:
         """Say what looks wrong with the first frame, while there is time to stop."""
@@ -295,6 +313,16 @@ class Run:
         return self._trajectories[render.name]
 
 
+def _composited(compositor: "Compositor | None", render: Render, source: int, image: SourceFrame) -> Composited:
+    """Perturb a frame in the compositor for every sequence that shows it."""
+    if compositor is None or image.rgb is None:
+        return {}
+    shown = [item for item in render.sequences if item.setting.composited and source in item.rgb_shown_by]
+    frames = {item.folder: (item.rgb_shown_by[source], item.identifiers) for item in shown}
+    needs_depth = any(item.setting.needs_depth for item in shown)
+    return compositor.perturb(image.rgb, frames, image.depth_m if needs_depth else None)
+
+
 def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
     """Return how a plan's frames are rendered, in one of `jobs` processes that share the machine."""
     from .blender.session import RenderOptions
@@ -308,7 +336,7 @@ def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
         engine=spec.render.engine,
         device=spec.render.device,
         rgb="rgb" in spec.output.modalities,
-        depth="depth" in spec.output.modalities,
+        depth="depth" in spec.output.modalities or any(setting.needs_depth for setting in plan.settings),
         threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
     )
 

@@ -36,12 +36,17 @@ class RenderOptions:
     threads: int = 0
 
 
+def blender_version() -> dict[str, str]:
+    """Return Blender's version, as `renderer_versions` does."""
+    return {"blender": f"{bpy.app.version_string} {bpy.app.build_hash.decode(errors='replace')}"}
+
+
 def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, str]:
     """Return the versions of what renders: Blender and, where they are used, GL or the graphics cards.
 
     Raises MissingDependencyError where the engine cannot run here.
     """
-    versions = {"blender": f"{bpy.app.version_string} {bpy.app.build_hash.decode(errors='replace')}"}
+    versions = blender_version()
     if engine != "cycles":
         return {**versions, "gl": gl_version()}
     return {**versions, "gpu": enable_gpu()} if device == "gpu" else versions

@@ -8,7 +8,7 @@ post-processing) and depth, then synchronisation; within a stage by name.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from .trajectory import Trajectory
 type Registry = Mapping[str, Perturbation]
 type Identifiers = tuple[str | int, ...]
 """What names the streams of a sequence: the preset's seed, the scene, the setting."""
+
+type Backend = Literal["compositor", "reference"]
 
 DEFAULT_SEVERITY = 3.0
 ONCE_ONLY = ("motion", "sync")  # categories of which each perturbation acts once on a sequence
@@ -69,15 +71,29 @@ class Step:
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the benchmark: a name and what is done to every scene, in propagation order. None is clean."""
+    """A setting of the benchmark: a name and what is done to every scene, in propagation order. None is clean.
+
+    backend: what executes the steps of colour.
+    """
 
     name: str
     steps: tuple[Step, ...] = ()
+    backend: Backend = "reference"
 
     @property
     def rgb(self) -> tuple[Step, ...]:
         """What is done to colour."""
         return tuple(step for step in self.steps if step.perturbation.category in RGB_CATEGORIES)
+
+    @property
+    def composited(self) -> bool:
+        """Whether Blender's compositor has something to do."""
+        return self.backend == "compositor" and bool(self.rgb)
+
+    @property
+    def needs_depth(self) -> bool:
+        """Whether something is done to colour that depends on depth."""
+        return any(step.perturbation.needs_depth for step in self.rgb)
 
     @property
     def depth(self) -> tuple[Step, ...]:
@@ -93,11 +109,16 @@ class Setting:
 
 
 def perturb_rgb(
-    steps: Sequence[Step], rgb: NDArray[Any], index: int, identifiers: Identifiers
+    steps: Sequence[Step],
+    rgb: NDArray[Any],
+    index: int,
+    identifiers: Identifiers,
+    depth_m: NDArray[np.float32] | None = None,
 ) -> tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]:
     """Perturb a colour image and round it once, at the end.
 
     rgb: (H, W, 3) sRGB-encoded RGB, float32 in [0, 1] or uint8. Between the steps values are float, clipped to [0, 1].
+    depth_m: (H, W) planar depth in metres, for steps that ask for it.
     Returns (H, W, 3) uint8, or None where every severity is 0, which is the identity; and what was done.
     """
     drawn = [(step, step.frame(index, identifiers)) for step in steps]
@@ -111,9 +132,24 @@ def perturb_rgb(
         return step.perturbation.apply_bytes(rgb, step.parameters(severity), frame), notes
     image = rgb / np.float32(255) if rgb.dtype == np.uint8 else rgb
     for step, frame, severity in active:
-        image = _executed(step)(image, step.parameters(severity), frame)
+        image = perturb_colour(step, image, severity, frame, depth_m)
         np.clip(image, 0.0, 1.0, out=image)
     return rgb_bytes(image), notes
+
+
+def perturb_colour(
+    step: Step,
+    rgb: NDArray[np.float32],
+    severity: float | None,
+    frame: Frame,
+    depth_m: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """Carry out one step on (H, W, 3) float32; what comes back may lie outside [0, 1]."""
+    if not step.perturbation.needs_depth:
+        return _executed(step)(rgb, step.parameters(severity), frame)
+    if depth_m is None:
+        raise TypeError(f"{step.perturbation.name} needs the frame's depth")
+    return _executed(step)(rgb, step.parameters(severity), frame, depth_m)
 
 
 def perturb_depth(
@@ -148,8 +184,12 @@ def _executed(step: Step) -> Any:
 # --- reading ---
 
 
-def parse_settings(items: Sequence[Any], place: Place, registry: Registry) -> tuple[Setting, ...]:
+def parse_settings(
+    items: Sequence[Any], place: Place, registry: Registry, backend: Backend = "reference"
+) -> tuple[Setting, ...]:
     """Read the preset's settings: SettingSpec items with `name` and `perturb`, or with `sweep`.
+
+    backend: of the settings that name none.
 
     Raises InputError naming the key.
     """
@@ -161,10 +201,11 @@ def parse_settings(items: Sequence[Any], place: Place, registry: Registry) -> tu
         if item.sweep is not None:
             if item.perturb:
                 raise where.at("perturb").error("goes with name, not with sweep")
-            found += [(setting, where) for setting in _swept(item.sweep, where.at("sweep"), registry)]
+            swept = _swept(item.sweep, where.at("sweep"), registry, item.backend or backend)
+            found += [(setting, where) for setting in swept]
         else:
             steps = parse_steps(item.perturb, where.at("perturb"), registry)
-            found.append((Setting(item.name, steps), where.at("name")))
+            found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
     names: set[str] = set()
     for setting, where in found:
         if setting.name in names:
@@ -173,7 +214,7 @@ def parse_settings(items: Sequence[Any], place: Place, registry: Registry) -> tu
     return tuple(setting for setting, _ in found)
 
 
-def _swept(sweep: Any, place: Place, registry: Registry) -> list[Setting]:
+def _swept(sweep: Any, place: Place, registry: Registry, backend: Backend) -> list[Setting]:
     """Make a setting of each name, severity and mode: `fog_s3`, `fog_s3_dynamic`."""
     settings = []
     for (index, name), severity, mode in product(enumerate(sweep.perturb), sweep.severities, sweep.modes):
@@ -182,7 +223,7 @@ def _swept(sweep: Any, place: Place, registry: Registry) -> list[Setting]:
             raise where.error(f"{name} has no severities to sweep over", "write a setting for each of its parameters")
         steps = parse_steps([{name: {"severity": severity, "mode": mode}}], where, registry)
         suffix = "_dynamic" if mode == "dynamic" else ""
-        settings.append(Setting(f"{name}_s{severity:g}{suffix}", steps))
+        settings.append(Setting(f"{name}_s{severity:g}{suffix}", steps, backend))
     return settings
 
 

@@ -106,9 +106,19 @@ class Plan:
         return tuple(sequence for render in self.renders for sequence in render.sequences)
 
     @property
-    def needs_blender(self) -> bool:
-        """Whether anything is rendered."""
+    def renders_anything(self) -> bool:
+        """Whether anything is rendered, and not only read."""
         return any(render.scene.existing is None for render in self.renders)
+
+    @property
+    def composites(self) -> bool:
+        """Whether anything is perturbed in Blender's compositor."""
+        return "rgb" in self.layout.modalities and any(setting.composited for setting in self.settings)
+
+    @property
+    def needs_blender(self) -> bool:
+        """Whether anything is rendered, or perturbed in the compositor."""
+        return self.renders_anything or self.composites
 
     @property
     def frame_count(self) -> int:
@@ -132,7 +142,8 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
     """
     spec = preset.spec
     camera = spec.camera
-    settings = parse_settings(spec.settings, preset.place("settings"), registry or {})
+    settings = parse_settings(spec.settings, preset.place("settings"), registry or {}, spec.render.backend)
+    _check_depth_aware(settings, preset)
     scenes = [scene for index, item in enumerate(spec.scenes) for scene in find_scenes(preset, index, item)]
     names = [scene.name for scene in scenes]
     for scene in scenes:
@@ -294,6 +305,17 @@ def input_hashes(plan: Plan) -> dict[str, dict[str, Any]]:
             made["mesh_sha256"] = None if scene.mesh_path is None else sha256_of_file(scene.mesh_path)
         inputs[scene.name] = made
     return inputs
+
+
+def _check_depth_aware(settings: tuple[Setting, ...], preset: Preset) -> None:
+    """Refuse what needs the depth of the colour's own place, where depth is measured elsewhere."""
+    rig = preset.spec.rig
+    for setting in settings:
+        if setting.needs_depth and rig is not None and rig.depth is not None:
+            raise preset.place("settings").error(
+                f"{setting.name}: needs the depth that the colour camera sees, but rig.depth is another place",
+                "take that setting out, or rig.depth",
+            )
 
 
 def _check_chosen(scene: Scene, frames: slice | None, preset: Preset) -> None:

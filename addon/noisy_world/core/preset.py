@@ -122,7 +122,10 @@ class RenderSpec:
         "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
         default="cycles",
     )
-    backend: Literal["reference"] = key("what executes the perturbations: numpy and OpenCV", default="reference")
+    backend: Literal["compositor", "reference"] = key(
+        "what executes the perturbations of colour: Blender's compositor, as an artist sees it, or numpy and OpenCV",
+        default="compositor",
+    )
     device: Literal["cpu", "gpu"] = key(
         "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
     )
@@ -148,6 +151,9 @@ class SettingSpec:
         default=(),
     )
     sweep: SweepSpec | None = key("instead of name and perturb: settings by the dozen", default=None)
+    backend: Literal["compositor", "reference"] | None = key(
+        "what executes this setting's perturbations of colour, where it is not the preset's", default=None
+    )
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "format": FORMAT,
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
-        "backend": plan.preset.spec.render.backend,
+        "backends": {setting.name: setting.backend for setting in plan.settings if setting.rgb},
         "inputs": input_hashes(plan),
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
