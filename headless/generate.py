@@ -268,7 +268,8 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
     from workers import run_workers  # noqa: PLC0415
 
     if plan.needs_blender and (problem := missing_package(["bpy"]) or blender_problem()):
-        return fail(problem)
+        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
+        return fail(problem + other)
     out = out_folder(options)
     # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
     stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)

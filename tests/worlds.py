@@ -43,7 +43,10 @@ def write_replica(path, poses):
 
 
 def write_world(folder, *, frames=6, size=(64, 48), shift_m=(0.0, 0.0, 0.0), **keys):
-    """Write mesh.ply, traj.txt and preset.yaml; keys replace the preset's. Return the preset's path."""
+    """Write mesh.ply, traj.txt and preset.yaml; keys replace the preset's. Return the preset's path.
+
+    Colour is perturbed by the reference, which needs no Blender, unless `render` says otherwise.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_box_ply(folder / "mesh.ply", shift_m=np.asarray(shift_m))
     write_replica(folder / "traj.txt", path_poses(frames, shift_m=np.asarray(shift_m)))
@@ -58,7 +61,7 @@ def write_world(folder, *, frames=6, size=(64, 48), shift_m=(0.0, 0.0, 0.0), **k
             "cx": (size[0] - 1) / 2,
             "cy": (size[1] - 1) / 2,
         },
-        "render": {"engine": "cycles", "samples": 1},
+        "render": {"engine": "cycles", "samples": 1, "backend": "reference"},
         "settings": [{"name": "clean"}],
         "output": {"layout": "replica", "image": "png"},
         **keys,

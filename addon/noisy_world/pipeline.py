@@ -133,10 +133,14 @@ class Run:
         """Ask Blender for its versions, where anything is rendered."""
         if not self._plan.needs_blender:
             return {}
-        from .blender.session import blender_version, renderer_versions
+        if not self._plan.renders_anything:
+            from .blender.session import blender_version
+
+            return blender_version()
+        from .blender.session import renderer_versions
 
         render = self._plan.preset.spec.render
-        return renderer_versions(render.engine, render.device) if self._plan.renders_anything else blender_version()
+        return renderer_versions(render.engine, render.device)
 
     def take_part(self, work: Work, worker: int) -> Report:
         """Render a piece of the work of a run that another process has opened."""

@@ -101,6 +101,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
         "seed": 11,
         "scenes": [{"name": "box", "sequence": str(folder)}],
         "camera": {"width": 40, "height": 32, "fx": 20, "fy": 20, "cx": 19.5, "cy": 15.5},
+        "render": {"backend": "reference"},
         "settings": [{"name": "mixed", "perturb": MIXED}],
         "output": {"image": "png"},
     }

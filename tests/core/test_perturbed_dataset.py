@@ -255,7 +255,9 @@ def test_parts_that_an_interrupted_choice_of_frames_left_go(world, out, tmp_path
 
 def existing(tmp_path, source, **keys):
     camera = {"width": 40, "height": 32, "fx": 20.0, "fy": 20.0, "cx": 19.5, "cy": 15.5}
-    preset = {"seed": 3, "scenes": [{"name": "box", "sequence": str(source)}], "camera": camera, **keys}
+    render = {"backend": "reference"}
+    preset = {"seed": 3, "scenes": [{"name": "box", "sequence": str(source)}], "camera": camera, "render": render}
+    preset |= keys
     path = tmp_path / "existing.yaml"
     path.write_text(json.dumps(preset))
     return path
@@ -345,8 +347,7 @@ def test_what_an_existing_sequence_cannot_do(out, tmp_path):
         run(gone, tmp_path / "x")
 
 
-def test_perturbing_a_sequence_imports_no_blender(out, tmp_path):
-    preset = existing(tmp_path, out / "clean" / "box", settings=SETTINGS[:3])
+def generate_without_blender(*arguments):
     script = (
         "import sys; sys.modules['bpy'] = None\n"
         "sys.path[:0] = sys.argv[1:3]\n"
@@ -354,10 +355,29 @@ def test_perturbing_a_sequence_imports_no_blender(out, tmp_path):
         "sys.exit(generate.main(sys.argv[3:]))"
     )
     paths = [str(ROOT / "addon"), str(ROOT / "headless")]
-    command = [sys.executable, "-c", script, *paths, str(preset), "--out", str(tmp_path / "b")]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    command = [sys.executable, "-c", script, *paths, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_perturbing_a_sequence_by_the_reference_imports_no_blender(out, tmp_path):
+    preset = existing(tmp_path, out / "clean" / "box", settings=SETTINGS[:3])
+    result = generate_without_blender(preset, "--out", tmp_path / "b")
     assert result.returncode == 0, result.stderr
     assert (tmp_path / "b/noise/box/results/frame000007.jpg").exists()
+
+
+def test_the_compositor_is_never_replaced_where_there_is_none(out, tmp_path):
+    preset = existing(tmp_path, out / "clean" / "box", settings=SETTINGS[:2], render={})
+    result = generate_without_blender(preset, "--out", tmp_path / "b")
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert "bpy" in line
+    assert "render.backend=reference" in line
+    assert not (tmp_path / "b").exists()
+    # A setting may say for itself; and what leaves colour alone needs no compositor.
+    settings = [{**SETTINGS[1], "backend": "reference"}, SETTINGS[3]]
+    preset = existing(tmp_path, out / "clean" / "box", settings=settings, render={})
+    assert generate_without_blender(preset, "--out", tmp_path / "b").returncode == 0
 
 
 # --- mixtures ---

@@ -43,13 +43,13 @@ def ensure_group(graph: Graph) -> bpy.types.NodeTree:
 
 
 def remove_group(tree: bpy.types.NodeTree) -> None:
-    """Remove a group with the groups and the images that only it used."""
+    """Remove a group with the groups, images and actions that only it used."""
     used = _used_by(tree)
     bpy.data.node_groups.remove(tree)
     for item in used:
         with suppress(ReferenceError):  # a group within a group may have gone with it
             if item.users == 0:
-                remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.images.remove(item)
+                remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.batch_remove([item])
 
 
 def _local(collection: bpy.types.bpy_prop_collection, name: str) -> bpy.types.ID | None:
@@ -64,6 +64,8 @@ def _remove_new(before: set[bpy.types.ID]) -> None:
 
 def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
     used = [getattr(node, name, None) for node in tree.nodes for name in ("node_tree", "image")]
+    if tree.animation_data is not None:
+        used.append(tree.animation_data.action)
     return list(dict.fromkeys(item for item in used if item is not None))
 
 

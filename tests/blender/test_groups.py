@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node groups out of descriptions: whole or not at all, found again, read from left to right; nothing is left over."""
+
+import time
+from itertools import pairwise
+from dataclasses import fields
+
+import bpy
+import numpy as np
+import pytest
+
+from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
+from noisy_world.core.graph import Graph, GroupInput, Picture
+from noisy_world.core.groups import build_group, socket_name
+from noisy_world.core.node_layout import arrange
+from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.perturbations import registry
+
+NAMES = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]
+IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
+
+
+def tinted(amount=0.5, name="NW Test"):
+    """A small group: the image times a number."""
+    graph = Graph(name, "A tint")
+    image = graph.input(IMAGE)
+    factor = graph.input(GroupInput("Factor", "float", amount, "How much", 0.0, 1.0, "FACTOR"))
+    with graph.section("Tint"):
+        graph.output("Image", image * factor)
+    return graph
+
+
+def stock():
+    """How many of each kind of data the file holds."""
+    return {name: len(getattr(bpy.data, name)) for name in ("node_groups", "images", "scenes", "actions", "materials")}
+
+
+@pytest.fixture(autouse=True)
+def _empty():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def test_every_perturbation_of_colour_has_a_group():
+    assert len(NAMES) >= 18
+    assert [name for name in NAMES if registry()[name].build is None] == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sockets_say_what_the_parameters_say(name):
+    perturbation = registry()[name]
+    tree = ensure_group(build_group(perturbation))
+    items = {item.name: item for item in tree.interface.items_tree if item.in_out == "INPUT"}
+    for field in fields(perturbation.parameters):
+        info, socket = field.metadata["key"], items[socket_name(field.name)]
+        assert socket.description.lower() == info.meaning.lower()
+        degrees = np.pi / 180 if info.unit == "deg" else 1
+        assert socket.default_value == pytest.approx(field.default * degrees)
+        if info.unit in ("px", "deg", "m"):
+            assert socket.subtype == {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}[info.unit]
+        if socket.bl_socket_idname != "NodeSocketBool":
+            low = info.minimum if info.above is None else info.above
+            assert socket.min_value == pytest.approx(low * degrees)
+            largest = max([*perturbation.severities.get(field.name, ()), field.default]) * degrees
+            assert largest * (1 - 1e-6) <= socket.max_value <= info.maximum * degrees * (1 + 1e-6)
+    assert all(item.description for item in items.values())
+    assert tree.description
+    random = {"Seed", "Frame Offset", "Redraw"} <= set(items)
+    assert random == bool(perturbation.temporals)
+    assert ("Drift" in items) == ("drift" in perturbation.temporals)
+    assert ("Depth" in items) == perturbation.needs_depth
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_group_is_read_from_left_to_right(name):
+    tree = ensure_group(build_group(registry()[name]))
+    place = {node.name: node.location_absolute for node in tree.nodes}
+    assert all(link.is_valid for link in tree.links)
+    for link in tree.links:
+        assert place[link.from_node.name].x < place[link.to_node.name].x, (link.from_node.name, link.to_node.name)
+    frames = [node for node in tree.nodes if node.bl_idname == "NodeFrame"]
+    assert len(frames) >= 3
+    assert all(frame.label for frame in frames)
+    loose = [node for node in tree.nodes if node.parent is None and node.bl_idname not in ("NodeFrame",)]
+    assert [node.bl_idname for node in loose] == ["NodeGroupOutput"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_node_lies_on_another(name):
+    graph = build_group(registry()[name])
+    places = sorted(arrange(graph).places.items(), key=lambda item: item[1])
+    for (a, (x, y)), (b, (other_x, other_y)) in pairwise(places):
+        if x == other_x:
+            # Sockets are 22 px apart; a closed node's title takes 20.
+            assert other_y - y >= 20 + 22 * (1 + len(graph.nodes[b].inputs)), (a, b)
+        else:
+            assert other_x - x >= 190
+
+
+def test_all_groups_are_built_within_two_seconds():
+    start = time.perf_counter()
+    for name in NAMES:
+        ensure_group(build_group(registry()[name]))
+    assert time.perf_counter() - start < 2
+
+
+def test_building_again_changes_nothing():
+    trees = [ensure_group(build_group(registry()[name])) for name in NAMES]
+    before = stock()
+    assert [ensure_group(build_group(registry()[name])) for name in NAMES] == trees
+    assert stock() == before
+
+
+def test_removing_leaves_nothing():
+    before = stock()
+    trees = [ensure_group(build_group(registry()[name])) for name in NAMES]
+    for tree in trees:
+        remove_group(tree)
+    assert stock() == before
+
+
+def test_saving_reloading_and_rebuilding_change_nothing(tmp_path):
+    for name in NAMES:
+        ensure_group(build_group(registry()[name])).use_fake_user = True
+    before = stock()
+    nodes = {tree.name: sorted(node.name for node in tree.nodes) for tree in bpy.data.node_groups}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "groups.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "groups.blend"))
+    for name in NAMES:
+        ensure_group(build_group(registry()[name]))
+    assert stock() == before
+    assert {tree.name: sorted(node.name for node in tree.nodes) for tree in bpy.data.node_groups} == nodes
+
+
+def test_another_definition_takes_the_old_one_s_place():
+    old = ensure_group(tinted(0.5))
+    user = bpy.data.node_groups.new("User", "CompositorNodeTree")
+    node = user.nodes.new("CompositorNodeGroup")
+    node.node_tree = old
+    new = ensure_group(tinted(0.25))
+    assert node.node_tree == new
+    assert new.name == "NW Test"
+    assert [tree.name for tree in bpy.data.node_groups] == ["NW Test", "User"]
+    assert new[STAMP] == tinted(0.25).stamp != tinted(0.5).stamp
+
+
+def test_a_group_of_another_file_is_left_alone(tmp_path):
+    ensure_group(tinted(0.5)).use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(tmp_path / "library.blend"), link=True) as (source, target):
+        target.node_groups = list(source.node_groups)
+    (linked,) = bpy.data.node_groups
+    own = ensure_group(tinted(0.25))
+    assert linked.library is not None
+    assert linked[STAMP] == tinted(0.5).stamp
+    assert own != linked
+
+
+@pytest.mark.parametrize("fault", ["node", "socket", "property", "picture", "inner"])
+def test_a_failed_build_leaves_nothing(fault):
+    inner = Graph("NW Inner", "Inside")
+    inner.output("Image", inner.input(IMAGE) * 2.0)
+
+    def no_picture():
+        raise OSError("the picture cannot be read")
+
+    graph = Graph("NW Broken", "Fails")
+    image = graph.input(IMAGE)
+    result = graph.group(inner, {"Image": image}).out("Image", "color")
+    good = Picture("NW good", "1", lambda: np.zeros((4, 4), np.uint8))
+    result = result + graph.picture(good)
+    made = {
+        "node": lambda: graph.node("CompositorNodeNoSuchThing", {"Image": result}),
+        "socket": lambda: graph.node("CompositorNodeBlur", {"Picture": result}),
+        "property": lambda: graph.node("ShaderNodeMath", {"Value": result}, {"operation": "GUESS"}),
+        "picture": lambda: graph.node("CompositorNodeImage", {}, picture=Picture("NW bad", "1", no_picture)),
+        "inner": lambda: graph.group(inner, {"Imago": result}),
+    }[fault]()
+    graph.output("Image", made.out("Image", "color"))
+    before = stock()
+    with pytest.raises((RuntimeError, KeyError, TypeError, OSError)):
+        ensure_group(graph)
+    assert stock() == before
+
+
+def test_equal_nodes_of_a_section_are_one_and_equal_graphs_have_one_stamp():
+    graph = tinted()
+    image = graph.nodes[0].inputs["Vector"]
+    assert (image * 2.0).node == (image * 2.0).node
+    assert tinted().stamp == tinted().stamp
+    with pytest.raises(ValueError, match="there twice"):
+        graph.input(IMAGE)
+    with pytest.raises(ValueError, match="linked to a socket of"):
+        graph.math("ADD", image, tinted().nodes[0].inputs["Vector"])
+
+
+def test_a_picture_is_packed_upright_and_exact():
+    values = np.arange(6 * 4 * 3, dtype=np.uint8).reshape(6, 4, 3)
+    image = ensure_picture(Picture("NW picture", "1", lambda: values))
+    assert image.packed_file is not None
+    assert ensure_picture(Picture("NW picture", "1", lambda: 1 / 0)) == image
+    pixels = np.array(image.pixels[:]).reshape(6, 4, 4)[::-1, :, :3]
+    assert np.abs(pixels * 255 - values).max() < 1e-4
+    other = ensure_picture(Picture("NW picture", "2", lambda: values + 1))
+    assert [item.name for item in bpy.data.images] == ["NW picture"]
+    assert other.pixels[0] != 0
