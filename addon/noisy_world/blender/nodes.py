@@ -99,7 +99,7 @@ def _build(graph: Graph) -> bpy.types.NodeTree:
     end.location = plan.output
     for item in graph.outputs:
         tree.links.new(_source(item.socket, made, entries.get(""), identifiers), end.inputs[item.name])
-    _hide_unused(tree)
+    _tidy(tree)
     tree[STAMP] = graph.stamp
     return tree
 
@@ -187,9 +187,10 @@ def _source(
     return found
 
 
-def _hide_unused(tree: bpy.types.NodeTree) -> None:
+def _tidy(tree: bpy.types.NodeTree) -> None:
     """Show of each Group Input what is linked, and of each node no output that nothing asks for."""
     for node in tree.nodes:
+        node.select = False
         for socket in node.outputs:
             if not socket.is_linked:
                 socket.hide = True

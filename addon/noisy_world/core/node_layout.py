@@ -88,5 +88,7 @@ def _mean_height(graph: Graph, number: int, order: Mapping[int, float]) -> float
 
 def _height(graph: Graph, number: int) -> float:
     node = graph.nodes[number]
-    sockets = max(len(node.inputs), len(node.group.inputs) if node.group else 0)
-    return TITLE_PX + SOCKET_PX * (sockets + len(node.properties) + 2)
+    # An unlinked vector shows a field for each of its numbers.
+    rows = sum(4 if isinstance(value, tuple) else 1 for value in node.inputs.values())
+    rows = max(rows, len(node.group.inputs) if node.group else 0)
+    return TITLE_PX + SOCKET_PX * (rows + len(node.properties) + 2)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A frame of the demo, and what each perturbation of colour makes of it in the compositor: for pictures of them."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.session import Session
+from noisy_world.core.mixture import Step, parse_steps
+from noisy_world.core.perturbation import RGB_CATEGORIES, Perturbation
+from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories
+from noisy_world.core.preset import read_preset
+from noisy_world.core.scenes import load_mesh
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+from noisy_world.pipeline import render_options
+
+DEMO = Path(__file__).resolve().parents[1] / "presets" / "demo.yaml"
+FRAME = 8
+SEED = 1
+
+
+def shown_perturbations() -> list[Perturbation]:
+    """Return the perturbations of colour, in propagation order."""
+    return [item for item in registry().values() if item.category in RGB_CATEGORIES]
+
+
+def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Render a frame of the demo: colour (H, W, 3), encoded, and planar depth (H, W) in metres. It empties the file."""
+    plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]), None, registry())
+    render = plan.renders[0]
+    mesh = load_mesh(render.scene)
+    trajectories = render_trajectories(plan, render, load_trajectory(plan, render.scene, mesh))
+    with Session(mesh, render.scene.name, trajectories, plan.camera, render_options(plan)) as session:
+        frame = session.render(FRAME)
+    assert frame.rgb is not None
+    assert frame.depth_m is not None
+    return frame.rgb, frame.depth_m
+
+
+def perturbed(
+    rgb: NDArray[np.float32], depth_m: NDArray[np.float32], severities: Iterable[float]
+) -> dict[tuple[str, float], NDArray[np.uint8]]:
+    """Return (H, W, 3) uint8 by the perturbation's name and the severity."""
+    chains = {
+        f"{item.name} {severity:g}": [step(item, severity)] for severity in severities for item in shown_perturbations()
+    }
+    with Compositor((rgb.shape[1], rgb.shape[0]), chains, rgb.shape[1]) as compositor:
+        made = compositor.perturb(rgb, {name: (FRAME, (SEED, "showcase", name)) for name in chains}, depth_m)
+    return {(name.split()[0], float(name.split()[1])): image for name, (image, _) in made.items() if image is not None}
+
+
+def step(perturbation: Perturbation, severity: float) -> Step:
+    """Return the step of a preset's `{name: {severity: ...}}`."""
+    (found,) = parse_steps([{perturbation.name: {"severity": severity}}], Place("showcase"), registry())
+    return found
