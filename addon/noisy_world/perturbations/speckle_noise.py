@@ -13,7 +13,7 @@ from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
-from ._normal import normal_quantile
+from ._quantile_groups import normal_quantile
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 GAIN_STEPS = 2**14
