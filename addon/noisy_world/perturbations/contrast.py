@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Contrast: tones drawn together."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
@@ -45,6 +48,19 @@ def _scale(rgb: NDArray[np.float32], means: NDArray[np.float64], factor: float) 
     return scaled.reshape(rgb.shape)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Mix each channel's mean with the image."""
+    graph = canvas.graph
+    with graph.section("Means"):
+        means = [
+            graph.node("CompositorNodeLevels", {"Image": canvas.image, "Channel": channel}).out("Mean", "float")
+            for channel in ("Red", "Green", "Blue")
+        ]
+        mean = graph.vector(*means)
+    with graph.section("Scale"):
+        return graph.mix(mean, canvas.image, given["factor"])
+
+
 PERTURBATION = Perturbation(
     name="contrast",
     label="Contrast",
@@ -53,5 +69,6 @@ PERTURBATION = Perturbation(
     severities={"factor": (0.4, 0.3, 0.2, 0.1, 0.05)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
 )

@@ -2,17 +2,21 @@
 """Fog: uneven haze that lifts the dark and takes contrast."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Graph, GroupInput, Socket
+from ..core.groups import PURPOSES, Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
 _LEAST_CELLS = 256
 _VISIBLE = 0.5 / 255
+_NODE_LEVELS = 11  # of the node group: a torus of 2048 points; what is finer is left to interpolation
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,121 @@ def _plasma(frame: Frame, levels: int, smoothness: float) -> NDArray[np.float32]
     return field
 
 
+# --- as a node group ---
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Build the plasma small, level by level, look at it enlarged, and blend it in."""
+    graph, image, thickness = canvas.graph, canvas.image, given["thickness"]
+    with graph.section("Size of the plasma"):
+        width_px, height_px = (graph.math("ROUND", side / canvas.scale) for side in (canvas.width_px, canvas.height_px))
+        longest_px = graph.math("MAXIMUM", width_px, height_px, label="Longest side")
+        # The logarithm of a power of two is not quite a whole number in floats.
+        doublings = graph.math("CEIL", graph.math("LOGARITHM", longest_px, 2.0) - 3e-5)
+        levels = graph.math("MAXIMUM", doublings, 1.0, label="Levels of the frame")
+        side_px = graph.math("POWER", 2.0, levels, label="Side of the torus")
+        built = _levels_built(graph, levels, thickness, given["smoothness"])
+        points = graph.math("POWER", 2.0, built, label="Points along it")
+    with graph.section("Plasma"):
+        plasma = _plasma_nodes(canvas, built, given["smoothness"])
+    with graph.section("Look at it"):
+        flowed = graph.math("FRACT", canvas.drift_frames * (given["flow_px"] / canvas.scale) / side_px)
+        first = graph.math("DIVIDE", 0.5, points)
+        where = graph.math(
+            "MULTIPLY_ADD",
+            canvas.position_px,
+            graph.math("DIVIDE", 1.0, graph.vector(side_px, side_px, 1.0)),
+            graph.vector(first - flowed, first, 1.0),
+        )
+        haze = _look_up(graph, plasma, where)
+        level = graph.choose(given["uniform"], 0.5, haze, "float")
+    with graph.section("Blend"):
+        largest = graph.math("MAXIMUM", graph.math("MAXIMUM", image.r, image.g), image.b)
+        brightest = graph.node("CompositorNodeLevels", {"Image": largest, "Channel": "Red"}).out("Maximum", "float")
+        scale = brightest / (brightest + thickness)
+        return (image + level * thickness) * scale
+
+
+def _levels_built(graph: Graph, levels: Socket, thickness: Socket, smoothness: Socket) -> Socket:
+    """Return how many levels the nodes build: `_levels_seen`, in closed form."""
+    strength = thickness / (thickness + 1.0)
+    weaker = graph.math("MAXIMUM", graph.math("LOGARITHM", smoothness, math.e) * 2.0, 1e-6)
+    seen = graph.math("CEIL", graph.math("LOGARITHM", strength / _VISIBLE, math.e) / weaker)
+    enough = graph.math("MAXIMUM", math.log2(_LEAST_CELLS), seen, label="Levels seen")
+    return graph.math("MINIMUM", graph.math("MINIMUM", levels, enough), float(_NODE_LEVELS), label="Levels built")
+
+
+def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
+    """Return the plasma in [0, 1], of 2^built points a side; the levels beyond are not calculated."""
+    assert canvas.seed is not None
+    assert canvas.key is not None
+    graph, part = canvas.graph, _level_graph()
+    field: Socket | float = 0.0
+    for level in range(_NODE_LEVELS):
+        # Only a condition that is not calculated keeps a branch from being: a level beyond is made tiny instead.
+        is_built = built > level + 0.5
+        inputs = {
+            "Field": field,
+            "Points": graph.math("MULTIPLY_ADD", is_built, 2.0**level - 1.0, 1.0),
+            "Deviation": graph.math("POWER", smoothness, -2.0 * level),
+            "Seed": canvas.seed,
+            "Stream": graph.math("MULTIPLY_ADD", canvas.key, float(PURPOSES), float(level)),
+        }
+        finer = graph.group(part, inputs, name=f"Level {level + 1}").out("Field", "float")
+        field = graph.choose(is_built, finer, field, "float") if level else finer
+    return graph.node("CompositorNodeNormalize", {"Value": field}).out("Value", "float")
+
+
+def _level_graph() -> Graph:
+    """Describe one level of diamond and square: a field of twice as many points a side."""
+    graph = Graph("NW Plasma level", "Doubles the points of a plasma on a torus: diamond, then square")
+    field = graph.input(GroupInput("Field", "float", 0.0, "The coarser plasma"))
+    points = graph.input(GroupInput("Points", "float", 1.0, "Its points along a side", 1.0))
+    deviation = graph.input(GroupInput("Deviation", "float", 1.0, "The largest deviation of a new point", 0.0))
+    seed = graph.input(GroupInput("Seed", "int", 0, "Another seed, another pattern"))
+    number = graph.input(GroupInput("Stream", "float", 0.0, "Another number, other deviations"))
+    with graph.section("Finer grid"):
+        twice = points * 2.0
+        blank = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(twice, twice)}).out("Image", "color")
+        place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+        parity = graph.math("MODULO", place, (2.0, 2.0, 2.0))
+        is_centre = graph.math("MULTIPLY", parity.x, parity.y, label="Is a centre")
+        is_edge = graph.math("COMPARE", parity.x + parity.y, 1.0, 0.1, label="Is amid an edge")
+    with graph.section("Deviation"):
+        where = graph.math("ADD", place, graph.vector(0.0, 0.0, seed))
+        noise = graph.node("ShaderNodeTexWhiteNoise", {"Vector": where, "W": number}, {"noise_dimensions": "4D"})
+        random = (noise.out("Value", "float") - 0.5) * (deviation * 2.0)
+    with graph.section("Diamond"):
+        half = graph.math("DIVIDE", 0.5, points)
+        between = _look_up(graph, field, graph.math("MULTIPLY_ADD", place, half, graph.vector(half, half, 1.0)))
+        centred = graph.math("MULTIPLY_ADD", random, is_centre, between)
+    with graph.section("Square"):
+        around = [_shifted(graph, centred, step) for step in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))]
+        # The first operand places the result, so it must not be a shifted one.
+        total = random * 4.0 + around[0] + around[1] + around[2] + around[3]
+        graph.output("Field", graph.mix(centred, total * 0.25, is_edge), "float", "The finer plasma")
+    return graph
+
+
+def _look_up(graph: Graph, field: Socket, where: Socket) -> Socket:
+    """Look at a torus, bilinearly. where: x and y in sides of it, and z 1, without which Map UV shows nothing."""
+    inputs = {
+        "Image": field,
+        "UV": where,
+        "Interpolation": "Bilinear",
+        "Extension X": "Repeat",
+        "Extension Y": "Repeat",
+    }
+    return graph.node("CompositorNodeMapUV", inputs).out("Image", "float")
+
+
+def _shifted(graph: Graph, field: Socket, step: tuple[float, float]) -> Socket:
+    """Move a torus by whole points."""
+    inputs = {"Image": field, "Displacement": step, "Interpolation": "Nearest"}
+    node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
+    return node.out("Image", "float")
+
+
 PERTURBATION = Perturbation(
     name="fog",
     label="Fog",
@@ -102,5 +221,6 @@ PERTURBATION = Perturbation(
     severities={"thickness": (1.5, 2.0, 2.5, 2.5, 3.0), "smoothness": (2.0, 2.0, 1.7, 1.5, 1.4)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the plasma: ImageNet-C',
     apply=apply,
+    build=build,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gaussian noise: the read-out noise of a sensor in low light."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
+from ._quantile_groups import normal_quantile
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 
@@ -51,6 +55,16 @@ def _tables(std: float) -> tuple[NDArray[np.float32], NDArray[np.int16]]:
     return (steps / 255).astype(np.float32), np.rint(steps).astype(np.int16)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Add normal noise."""
+    with canvas.graph.section("Uniform noise"):
+        uniform = canvas.random(0, canvas.position_px)
+    with canvas.graph.section("Normal noise"):
+        noise = normal_quantile(uniform)
+    with canvas.graph.section("Add"):
+        return canvas.graph.math("MULTIPLY_ADD", noise, given["std"], canvas.image)
+
+
 PERTURBATION = Perturbation(
     name="gaussian_noise",
     label="Gaussian noise",
@@ -59,6 +73,7 @@ PERTURBATION = Perturbation(
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
 )

@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Glass blur: the scene through textured glass."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Picture, Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import gaussian
+
+MAX_DELTA_PX = 10
+TABLE_SIDE = 256  # 65,536 equally likely offsets
+TABLE_ZERO = 128  # the byte of an offset of 0
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,9 @@ class GlassBlur:
     sigma_px: float = key(
         "standard deviation of the blur before and after", default=1.0, unit="px", minimum=0, maximum=20
     )
-    max_delta_px: int = key("how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=10)
+    max_delta_px: int = key(
+        "how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=MAX_DELTA_PX
+    )
     iterations: int = key("how many times", default=3, minimum=0, maximum=20)
 
 
@@ -97,6 +107,60 @@ def offset_shares(delta: int, copies: int = 10) -> NDArray[np.float64]:
     return stopped
 
 
+def _table() -> NDArray[np.uint8]:
+    """Return the offsets of every delta, 1 above 2 and so on: a byte for the columns, one for the rows downwards."""
+    tables = [_offsets(delta).view(np.int16).reshape(TABLE_SIDE, TABLE_SIDE, 2) for delta in range(1, MAX_DELTA_PX + 1)]
+    picture = np.zeros((MAX_DELTA_PX * TABLE_SIDE, TABLE_SIDE, 3), dtype=np.uint8)
+    picture[..., :2] = np.concatenate(tables) + TABLE_ZERO
+    return picture
+
+
+TABLE = Picture("NW Glass blur offsets", "1", _table)
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Blur, take pixels from places that a packed table of offsets holds, blur again."""
+    graph = canvas.graph
+    image = _gaussian(canvas.image, given["sigma_px"], "Blur before")
+    with graph.section("Table of offsets"):
+        table = graph.picture(TABLE)
+        delta = graph.math("ROUND", given["max_delta_px"] / canvas.scale, label="At the reference width")
+        top = graph.math("SUBTRACT", float(MAX_DELTA_PX), delta, label="Tables below this one")
+        # Nothing is shuffled where nothing may move.
+        count = given["iterations"] * (delta > 0.5)
+    with graph.section("Draws"):
+        # Three numbers a draw, one for each shuffle.
+        draws = [canvas.random(purpose, canvas.position_px) for purpose in range(math.ceil(served["iterations"] / 3))]
+        choices = [_component(draws[index // 3], index % 3) for index in range(int(served["iterations"]))]
+    for index, choice in enumerate(choices):
+        with graph.section(f"Shuffle {index + 1}"):
+            where = graph.vector(graph.math("FRACT", choice * float(TABLE_SIDE)), (choice + top) / MAX_DELTA_PX, 1.0)
+            inputs = {"Image": table, "UV": where, "Interpolation": "Nearest"}
+            found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+            offset = (found * 255.0 - float(TABLE_ZERO)) * graph.vector(-canvas.scale, canvas.scale)
+            shuffled = _displaced(image, offset)
+            image = graph.choose(count > index + 0.5, shuffled, image)
+    return _gaussian(image, given["sigma_px"], "Blur after")
+
+
+def _gaussian(image: Socket, sigma_px: Socket, section: str) -> Socket:
+    graph = image.graph
+    with graph.section(section):
+        size = sigma_px * 3.0
+        inputs = {"Image": image, "Size": graph.vector(size, size), "Type": "Gaussian", "Separable": True}
+        return graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+
+
+def _displaced(image: Socket, offset_px: Socket) -> Socket:
+    extend = {"Extension X": "Extend", "Extension Y": "Extend"}
+    inputs = {"Image": image, "Displacement": offset_px, "Interpolation": "Nearest", **extend}
+    return image.graph.node("CompositorNodeDisplace", inputs).out("Image", "color")
+
+
+def _component(value: Socket, index: int) -> Socket:
+    return (value.x, value.y, value.z)[index]
+
+
 PERTURBATION = Perturbation(
     name="glass_blur",
     label="Glass blur",
@@ -111,4 +175,6 @@ PERTURBATION = Perturbation(
     apply=apply,
     temporals=("fresh", "fixed"),
     counts=frozenset({"max_delta_px", "iterations"}),
+    build=build,
+    capacity={"iterations": 3},
 )

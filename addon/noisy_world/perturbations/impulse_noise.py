@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Impulse noise: salt and pepper, from bit errors and dead or hot pixels."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
@@ -55,6 +58,18 @@ def _impulses(amount: float) -> NDArray[np.int16]:
     return table
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Put an impulse where a random number is among the lowest (pepper) or the highest (salt)."""
+    graph = canvas.graph
+    with graph.section("Uniform noise"):
+        uniform = canvas.random(0, canvas.position_px)
+    with graph.section("Impulses"):
+        half = given["amount"] * 0.5
+        salt, pepper = uniform > 1.0 - half, uniform < half
+    with graph.section("Put in"):
+        return canvas.image + salt - pepper
+
+
 PERTURBATION = Perturbation(
     name="impulse_noise",
     label="Impulse noise",
@@ -63,6 +78,7 @@ PERTURBATION = Perturbation(
     severities={"amount": (0.03, 0.06, 0.09, 0.17, 0.27)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
 )

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shot noise: light arrives as photons."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
+from ._quantile_groups import poisson_quantile
 from ._quantiles import look_up, uniform_codes
 
 OUTCOMES = 256
@@ -133,6 +137,15 @@ def _few_photons(means: NDArray[np.float32], generator: np.random.Generator) -> 
     return counts
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Count photons, of which each value expects its share of those at full scale."""
+    photons = given["photons"]
+    with canvas.graph.section("Uniform noise"):
+        uniform = canvas.random(0, canvas.position_px)
+    with canvas.graph.section("Photons"):
+        return poisson_quantile(canvas.image * photons, uniform) * (1.0 / photons)
+
+
 PERTURBATION = Perturbation(
     name="shot_noise",
     label="Shot noise",
@@ -141,6 +154,7 @@ PERTURBATION = Perturbation(
     severities={"photons": (60, 25, 12, 5, 3)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
 )

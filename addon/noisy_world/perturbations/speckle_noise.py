@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Speckle noise: noise in proportion to the signal."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
+from ._quantile_groups import normal_quantile
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 GAIN_STEPS = 2**14
@@ -52,6 +56,16 @@ def _gains(std: float) -> NDArray[np.float32]:
     return ((2 * np.floor(exact * (GAIN_STEPS / 2)) + 1) / GAIN_STEPS).astype(np.float32)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Multiply by normal gains of mean 1."""
+    with canvas.graph.section("Uniform noise"):
+        uniform = canvas.random(0, canvas.position_px)
+    with canvas.graph.section("Normal noise"):
+        noise = normal_quantile(uniform)
+    with canvas.graph.section("Gain"):
+        return canvas.image * canvas.graph.math("MULTIPLY_ADD", noise, given["std"], 1.0)
+
+
 PERTURBATION = Perturbation(
     name="speckle_noise",
     label="Speckle noise",
@@ -60,6 +74,7 @@ PERTURBATION = Perturbation(
     severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
 )
