@@ -97,5 +97,5 @@ def socket_values(
 
 
 def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Tell whether any step of a chain does anything, from its socket values by node."""
-    return any(item["Enabled"] for item in values.values())
+    """Tell whether a chain's picture has to be made, from its socket values by node; without any it is the frame's."""
+    return not values or any(item["Enabled"] for item in values.values())

@@ -142,7 +142,8 @@ def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None
             key: value * (180 / math.pi) if _unit(perturbation, key) == "deg" else value
             for key, value in scaled.items()
         }
-    result = perturbation.build(canvas, scaled, served)
+    with graph.section(perturbation.label):
+        result = perturbation.build(canvas, scaled, served)
     with graph.section("From encoded colour"):
         clamped = graph.clamp(result)
         back = convert(graph, clamped, "sRGB", "Linear Rec.709")

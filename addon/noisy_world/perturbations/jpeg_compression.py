@@ -12,7 +12,7 @@ from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
-from ._block_dct import RUN, SIZE, cosines, frequencies, pixels, sample
+from ._block_dct import RUN, cosines, frequencies, pixels, sample
 
 # The standard's tables for quality 50 (ITU-T T.81, K.1 and K.2).
 LUMA = (

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node groups beside the references: error where nothing is random, and time."""
+
+import time
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from noisy_world.blender.compositor import Compositor
+from noisy_world.core.mixture import Step, parse_steps, perturb_colour
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+
+from . import tables
+
+SEED = 3
+TURNS = 5
+EXACT = (
+    "brightness",
+    "contrast",
+    "pixelate",
+    "gaussian_blur",
+    "defocus_blur",
+    "motion_blur",
+    "fog_depth",
+    "defocus_depth",
+)
+GIVEN = {"motion_blur": {"max_angle_deg": 0.0, "angle_deg": 30.0}}  # so that nothing is random
+
+
+def step_of(name: str, severity: float) -> Step:
+    """Return a step of one severity."""
+    (step,) = parse_steps([{name: {"severity": severity}}], Place("report"), registry())
+    return step
+
+
+def slope(size_px: tuple[int, int]) -> NDArray[np.float32]:
+    """Return planar depth (H, W) in metres, from 0.5 to 9, with void."""
+    depth_m = np.repeat(np.linspace(0.5, 9.0, size_px[1], dtype=np.float32)[:, None], size_px[0], axis=1)
+    depth_m[size_px[1] // 4 : size_px[1] // 3, size_px[0] // 4 : size_px[0] // 3] = 0
+    return depth_m
+
+
+def composited(
+    frames: NDArray[np.uint8], steps: Mapping[str, Sequence[Step]], *, seed: int = SEED
+) -> dict[str, list[NDArray[np.uint8]]]:
+    """Perturb (N, H, W, 3) frames by chains: by their names, a picture for each frame."""
+    size_px = frames.shape[2], frames.shape[1]
+    made: dict[str, list[NDArray[np.uint8]]] = {name: [] for name in steps}
+    with Compositor(size_px, steps, size_px[0]) as compositor:
+        for k, frame in enumerate(frames):
+            results = compositor.perturb(frame, dict.fromkeys(steps, (k, (seed, "", ""))), slope(size_px))
+            for name, (image, _) in results.items():
+                made[name].append(frame if image is None else image)
+    return made
+
+
+def errors(frames: NDArray[np.uint8]) -> str:
+    """Compare what is not random, in float values, with the reference on a frame."""
+    rgb = frames[0] / np.float32(255)
+    size_px = rgb.shape[1], rgb.shape[0]
+    depth_m = slope(size_px)
+    rows = []
+    for name in (*EXACT, "jpeg_compression"):
+        row: list[object] = [name]
+        for severity in (1, 2, 3, 4, 5):
+            values = {"severity": severity, **GIVEN.get(name, {})}
+            (step,) = parse_steps([{name: values}], Place("report"), registry())
+            with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
+                found = compositor.evaluate(rgb, {"x": (0, (SEED, "", ""))}, depth_m)[0]["x"]
+            frame = step.frame(0, (SEED, "", ""))
+            wanted = np.clip(perturb_colour(step, rgb, severity, frame, depth_m), 0, 1)
+            apart = np.abs(found - wanted) * 255
+            row.append(f"{apart.max():.2f} ({apart.mean():.3f})")
+        rows.append(row)
+    text = "Largest difference (mean in brackets) from the reference, in 255ths, float to float, at severities 1 to 5."
+    return "\n\n".join([text, tables.table(("perturbation", "1", "2", "3", "4", "5"), rows)])
+
+
+def times(names: Sequence[str], frames: NDArray[np.uint8], reference_ms: Mapping[str, float]) -> str:
+    """Time every group alone beyond a pass-through, in turns with it, and all of severity 3 in one call."""
+    size_px = frames.shape[2], frames.shape[1]
+    rgb, depth_m = frames[0] / np.float32(255), slope(size_px)
+    rows, nets = [], []
+    for name in names:
+        chains = {"none": (), **{f"{severity}": (step_of(name, severity),) for severity in (3, 5)}}
+        took = timed(size_px, rgb, depth_m, chains)
+        net = {key: took[key] - took["none"] for key in ("3", "5")}
+        nets.append(net["3"])
+        rows.append((name, 1e3 * net["3"], 1e3 * net["5"], reference_ms.get(name, "-")))
+    together = timed(size_px, rgb, depth_m, {"none": (), **{name: (step_of(name, 3),) for name in names}}, at_once=True)
+    ratio = together["all"] / (sum(nets) + len(names) * together["none"])
+    text = (
+        f"Net of a pass-through of {1e3 * together['none']:.0f} ms (upload, evaluation, reading). "
+        f"Median at severity 3: {1e3 * float(np.median(nets)):.0f} ms. "
+        f"All {len(names)} in one call: {together['all']:.2f} s, {ratio:.2f} times one after the other."
+    )
+    head = ("perturbation", "nodes, severity 3, ms", "severity 5, ms", "reference, severity 3, ms")
+    return "\n\n".join([text, tables.table(head, rows)])
+
+
+def timed(
+    size_px: tuple[int, int],
+    rgb: NDArray[np.float32],
+    depth_m: NDArray[np.float32],
+    chains: Mapping[str, Sequence[Step]],
+    *,
+    at_once: bool = False,
+) -> dict[str, float]:
+    """Return the median seconds of each chain, taken in turns; `at_once`: of "none", and of the others in one call."""
+    calls = (
+        {"none": ["none"], "all": [name for name in chains if name != "none"]} if at_once else {n: [n] for n in chains}
+    )
+    found: dict[str, list[float]] = {name: [] for name in calls}
+    with Compositor(size_px, chains, size_px[0]) as compositor:
+        for turn in range(TURNS + 1):
+            for name, wanted in calls.items():
+                start_s = time.perf_counter()
+                compositor.perturb(rgb, dict.fromkeys(wanted, (turn, (SEED, "", ""))), depth_m)
+                if turn:
+                    found[name].append(time.perf_counter() - start_s)
+    return {name: float(np.median(values)) for name, values in found.items()}
