@@ -62,7 +62,6 @@ def show_chain(
 
     encoded: what comes in is sRGB-encoded and is to stay so. reference_width_px: by default the scene's full width.
     """
-    hide_chain(scene)
     tree = bpy.data.node_groups.new(f"{scene.name} with {chain.name}", "CompositorNodeTree")
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     source = tree.nodes.new("CompositorNodeImage" if image is not None else "CompositorNodeRLayers")
@@ -83,6 +82,7 @@ def show_chain(
         scene.view_layers[0].use_pass_z = True
         tree.links.new(source.outputs["Depth"], group.inputs["Depth"])
     tree.links.new(group.outputs["Image"], end.inputs["Image"])
+    hide_chain(scene)  # only now: the chain that goes may be this one
     scene[PREVIOUS] = scene.compositing_node_group
     scene.compositing_node_group = tree
     return tree

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Chains of groups: the same pixels from arrays, an Image and a render; on any frame, in any process."""
+
+import hashlib
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import pytest
+from group_tools import IDENTIFIERS, by_nodes, picture, step_of
+from worlds import ROOT
+
+from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
+from noisy_world.blender.compositor import Compositor
+from noisy_world.core.images import rgb_bytes
+from noisy_world.core.mixture import parse_steps
+from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+
+NAMES = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]
+MIXED = [
+    {"gaussian_noise": {"severity": 3, "mode": "dynamic"}},
+    {"fog": {"severity": 5, "mode": "dynamic"}},
+    {"motion_blur": {"levels": [0, 1, 5], "mode": "dynamic"}},
+    {"contrast": {"severity": 1}},
+]
+
+
+def depth_for(image):
+    return np.repeat(np.linspace(0, 6, image.shape[0], dtype=np.float32)[:, None], image.shape[1], axis=1)
+
+
+def steps_of(items):
+    return parse_steps(items, Place("test"), registry())
+
+
+def evaluate_scene(scene, folder):
+    """What a scene's compositor shows, (H, W, 3) float32, through a file of its own."""
+    import OpenEXR
+
+    tree = scene.compositing_node_group
+    end = next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
+    file = tree.nodes.new("CompositorNodeOutputFile")
+    file.directory, file.file_name = str(folder), "shown"
+    file.format.media_type = "MULTI_LAYER_IMAGE"
+    file.format.file_format = "OPEN_EXR_MULTILAYER"
+    file.format.color_depth, file.format.exr_codec = "32", "NONE"
+    file.file_output_items.new("VECTOR", "s")
+    tree.links.new(end.inputs["Image"].links[0].from_socket, file.inputs[0])
+    bpy.ops.render.render(scene=scene.name)
+    tree.nodes.remove(file)
+    with OpenEXR.File(str(folder / "shown.exr"), separate_channels=True) as layers:
+        channels = {name: item.pixels for name, item in layers.channels().items()}
+    return np.stack([channels[f"s.{axis}"] for axis in "XYZ"], axis=-1)
+
+
+def image_of(values):
+    image = bpy.data.images.new("frame", values.shape[1], values.shape[0], alpha=False, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    rgba = np.ones((*values.shape[:2], 4), np.float32)
+    rgba[..., :3] = values[::-1]
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    return image
+
+
+def scene_of(size):
+    scene = bpy.data.scenes.new("Artist")
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.compositor_precision = "FULL"
+    return scene
+
+
+@pytest.fixture(autouse=True)
+def _empty():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+def test_a_keyed_chain_shows_what_the_generator_writes(tmp_path):
+    rgb = picture(60, 100)
+    steps = steps_of(MIXED)
+    with Compositor((100, 60), {"x": steps}, 100) as compositor:
+        written = [compositor.evaluate(rgb, {"x": (k, IDENTIFIERS)})[0]["x"] for k in range(8)]
+    scene = scene_of((100, 60))
+    chain = make_chain("NW mixed", steps, range(8), IDENTIFIERS)
+    show_chain(scene, chain, image=image_of(rgb), encoded=True)
+    differ = set()
+    for k in (5, 0, 7, 3):
+        scene.frame_set(k)
+        shown = evaluate_scene(scene, tmp_path)
+        assert np.array_equal(shown, rgb if written[k] is None else written[k])
+        differ.add(shown.tobytes())
+    assert len(differ) == 4
+
+
+def test_a_render_and_its_image_are_perturbed_alike(tmp_path):
+    scene = scene_of((48, 32))
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.world = bpy.data.worlds.new("World")
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    scene.world.node_tree.nodes["Background"].inputs[0].default_value = (0.2, 0.5, 0.05, 1)
+    steps = steps_of([{"gaussian_noise": {"severity": 2}}, {"brightness": {"severity": 3}}])
+    chain = make_chain("NW two", steps, range(1), IDENTIFIERS)
+    show_chain(scene, chain)
+    behind_render = evaluate_scene(scene, tmp_path)
+    show_chain(scene, chain, image=image_of(np.full((32, 48, 3), (0.2, 0.5, 0.05), np.float32)))
+    before_image = evaluate_scene(scene, tmp_path)
+    assert np.array_equal(behind_render, before_image)
+    # Light in, light out: the same as encoded colour perturbed and decoded (IEC 61966-2-1).
+    encoded = 1.055 * np.array([0.2, 0.5, 0.05]) ** (1 / 2.4) - 0.055
+    rgb = np.broadcast_to(encoded.astype(np.float32), (32, 48, 3))
+    with Compositor((48, 32), {"x": steps}, 48) as compositor:
+        made = compositor.evaluate(rgb, {"x": (0, IDENTIFIERS)})[0]["x"]
+    decoded = np.where(made <= 0.04045, made / 12.92, ((made + 0.055) / 1.055) ** 2.4)
+    assert np.abs(decoded - behind_render).max() < 1e-4
+    assert behind_render.std() > 0.05
+
+
+def test_hiding_gives_back_what_was_there():
+    scene = scene_of((8, 8))
+    own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
+    scene.compositing_node_group = own
+    before = {tree.name for tree in bpy.data.node_groups}
+    show_chain(scene, make_chain("NW one", steps_of(MIXED), range(3), IDENTIFIERS))
+    show_chain(scene, make_chain("NW other", steps_of(MIXED[:1]), range(3), IDENTIFIERS))
+    hide_chain(scene)
+    hide_chain(scene)
+    assert scene.compositing_node_group == own
+    assert {tree.name for tree in bpy.data.node_groups} == before
+    assert len(bpy.data.actions) == 0
+
+
+def test_the_user_s_scenes_are_left_as_they_are():
+    scene = bpy.context.scene
+    scene.view_settings.view_transform = "AgX"
+    scene.render.dither_intensity = 1.0
+    scene.render.filepath = "//mine"
+
+    def state():
+        kept = {}
+        for name, owner in (("render", scene.render), ("view", scene.view_settings), ("scene", scene)):
+            for item in owner.bl_rna.properties:
+                if item.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and not getattr(item, "is_array", False):
+                    kept[name, item.identifier] = getattr(owner, item.identifier)
+        return kept
+
+    before, active = state(), bpy.context.window.scene.name
+    by_nodes("brightness", picture(16, 24), severity=2)
+    assert state() == before
+    assert bpy.context.window.scene.name == active
+    assert [item.name for item in bpy.data.scenes] == [scene.name]
+    assert len(bpy.data.node_groups) == 0
+    assert {item.name for item in bpy.data.images} <= {"Render Result"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_frame_alone_is_that_of_the_animation(name):
+    rgb = picture(72, 128)
+    values = {"severity": 3} | ({"temporal": "drift"} if "drift" in registry()[name].temporals else {})
+    depth_m = depth_for(rgb)
+    whole = by_nodes(name, rgb, range(4), depth_m=depth_m, **values)
+    assert np.array_equal(by_nodes(name, rgb, [3], depth_m=depth_m, **values)[0], whole[3])
+    assert np.array_equal(whole[0], whole[3]) == (not registry()[name].temporals)
+
+
+@pytest.mark.parametrize("name", [item for item in NAMES if registry()[item].temporals])
+def test_seeds_and_temporals(name):
+    rgb = picture(72, 128)
+    fresh = by_nodes(name, rgb, [0, 1], severity=3)
+    assert not np.array_equal(*fresh)
+    other = by_nodes(name, rgb, [0], severity=3, identifiers=(8, "room", "setting"))[0]
+    assert not np.array_equal(fresh[0], other)
+    fixed = by_nodes(name, rgb, [0, 1], severity=3, temporal="fixed")
+    assert np.array_equal(*fixed)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 2), (33, 17)])
+def test_small_and_odd_frames(name, shape):
+    for rgb in (picture(*shape), np.zeros((*shape, 3), np.float32), np.ones((*shape, 3), np.float32)):
+        (made,) = by_nodes(name, rgb, severity=5, depth_m=depth_for(rgb))
+        assert made.shape == rgb.shape
+        assert np.isfinite(made).all()
+        assert made.min() >= 0
+        assert made.max() <= 1
+
+
+def test_all_settings_in_one_call_are_those_alone():
+    rgb = picture(40, 64)
+    chains = {f"{name} {severity}": [step_of(name, severity=severity)] for name in NAMES for severity in (1, 5)}
+    frames = {name: (2, (7, "room", name)) for name in chains}
+    assert len(chains) > 32  # more than go into one call
+    with Compositor((64, 40), chains, 64) as compositor:
+        together, notes = compositor.evaluate(rgb, frames, depth_for(rgb))
+    assert set(together) == set(notes) == set(chains)
+    for name in list(chains)[::7]:
+        with Compositor((64, 40), {name: chains[name]}, 64) as compositor:
+            alone = compositor.evaluate(rgb, {name: frames[name]}, depth_for(rgb))[0][name]
+        assert np.array_equal(alone, together[name])
+
+
+def test_severity_zero_is_nothing_and_costs_nothing():
+    rgb = rgb_bytes(picture(16, 24))
+    with Compositor((24, 16), {"x": steps_of([{"fog": {"severity": 0}}])}, 24) as compositor:
+        made, notes = compositor.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"]
+    assert made is None
+    assert notes[0]["severity"] == 0
+    # Beside a step that does something it passes the frame bit for bit.
+    with Compositor((24, 16), {"x": steps_of([{"fog": {"severity": 0}}, {"contrast": {"factor": 1.0}}])}, 24) as both:
+        made, _ = both.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"]
+    assert np.array_equal(made, rgb)
+
+
+def test_two_processes_make_the_same_bytes():
+    script = (
+        "import sys, hashlib\n"
+        "sys.path[:0] = sys.argv[1:3]\n"
+        "from group_tools import *\n"
+        "for name in sys.argv[3:]:\n"
+        "    image = picture(90, 130)\n"
+        "    made = by_nodes(name, image, [50], severity=4, depth_m=image[..., 0] * 5)[0]\n"
+        "    print('digest', name, hashlib.sha256(made.tobytes()).hexdigest())\n"
+    )
+    command = [sys.executable, "-c", script, str(ROOT / "addon"), str(ROOT / "tests"), *NAMES]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    found = dict(line.split()[1:] for line in result.stdout.splitlines() if line.startswith("digest"))
+    rgb = picture(90, 130)
+    for name in NAMES:
+        made = by_nodes(name, rgb, [50], severity=4, depth_m=rgb[..., 0] * 5)[0]
+        assert found[name] == hashlib.sha256(made.tobytes()).hexdigest(), name
