@@ -25,8 +25,8 @@ def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np
     """Return the one-sided trace of a motion, of sum 1; odd, square, the pixel itself in the middle.
 
     2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down), the step k weighted
-    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur. A step goes to the nearest pixel, half
-    way between two to the left and upper one.
+    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur. A step goes to the nearest pixel,
+    half way between two to the left and upper one.
     """
     steps = np.arange(2 * radius_px + 1)
     weights = np.exp(-(steps**2) / (2 * sigma_px**2))

@@ -82,9 +82,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
 def _padded(image: Socket, size: Socket, border_px: int) -> Socket:
     """Return the image with its outermost pixels repeated on all sides."""
     graph = image.graph
-    wide = graph.node("CompositorNodeBlankImage", {"Size": size + (2.0 * border_px, 2.0 * border_px, 0.0)})
+    wide = graph.node("CompositorNodeBlankImage", {"Size": graph.math("ADD", size, 2.0 * border_px)})
     place = graph.node("CompositorNodeImageCoordinates", {"Image": wide.out("Image", "color")}).out("Pixel", "vector")
-    where = graph.math("DIVIDE", place + (0.5 - border_px, 0.5 - border_px, 1.0), size)
+    where = graph.math("DIVIDE", graph.math("ADD", place, (0.5 - border_px, 0.5 - border_px, 1.0)), size)
     extend = {"Extension X": "Extend", "Extension Y": "Extend"}
     inputs = {"Image": image, "UV": where, "Interpolation": "Nearest", **extend}
     return graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
