@@ -3,9 +3,12 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
+from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
 from ..core.node_layout import Arrangement, arrange
@@ -204,19 +207,32 @@ def ensure_picture(picture: Picture) -> bpy.types.Image:
     old = _local(bpy.data.images, picture.name)
     if old is not None and old.get(PICTURE_VERSION) == picture.version:
         return old
-    pixels = picture.make()
+    made = picture.make()
+    image = _packed_file(made) if isinstance(made, Path) else _packed_pixels(picture.name, made)
+    image[PICTURE_VERSION] = picture.version
+    if old is not None:
+        old.user_remap(image)
+        bpy.data.images.remove(old)
+    image.name = picture.name
+    return image
+
+
+def _packed_file(path: Path) -> bpy.types.Image:
+    image = bpy.data.images.load(str(path))
+    image.colorspace_settings.name = "Non-Color"
+    image.pack()
+    image.filepath_raw = f"//{path.name}"  # the file's own place is nobody's business
+    return image
+
+
+def _packed_pixels(name: str, pixels: NDArray[Any]) -> bpy.types.Image:
     height, width = pixels.shape[:2]
     is_float = pixels.dtype == np.float32
-    image = bpy.data.images.new(picture.name, width, height, alpha=False, float_buffer=is_float)
+    image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=is_float)
     image.colorspace_settings.name = "Non-Color"
     values = np.ones((height, width, 4), dtype=np.float32)
     values[..., :3] = (pixels if is_float else pixels / np.float32(255)).reshape(height, width, -1)[::-1]
     image.pixels.foreach_set(values.ravel())
     image.update()
     image.pack()
-    image[PICTURE_VERSION] = picture.version
-    if old is not None:
-        old.user_remap(image)
-        bpy.data.images.remove(old)
-        image.name = picture.name
     return image

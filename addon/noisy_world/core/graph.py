@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -50,13 +51,13 @@ class GroupOutput:
 class Picture:
     """An image that a group carries with it, for what nodes cannot make.
 
-    make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, the same for the same `version`. Values are used
-    as they stand, without colour management.
+    make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, the same for the same `version`; or the path of
+    an image file, which is carried as it is. Values are used as they stand, without colour management.
     """
 
     name: str
     version: str
-    make: Callable[[], NDArray[Any]]
+    make: Callable[[], NDArray[Any] | Path]
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,15 @@ def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np
     """Return the one-sided trace of a motion, of sum 1; odd, square, the pixel itself in the middle.
 
     2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down), the step k weighted
-    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur.
+    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur. A step goes to the nearest pixel,
+    half way between two to the left and upper one.
     """
     steps = np.arange(2 * radius_px + 1)
     weights = np.exp(-(steps**2) / (2 * sigma_px**2))
     angle = math.radians(angle_deg)
-    columns = np.ceil(steps * math.cos(angle) - 0.5).astype(int)
-    rows = np.ceil(steps * math.sin(angle) - 0.5).astype(int)
+    # The sine of 30 degrees is a bit less than a half, the cosine of 60 a bit more.
+    columns = np.ceil((steps * math.cos(angle)).round(9) - 0.5).astype(int)
+    rows = np.ceil((steps * math.sin(angle)).round(9) - 0.5).astype(int)
     reach = 2 * radius_px
     kernel = np.zeros((2 * reach + 1, 2 * reach + 1))
     np.add.at(kernel, (reach + rows, reach + columns), weights / weights.sum())

@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frost: the scene through an iced pane."""
 
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Kind, Picture, Socket, Value
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from . import _ice
@@ -13,7 +19,7 @@ from . import _ice
 
 @dataclass(frozen=True)
 class Frost:
-    """intensity * image + influence * ice, as ImageNet-C; the ice is drawn, a picture picked for each frame.
+    """intensity * image + influence * ice, as ImageNet-C; a picture of ice is picked for each frame.
 
     The picture is cropped at random, enlarged only where a frame is larger than it, and never squashed.
     """
@@ -64,6 +70,59 @@ def _to_and_fro(position: NDArray[np.float64], length: NDArray[np.float64]) -> N
     return length - np.abs(position % (2 * length) - length)
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Pick a picture, look at a part of it, tint it and add it."""
+    graph = canvas.graph
+    with graph.section("Pick a picture"):
+        place = canvas.random(0)
+        pictures = [graph.picture(_packed(item)) for item in _ice.PICTURES]
+        picture = _pick(place.z, pictures, "color")
+        shadow = _pick(place.z, [item.shadow_rgb for item in _ice.PICTURES], "vector")
+        light = _pick(place.z, [item.light_rgb for item in _ice.PICTURES], "vector")
+    with graph.section("Crop"):
+        inputs = {"Image": picture, "UV": _uv(canvas, place, given["creep_px"] / canvas.scale)}
+        inputs |= {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
+        grey = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+    with graph.section("Tint"):
+        ice = grey * graph.math("MULTIPLY_ADD", grey, light - shadow, shadow)
+    with graph.section("Over the image"):
+        frosted = ice * given["influence"]
+        return graph.math("MULTIPLY_ADD", canvas.image, graph.vector(*[given["intensity"]] * 3), frosted)
+
+
+def _packed(item: _ice.Ice) -> Picture:
+    path = _ice.picture_file(item.name)
+    return Picture(f"NW ice: {item.name}", hashlib.sha256(path.read_bytes()).hexdigest()[:16], lambda: path)
+
+
+def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
+    """Return the item that a uniform number in [0, 1] falls to; the others are not looked at."""
+    shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(_ice.EQUALLY_OFTEN)
+    ordered = reversed(list(zip(items[:-1], shares, strict=False)))
+    return reduce(lambda rest, pair: uniform.graph.choose(uniform < pair[1], pair[0], rest, kind), ordered, items[-1])
+
+
+def _uv(canvas: Canvas, place: Socket, creep_px: Socket) -> Socket:
+    """Return where in the picture each pixel looks, as _crop does, in shares of the picture's size."""
+    graph, full_px = canvas.graph, (float(_ice.WIDTH_PX), float(_ice.HEIGHT_PX), 1.0)
+    frame_px = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
+    room = frame_px * (1.1 / full_px[0], 1.1 / full_px[1], 0.0)
+    enlarged = graph.math("MAXIMUM", graph.math("MAXIMUM", room.x, room.y), 1.0, label="Enlarged")
+    seen_px = frame_px / graph.vector(enlarged, enlarged, 1.0)
+    slack_px = graph.math("SUBTRACT", full_px, seen_px)
+    start_px = graph.math("FLOOR", place * slack_px)
+    angle = canvas.random_value(1) * (2 * math.pi)
+    crept_px = canvas.drift_frames * creep_px / enlarged
+    moved_px = start_px + graph.vector(graph.math("COSINE", angle), graph.math("SINE", angle)) * crept_px
+    # Blender's ping-pong folds back at both ends, as the reference does.
+    origin_px = graph.vector(
+        graph.math("PINGPONG", moved_px.x, slack_px.x), graph.math("PINGPONG", moved_px.y, slack_px.y)
+    )
+    share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
+    # The third number is the share of the picture that shows.
+    return graph.math("MULTIPLY_ADD", share, seen_px / full_px, origin_px / full_px + (0.0, 0.0, 1.0))
+
+
 PERTURBATION = Perturbation(
     name="frost",
     label="Frost",
@@ -72,5 +131,6 @@ PERTURBATION = Perturbation(
     severities={"intensity": (1.0, 0.8, 0.7, 0.65, 0.6), "influence": (0.4, 0.6, 0.7, 0.7, 0.75)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the ice: our own',
     apply=apply,
+    build=build,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -134,12 +134,14 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         choices = [_component(draws[index // 3], index % 3) for index in range(int(served["iterations"]))]
     for index, choice in enumerate(choices):
         with graph.section(f"Shuffle {index + 1}"):
-            where = graph.vector(graph.math("FRACT", choice * float(TABLE_SIDE)), (choice + top) / MAX_DELTA_PX, 1.0)
+            # A shuffle that is not asked for gets one value instead of a frame, which costs nothing.
+            active = count > index + 0.5
+            number = graph.choose(active, choice, 0.0, "float")
+            where = graph.vector(graph.math("FRACT", number * float(TABLE_SIDE)), (number + top) / MAX_DELTA_PX, 1.0)
             inputs = {"Image": table, "UV": where, "Interpolation": "Nearest"}
             found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
             offset = (found * 255.0 - float(TABLE_ZERO)) * graph.vector(-canvas.scale, canvas.scale)
-            shuffled = _displaced(image, offset)
-            image = graph.choose(count > index + 0.5, shuffled, image)
+            image = graph.choose(active, _displaced(graph.choose(active, image, 0.0), offset), image)
     return _gaussian(image, given["sigma_px"], "Blur after")
 
 

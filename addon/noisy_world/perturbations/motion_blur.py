@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion blur: the camera moves while the shutter is open."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Graph, GroupInput, Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
+
+NEGLIGIBLE = 1e-3  # a weight beside that of the pixel itself: all below it are together less than 0.1 of 255
+# Half way between two pixels a step goes to the left and upper one, whatever rounding does to the angle.
+TIE_PX = 5e-5
 
 
 @dataclass(frozen=True)
@@ -23,12 +30,95 @@ class MotionBlur:
     max_angle_deg: float = key(
         "the angle to the rows is uniform between minus this and this", default=45.0, unit="deg", minimum=0, maximum=180
     )
+    angle_deg: float = key(
+        "middle of the range the angle is drawn from: 0 to the right, 90 down",
+        default=0.0,
+        unit="deg",
+        minimum=-180,
+        maximum=180,
+    )
 
 
 def apply(rgb: NDArray[np.float32], parameters: MotionBlur, frame: Frame) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
-    angle = frame.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
+    turn = frame.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
+    angle = parameters.angle_deg + turn
     return correlate(rgb, line_kernel(parameters.radius_px, parameters.sigma_px, angle))
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Add up the frame shifted by each step of the trail, cut out of a copy with wide borders."""
+    graph = canvas.graph
+    count = 2 * int(served["radius_px"]) + 1
+    step = _step()
+    with graph.section("Direction"):
+        turn = graph.math("MULTIPLY_ADD", canvas.random_value(0), 2.0, -1.0)
+        angle = graph.math("RADIANS", graph.math("MULTIPLY_ADD", turn, given["max_angle_deg"], given["angle_deg"]))
+        direction = graph.vector(graph.math("COSINE", angle), graph.math("SINE", angle), 0.0)
+    with graph.section("Weights"):
+        spread = -0.5 / (given["sigma_px"] * given["sigma_px"])
+        last = given["radius_px"] * 2.0
+    with graph.section("Widen the border"):
+        size = graph.vector(canvas.width_px, canvas.height_px, 1.0)
+        padded = _padded(canvas.image, size, count)
+    shared = {
+        "Widened": padded,
+        "Border": float(count),
+        "Size": size,
+        "Direction": direction,
+        "Spread": spread,
+        "Last": last,
+    }
+    total: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+    weights: Socket | float = 0.0
+    with graph.section("Trail"):
+        for number in range(count):
+            made = graph.group(step, shared | {"Step": float(number), "Total": total, "Weights": weights})
+            total, weights = made.out("Total", "vector"), made.out("Weights", "float")
+    with graph.section("Mean"):
+        return total / weights
+
+
+def _padded(image: Socket, size: Socket, border_px: int) -> Socket:
+    """Return the image with its outermost pixels repeated on all sides."""
+    graph = image.graph
+    wide = graph.node("CompositorNodeBlankImage", {"Size": graph.math("ADD", size, 2.0 * border_px)})
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": wide.out("Image", "color")}).out("Pixel", "vector")
+    where = graph.math("DIVIDE", graph.math("ADD", place, (0.5 - border_px, 0.5 - border_px, 1.0)), size)
+    extend = {"Extension X": "Extend", "Extension Y": "Extend"}
+    inputs = {"Image": image, "UV": where, "Interpolation": "Nearest", **extend}
+    return graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+
+
+def _step() -> Graph:
+    """Describe a step of the trail: the frame seen from there, times its weight, is added."""
+    graph = Graph("NW Motion blur step", "Adds the frame as a step of the trail sees it")
+    wide = graph.input(GroupInput("Widened", "color", (0.0, 0.0, 0.0, 1.0), "The frame with wide borders"))
+    total = graph.input(GroupInput("Total", "vector", (0.0, 0.0, 0.0), "The sum so far"))
+    weights = graph.input(GroupInput("Weights", "float", 0.0, "The sum of the weights so far"))
+    step = graph.input(GroupInput("Step", "float", 0.0, "The step's number, from 0"))
+    last = graph.input(GroupInput("Last", "float", 0.0, "The number of the last step"))
+    direction = graph.input(GroupInput("Direction", "vector", (1.0, 0.0, 0.0), "A step: pixels to the right and down"))
+    spread = graph.input(GroupInput("Spread", "float", -1.0, "A weight is exp(spread times the step squared)"))
+    border = graph.input(GroupInput("Border", "float", 0.0, "How wide the border is"))
+    size = graph.input(GroupInput("Size", "vector", (1.0, 1.0, 0.0), "The frame's width and height"))
+    with graph.section("Weight"):
+        exponent = step * step * spread
+        weight = graph.math("EXPONENT", exponent)
+        active = graph.math("MULTIPLY", weight > NEGLIGIBLE, step < last + 0.5)
+    with graph.section("Place"):
+        place = graph.math("CEIL", direction * step - 0.5 - TIE_PX)
+        corner = graph.math("MULTIPLY_ADD", place, (1.0, -1.0, 0.0), graph.vector(border, border, 0.0))
+    with graph.section("Cut out"):
+        # A step that weighs nothing gets one value instead of a frame, which costs nothing.
+        source = graph.choose(active, wide, 0.0)
+        inputs = {"Image": source, "X": corner.x, "Y": corner.y, "Width": size.x, "Height": size.y}
+        seen = graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")
+    with graph.section("Add"):
+        used = weight * active
+        graph.output("Total", graph.math("MULTIPLY_ADD", seen, graph.vector(used, used, used), total), "vector")
+        graph.output("Weights", weights + used, "float")
+    return graph
 
 
 PERTURBATION = Perturbation(
@@ -41,4 +131,6 @@ PERTURBATION = Perturbation(
     apply=apply,
     temporals=("fresh", "fixed"),
     counts=frozenset({"radius_px"}),
+    build=build,
+    capacity={"radius_px": 20},
 )

@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixelate: a resolution that is too low."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from ..core.graph import Socket
+from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 
 LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
 HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
+WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
+FIRST_TURN = -0.5 * math.log(1.2, 4)
 
 
 @dataclass(frozen=True)
@@ -98,6 +104,81 @@ def _spread[T: np.generic](blocks: NDArray[T], rows: _Blocks, columns: _Blocks) 
     return cv2.transpose(blocks[columns.shown])[rows.shown]  # type: ignore[return-value]
 
 
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Give every block a square of equal size, mean the squares with the Pixelate node, and show each where it belongs.
+
+    A block with fewer pixels than its square has cells leaves the rest of it empty, and weighs more for that.
+    """
+    graph, scale = canvas.graph, canvas.scale
+    with graph.section("Blocks"):
+        frame = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / graph.vector(scale, scale, 1.0))
+        blocks = graph.math("FLOOR", graph.math("MULTIPLY_ADD", frame, given["factor"], WHOLE))
+        blocks = graph.math("MAXIMUM", blocks, 1.0, label="Blocks")
+        largest = graph.math("CEIL", frame / blocks)
+        side = graph.math("MAXIMUM", largest.x, largest.y, label="Side of a square")
+        squares = blocks * side
+    with graph.section("A square for each block"):
+        blank = graph.node("CompositorNodeBlankImage", {"Size": squares}).out("Image", "color")
+        cell = _flipped(_pixel(blank), squares)
+        block = graph.math("FLOOR", graph.math("MULTIPLY_ADD", cell, 1.0 / side, 0.5 / side))
+        border = graph.math("DIVIDE", 0.25, blocks) + 0.5
+        start = _whole_part(block, frame, blocks, border)
+        pixels = _whole_part(block + 1.0, frame, blocks, border) - start
+        place = cell - block * side
+        weight = (place < pixels) * (side / pixels)
+        spread = _look_up(canvas.image, start + place + 0.5, frame) * (weight.x * weight.y)
+    with graph.section("Means"):
+        node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
+        means = node.out("Color", "color")
+    with graph.section("Show"):
+        centre = canvas.position_px + 0.5
+        way = _way_at_border(centre * (blocks / frame)) * graph.math("DIVIDE", 0.25, frame)
+        shown = graph.math("MINIMUM", _whole_part(centre, blocks, frame, way), blocks - 1.0)
+        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares)
+
+
+def _pixel(image: Socket) -> Socket:
+    return image.graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
+
+
+def _flipped(pixel: Socket, size: Socket) -> Socket:
+    """Count rows from the top."""
+    graph = pixel.graph
+    return graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), graph.vector(0.0, size.y - 1.0))
+
+
+def _whole_part(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> Socket:
+    """Return floor(index x numerator / denominator + more), the ratio in two parts: float32 is not enough for it."""
+    graph = index.graph
+    coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
+    fine = (numerator - coarse * denominator) / denominator
+    product = index * coarse
+    whole = graph.math("FLOOR", product)
+    rest = graph.math("MULTIPLY_ADD", index, fine, product - whole)
+    return whole + graph.math("FLOOR", rest + more)
+
+
+def _way_at_border(border: Socket) -> Socket:
+    """Return 1 where a centre on this border shows the block after it, -1 where the one before.
+
+    At two blocks for five pixels, where every other border has one, that is how float64's rounding goes: it turns at
+    1.2, 4.8, 19.2, ... blocks.
+    """
+    graph = border.graph
+    turns = graph.vector(*(graph.math("LOGARITHM", side, 4.0) for side in (border.x, border.y)))
+    return graph.math("SIGN", graph.math("FRACTION", turns * 0.5 + FIRST_TURN) - 0.5)
+
+
+def _look_up(image: Socket, place: Socket, size: Socket) -> Socket:
+    """Return the pixel at a place (x from the left, y from the top) of an image that is `size` wide and high."""
+    graph = image.graph
+    # The third coordinate is an opacity.
+    uv = graph.math("MULTIPLY_ADD", place / size, (1.0, -1.0, 0.0), (0.0, 1.0, 1.0))
+    return graph.node("CompositorNodeMapUV", {"Image": image, "UV": uv, "Interpolation": "Nearest"}).out(
+        "Image", "color"
+    )
+
+
 PERTURBATION = Perturbation(
     name="pixelate",
     label="Pixelate",
@@ -106,5 +187,6 @@ PERTURBATION = Perturbation(
     severities={"factor": (0.6, 0.5, 0.4, 0.3, 0.25)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
     apply_bytes=apply_bytes,
 )

@@ -2,11 +2,14 @@
 """Snow: falling flakes before a whitened scene."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.graph import Graph, GroupInput, Socket
+from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
@@ -87,6 +90,183 @@ def _noise(frame: Frame, cells: tuple[int, int]) -> tuple[NDArray[np.float32], f
     return noise, angle_deg
 
 
+# --- as a node group ---
+#
+# Seen along sheared columns, every streak stands upright, and its steps are whole rows. Three rows at a time lie in the
+# channels of an image of a third of the height, so that one gather brings three steps.
+
+_ROWS = 3
+_GREY = (0.299, 0.587, 0.114)  # luma of Rec. 601, as OpenCV's grey
+_LEAN_DEG = 45.0  # of the streaks at most, from upright
+_SOFTNESS = 0.7
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Add two layers of streaked flakes, one of them turned, to the whitened image."""
+    graph, image = canvas.graph, canvas.image
+    with graph.section("Noise"):
+        size_px = graph.vector(canvas.width_px, canvas.height_px)
+        full_px = graph.math("ROUND", size_px / graph.vector(canvas.scale, canvas.scale))
+        enlarged = graph.vector(given["scale"], given["scale"])
+        cells = graph.math("CEIL", graph.math("SUBTRACT", full_px / enlarged, (1e-4, 1e-4, 0.0)), label="Cells")
+        noise = _normal_noise(canvas, cells)
+        # From pixels of the image that arrives to sides of the noise; its outermost points lie on the borders.
+        reach_px = graph.math("MAXIMUM", full_px - (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
+        step = (cells - (1.0, 1.0, 0.0)) / reach_px / cells
+        zoom = step / graph.vector(canvas.scale, canvas.scale)
+        half = graph.math("SUBTRACT", 0.5, graph.math("DIVIDE", 0.5, canvas.scale))
+        first = graph.math("SUBTRACT", (0.5, 0.5, 0.0) / cells, step * graph.vector(half, half))
+        corner = first + (0.0, 0.0, 1.0)
+    with graph.section("Fall"):
+        lean = (canvas.random_value(1) - 0.5) * math.radians(2 * _LEAN_DEG)
+        slope = graph.math("TANGENT", lean, label="Columns a row")
+        stretch = graph.math("DIVIDE", 1.0, graph.math("COSINE", lean), label="Pixels a row")
+        fallen_px = canvas.drift_frames * given["fall_px"]
+        drifts = graph.math("ABSOLUTE", fallen_px) > 0.0
+    with graph.section("Flakes"):
+        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
+        inputs = {
+            "Noise": noise,
+            "Zoom": zoom,
+            "Corner": corner,
+            "Slope": slope,
+            "Stretch": stretch,
+            "Mean": given["mean"],
+            "Standard deviation": given["std"],
+            "Threshold": given["threshold"],
+            "Radius": given["blur_radius_px"],
+            "Sigma": given["blur_sigma_px"],
+        }
+        part = _layer_graph(math.ceil(served["blur_radius_px"]))
+        here = {"Pixel": pixel, "Size": size_px, "Fallen": fallen_px}
+        layer = graph.group(part, inputs | here, name="Layer").out("Flakes", "float")
+        # Turned by 180 degrees, what rises falls. Without drift it is the same layer: the other one is made tiny.
+        where = graph.choose(drifts, pixel, (0.0, 0.0, 0.0), "vector")
+        there = {"Pixel": where, "Size": size_px * graph.vector(drifts, drifts), "Fallen": -fallen_px}
+        rising = graph.group(part, inputs | there, name="Rising layer").out("Flakes", "float")
+        other = graph.choose(drifts, rising, layer, "float")
+        turned = graph.node("CompositorNodeFlip", {"Image": other, "Flip X": True, "Flip Y": True})
+    with graph.section("Whiten"):
+        grey = graph.math("MULTIPLY_ADD", graph.math("DOT_PRODUCT", image, _GREY), 1.5, 0.5)
+        white = graph.math("MAXIMUM", image, grey)
+        whitened = graph.mix(white, image, given["blending_ratio"])
+    with graph.section("Snow on it"):
+        return whitened + (layer + turned.out("Image", "float"))
+
+
+def _normal_noise(canvas: Canvas, cells: Socket) -> Socket:
+    """Return standard normal noise of so many columns and rows (Box and Muller, 1958)."""
+    graph = canvas.graph
+    blank = graph.node("CompositorNodeBlankImage", {"Size": cells}).out("Image", "color")
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+    random = canvas.random(0, place)
+    distance = graph.math("SQRT", graph.math("LOGARITHM", graph.math("MAXIMUM", random.x, 1e-9), math.e) * -2.0)
+    return distance * graph.math("COSINE", random.y * math.tau)
+
+
+def _layer_graph(radius_px: int) -> Graph:
+    """Describe a layer of streaked flakes, of streaks of up to 2 radius + 1 pixels."""
+    steps = 2 * radius_px // _ROWS + 2
+    graph = Graph(f"NW Snow layer ({radius_px} px)", "Flakes out of noise, each with a streak along the fall")
+    pixel = graph.input(GroupInput("Pixel", "vector", (0.0, 0.0, 0.0), "Each pixel's column and row, from below"))
+    size_px = graph.input(GroupInput("Size", "vector", (1.0, 1.0, 0.0), "Width and height of the frame"))
+    noise = graph.input(GroupInput("Noise", "float", 0.0, "Standard normal noise"))
+    zoom = graph.input(GroupInput("Zoom", "vector", (0.0, 0.0, 0.0), "Sides of the noise that a pixel spans"))
+    corner = graph.input(GroupInput("Corner", "vector", (0.0, 0.0, 1.0), "Where in the noise the first pixel lies"))
+    slope = graph.input(GroupInput("Slope", "float", 0.0, "Columns that a streak leans by in a row"))
+    stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
+    fallen_px = graph.input(GroupInput("Fallen", "float", 0.0, "How far all flakes have fallen"))
+    mean = graph.input(GroupInput("Mean", "float", 0.55, "Mean of the noise"))
+    deviation = graph.input(GroupInput("Standard deviation", "float", 0.3, "Standard deviation of the noise"))
+    threshold = graph.input(GroupInput("Threshold", "float", 0.9, "What is darker than this is no flake"))
+    radius = graph.input(GroupInput("Radius", "float", 12.0, "A streak has 2 radius + 1 pixels"))
+    sigma = graph.input(GroupInput("Sigma", "float", 8.0, "Standard deviation of its weights"))
+    with graph.section("Sheared columns, three rows in the channels"):
+        width_px = graph.math("MAXIMUM", size_px.x, 1.0)
+        packed = graph.math("CEIL", size_px.y / float(_ROWS)) + float(steps - 1)
+        packed_size = graph.vector(size_px.x, packed * (size_px.x > 0.0))
+        blank = graph.node("CompositorNodeBlankImage", {"Size": packed_size}).out("Image", "color")
+        place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+        top = size_px.y - 1.0
+        rows = [place.y * float(_ROWS) + float(channel) for channel in range(_ROWS)]
+        columns = [_sheared(graph, place.x, row, slope, width_px) for row in rows]
+    with graph.section("Flakes"):
+        shift = graph.math("MULTIPLY_ADD", graph.vector(slope * fallen_px, fallen_px), zoom, corner)
+        seen = []
+        for column, row in zip(columns, rows, strict=True):
+            at = graph.vector(column, graph.math("MINIMUM", row, top))
+            inputs = {"Image": noise, "UV": graph.math("MULTIPLY_ADD", at, zoom, shift), "Interpolation": "Bilinear"}
+            node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
+            seen.append(node.out("Image", "float"))
+        bright = graph.math(
+            "MULTIPLY_ADD",
+            graph.vector(*seen),
+            graph.vector(deviation, deviation, deviation),
+            graph.vector(mean, mean, mean),
+        )
+        flakes = graph.clamp(bright * (bright > graph.vector(threshold, threshold, threshold)))
+    with graph.section("Streaks"):
+        part = _step_graph()
+        fade = graph.math("DIVIDE", -0.5, sigma * sigma)
+        inputs = {"Flakes": flakes, "Stretch": stretch, "Length": radius * 2.0 + 0.5, "Fade": fade}
+        total: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
+        weight: Socket | float = 0.0
+        for step in range(steps):
+            so_far = {"Step": float(step), "Sum": total, "Weight": weight}
+            made = graph.group(part, inputs | so_far, name=f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}")
+            total, weight = made.out("Sum", "vector"), made.out("Weight", "float")
+    with graph.section("Upright columns leant again"):
+        back = _sheared(graph, pixel.x, pixel.y, -slope, width_px)
+        nearest = graph.math("ROUND", back)
+        nearly = graph.math("MULTIPLY_ADD", back - nearest, _SOFTNESS, nearest)
+        packed_row = graph.math("FLOOR", pixel.y / float(_ROWS))
+        channel = pixel.y - packed_row * float(_ROWS)
+        size = graph.vector(width_px, packed, 1.0)
+        at = graph.math("DIVIDE", graph.vector(nearly + 0.5, packed_row + 0.5, 1.0), size)
+        inputs = {"Image": total, "UV": at, "Interpolation": "Bilinear", "Extension X": "Repeat"}
+        shown = graph.node("CompositorNodeMapUV", inputs | {"Extension Y": "Extend"}).out("Image", "vector")
+        chosen = graph.vector(*(graph.math("COMPARE", channel, float(k), 0.1) for k in range(_ROWS)))
+        flakes = graph.math("DOT_PRODUCT", shown, chosen) / weight
+        graph.output("Flakes", flakes, "float", "The layer")
+    return graph
+
+
+def _sheared(graph: Graph, column: Socket, row: Socket, slope: Socket, width_px: Socket) -> Socket:
+    """Return the column that a row's shear puts there, around the frame."""
+    return graph.math("FLOORED_MODULO", graph.math("MULTIPLY_ADD", row, slope, column), width_px)
+
+
+def _step_graph() -> Graph:
+    """Describe three rows' part in a streak: the sum of three channels, each with its weight, for three pixels."""
+    graph = Graph("NW Snow step", "Adds three rows, weighted by a one-sided Gaussian")
+    flakes = graph.input(GroupInput("Flakes", "vector", (0.0, 0.0, 0.0), "Three rows in the channels"))
+    total = graph.input(GroupInput("Sum", "vector", (0.0, 0.0, 0.0), "What is there so far"))
+    weight = graph.input(GroupInput("Weight", "float", 0.0, "Of what is there so far"))
+    step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))
+    stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
+    length = graph.input(GroupInput("Length", "float", 24.5, "Length of the streak"))
+    fade = graph.input(GroupInput("Fade", "float", -0.01, "-1 / (2 sigma^2)"))
+    with graph.section("Rows further up"):
+        inputs = {"Image": flakes, "Displacement": graph.vector(0.0, -step), "Interpolation": "Nearest"}
+        node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Extend", "Extension Y": "Extend"})
+        further = node.out("Image", "vector")
+    sums = []
+    for channel in range(_ROWS):
+        with graph.section(f"Weights for row {channel}"):
+            row = step * float(_ROWS)
+            rows = graph.math("ADD", graph.vector(row, row, row), tuple(float(k - channel) for k in range(_ROWS)))
+            way = rows * graph.vector(stretch, stretch, stretch)
+            power = graph.math("POWER", (math.e,) * 3, way * way * graph.vector(fade, fade, fade))
+            within = (way > (-0.5, -0.5, -0.5)) * (way < graph.vector(length, length, length))
+            weights = power * within
+            sums.append(graph.math("DOT_PRODUCT", further, weights))
+            if channel == 0:
+                weight = weight + graph.math("DOT_PRODUCT", weights, (1.0, 1.0, 1.0))
+    graph.output("Sum", graph.math("ADD", total, graph.vector(*sums)), "vector", "With these rows")
+    graph.output("Weight", weight, "float", "With these rows")
+    return graph
+
+
 PERTURBATION = Perturbation(
     name="snow",
     label="Snow",
@@ -103,6 +283,8 @@ PERTURBATION = Perturbation(
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    build=build,
+    capacity={"blur_radius_px": 12},
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"blur_radius_px"}),
 )

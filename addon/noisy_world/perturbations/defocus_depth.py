@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth of field: what is nearer or farther than the focus blurs, as behind a thin lens."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.graph import Socket
+from ..core.groups import Canvas
+from ..core.perturbation import Frame, Perturbation
+from ..core.schema import key
+
+NEAREST_M = 1e-3  # a lens focuses on nothing nearer than its focal length: at least so far beyond it
+LEAST_LIGHT = 1 / 256  # of a pixel in focus, beside one that spreads
+
+
+@dataclass(frozen=True)
+class DefocusDepth:
+    """Each pixel is the mean of a disk of its own circle of confusion, by the thin lens and the pixel's depth.
+
+    The circle's diameter on the sensor is |f^2 (z - s) / (N z (s - f))|, with focal length f, focus s, f-number N and
+    planar depth z; void, depth 0, is infinitely far. A pixel in focus spreads no light, so that it does not bleed into
+    its blurred neighbours. Not modelled: light of a blurred foreground on what is sharp behind it. Its edge stays hard.
+    """
+
+    focus_m: float = key("planar depth of what is sharp", default=1.5, unit="m", minimum=0.05, maximum=1000)
+    f_number: float = key("focal length over the aperture's diameter", default=5.6, minimum=0.5, maximum=64)
+    focal_length_mm: float = key("focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000)
+    sensor_width_mm: float = key("width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100)
+    max_radius_px: float = key(
+        "no circle of confusion is larger; the time goes with its square", default=8.0, unit="px", minimum=1, maximum=30
+    )
+
+
+def apply(
+    rgb: NDArray[np.float32], parameters: DefocusDepth, _frame: Frame, depth_m: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Blur (H, W, 3) by its planar depth (H, W), metres, 0 = void."""
+    radius_px = confusion_radius_px(depth_m, parameters, rgb.shape[1])
+    light = np.clip(radius_px, LEAST_LIGHT, 1)[..., None]
+    spread = np.concatenate([rgb * light, light], axis=2)
+    gathered = _gather(spread, np.maximum(radius_px, 1), math.ceil(parameters.max_radius_px) + 1)
+    share = np.minimum(radius_px, 1)[..., None] ** 2
+    return rgb + (gathered[..., :3] / gathered[..., 3:] - rgb) * share
+
+
+def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, width_px: int) -> NDArray[np.float32]:
+    """Return (H, W): the radius of the circle of confusion of a thin lens, at most the largest."""
+    focal_m = parameters.focal_length_mm / 1000
+    beyond_m = max(parameters.focus_m - focal_m, NEAREST_M)
+    diameter_m = focal_m**2 / (parameters.f_number * beyond_m)  # of a point at infinity
+    far_px = np.float32(diameter_m / (parameters.sensor_width_mm / 1000) * width_px / 2)
+    nearness = np.divide(
+        np.float32(parameters.focus_m), depth_m, out=np.zeros_like(depth_m), where=depth_m > 0, dtype=np.float32
+    )
+    return np.minimum(far_px * np.abs(1 - nearness), np.float32(parameters.max_radius_px))
+
+
+def _gather(image: NDArray[np.float32], radius_px: NDArray[np.float32], grain: int) -> NDArray[np.float32]:
+    """Sum (H, W, C) over each pixel's own disk, the border replicated. radius_px: (H, W), at least 1."""
+    import cv2
+
+    size = (radius_px + np.float32(0.5)) * np.float32((grain + 1) / grain) - 1
+    total = image.copy()
+    reach = math.ceil(float(size.max()))
+    padded = cv2.copyMakeBorder(image, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    for small, large in ((a, b) for b in range(1, reach + 1) for a in range(b + 1)):
+        weight = _weight(small, large, size, grain)
+        if weight.any():
+            total += weight[..., None] * _ring(padded, small, large, reach)
+    return total
+
+
+def _ring(padded: NDArray[np.float32], small: int, large: int, reach: int) -> NDArray[np.float32]:
+    """Sum the (H, W, C) images shifted by every offset of these two absolute values."""
+    height, width = padded.shape[0] - 2 * reach, padded.shape[1] - 2 * reach
+    signs = product((1, -1), repeat=2)
+    offsets = {(row * y, column * x) for row, column in signs for y, x in ((small, large), (large, small))}
+    total = np.zeros((height, width, padded.shape[2]), dtype=np.float32)
+    for row, column in sorted(offsets):
+        top, left = reach + row, reach + column
+        total += padded[top : top + height, left : left + width]
+    return total
+
+
+def _weight(small: int, large: int, size: NDArray[np.float32], grain: int) -> NDArray[np.float32]:
+    """Return the weight of an offset in the disks of these sizes, as Blender's Blur node has it at a size of its own.
+
+    The node looks up, with bilinear interpolation, in a quadrant of the largest disk: `grain` + 1 pixels a side.
+    """
+    table = disk_quadrant(grain).astype(np.float32)
+    scale = np.float32(grain + 1) / (size + 1)
+    places = [np.minimum((k + np.float32(0.5)) * scale - np.float32(0.5), grain) * (k > 0) for k in (small, large)]
+    low = [np.floor(place).astype(np.intp) for place in places]
+    high = [np.minimum(place + 1, grain) for place in low]
+    (a, b) = (place - whole for place, whole in zip(places, low, strict=True))
+    first = table[low[0], low[1]] * (1 - b) + table[low[0], high[1]] * b
+    second = table[high[0], low[1]] * (1 - b) + table[high[0], high[1]] * b
+    return first * (1 - a) + second * a
+
+
+def disk_quadrant(grain: int) -> NDArray[np.bool_]:
+    """Return (grain + 1, grain + 1): which offsets lie in the disk of radius grain - 1/2, whose outer rows are empty."""
+    offsets = np.arange(grain + 1)
+    return offsets[:, None] ** 2 + offsets**2 <= (grain - 0.5) ** 2
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Blur with the Blur node, its size another one at each pixel."""
+    graph, image, depth_m = canvas.graph, canvas.image, canvas.depth_m
+    assert depth_m is not None
+    with graph.section("Circle of confusion"):
+        focal_m = given["focal_length_mm"] / 1000.0
+        beyond_m = graph.math("MAXIMUM", given["focus_m"] - focal_m, NEAREST_M)
+        aperture_m = focal_m / given["f_number"]
+        diameter_m = graph.math("MULTIPLY", aperture_m, focal_m / beyond_m, label="Of a point at infinity")
+        far_px = diameter_m * canvas.width_px * 500.0 / given["sensor_width_mm"]
+        nearness = graph.math("DIVIDE", given["focus_m"], depth_m, label="0 at infinity and where depth is void")
+        free_px = far_px * graph.math("ABSOLUTE", 1.0 - nearness)
+        radius_px = graph.math("MINIMUM", free_px, given["max_radius_px"], label="Radius in pixels")
+    with graph.section("A column for the largest disk"):
+        # The Blur node draws its disks after the largest one: a column that is cut off again keeps that the same.
+        grain = graph.math("CEIL", given["max_radius_px"]) + 1.0
+        column, wide, radius = _widened(canvas, radius_px)
+    with graph.section("Light that spreads"):
+        light = graph.clamp(radius, LEAST_LIGHT)
+        spread = _with_alpha(graph.math("MULTIPLY", wide, graph.vector(light, light, light)), light)
+    with graph.section("Blur"):
+        own = (graph.math("MAXIMUM", radius, 1.0) + 0.5) * ((grain + 1.0) / grain) - 1.0
+        size = graph.math("MAXIMUM", own, column * (grain - 0.5))
+        inputs = {"Image": spread, "Size": graph.vector(size, size), "Type": "Flat", "Separable": False}
+        blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+        inputs = {"Image": blurred, "X": 0, "Y": 0, "Width": canvas.width_px, "Height": canvas.height_px}
+        kept = graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")
+    with graph.section("Mix"):
+        weight = _alpha(kept)
+        mean = graph.math("DIVIDE", kept, graph.vector(weight, weight, weight))
+        below = graph.math("MINIMUM", radius_px, 1.0)
+        share = below * below
+        return graph.mix(image, mean, graph.vector(share, share, share))
+
+
+def _widened(canvas: Canvas, radius_px: Socket) -> tuple[Socket, Socket, Socket]:
+    """Return where the new column is (1 there, 0 elsewhere), the image with it, and the radius with it."""
+    graph = canvas.graph
+    size = graph.vector(canvas.width_px + 1.0, canvas.height_px)
+    wide = graph.node("CompositorNodeBlankImage", {"Size": size}).out("Image", "color")
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": wide}).out("Pixel", "vector")
+    frame = graph.vector(canvas.width_px, canvas.height_px, 1.0)
+    where = graph.math("DIVIDE", graph.math("ADD", pixel, (0.5, 0.5, 1.0)), frame)
+    extend = {"Extension X": "Extend", "Extension Y": "Extend"}
+    inputs = {"Image": _with_alpha(canvas.image, radius_px), "UV": where, "Interpolation": "Nearest", **extend}
+    found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+    return pixel.x > canvas.width_px - 0.5, found, _alpha(found)
+
+
+def _with_alpha(image: Socket, alpha: Socket) -> Socket:
+    inputs = {"Image": image, "Alpha": alpha, "Type": "Replace Alpha"}
+    return image.graph.node("CompositorNodeSetAlpha", inputs).out("Image", "color")
+
+
+def _alpha(image: Socket) -> Socket:
+    node = image.graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"})
+    return node.out("Alpha", "float")
+
+
+PERTURBATION = Perturbation(
+    name="defocus_depth",
+    label="Depth of field",
+    category="lens",
+    parameters=DefocusDepth,
+    severities={"f_number": (11, 8, 5.6, 4, 2.8)},
+    source="our own: full stops of a 50 mm lens on full frame, focused at 1.5 m",
+    apply=apply,
+    build=build,
+    needs_depth=True,
+)
