@@ -49,7 +49,8 @@ def evaluate_scene(scene, folder):
     file.format.color_depth, file.format.exr_codec = "32", "NONE"
     file.file_output_items.new("VECTOR", "s")
     tree.links.new(end.inputs["Image"].links[0].from_socket, file.inputs[0])
-    bpy.ops.render.render(scene=scene.name)
+    with bpy.context.temp_override(scene=scene):
+        bpy.ops.render.render()
     tree.nodes.remove(file)
     with OpenEXR.File(str(folder / "shown.exr"), separate_channels=True) as layers:
         channels = {name: item.pixels for name, item in layers.channels().items()}
@@ -70,6 +71,7 @@ def scene_of(size):
     scene = bpy.data.scenes.new("Artist")
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.compositor_precision = "FULL"
+    scene.render.compositor_device = "CPU"
     return scene
 
 
@@ -99,11 +101,13 @@ def test_a_render_and_its_image_are_perturbed_alike(tmp_path):
     scene = scene_of((48, 32))
     scene.render.engine = "CYCLES"
     scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
     scene.world = bpy.data.worlds.new("World")
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(scene.camera)
     scene.world.node_tree.nodes["Background"].inputs[0].default_value = (0.2, 0.5, 0.05, 1)
     steps = steps_of([{"gaussian_noise": {"severity": 2}}, {"brightness": {"severity": 3}}])
+    scene.frame_set(0)
     chain = make_chain("NW two", steps, range(1), IDENTIFIERS)
     show_chain(scene, chain)
     behind_render = evaluate_scene(scene, tmp_path)
@@ -132,6 +136,14 @@ def test_hiding_gives_back_what_was_there():
     assert scene.compositing_node_group == own
     assert {tree.name for tree in bpy.data.node_groups} == before
     assert len(bpy.data.actions) == 0
+
+
+def test_the_user_s_own_frame_changes_nothing():
+    rgb = picture(24, 32)
+    wanted = by_nodes("gaussian_noise", rgb, [3], severity=3)[0]
+    bpy.context.scene.frame_set(17)
+    assert np.array_equal(by_nodes("gaussian_noise", rgb, [3], severity=3)[0], wanted)
+    assert bpy.context.scene.frame_current == 17
 
 
 def test_the_user_s_scenes_are_left_as_they_are():

@@ -170,8 +170,9 @@ class Compositor:
         self._path.unlink(missing_ok=True)
         problem = ""
         try:
-            with muted_output():
-                bpy.ops.render.render(scene=self._scene.name)
+            # Not by the operator's own argument: that would move the scene to the active scene's frame.
+            with muted_output(), bpy.context.temp_override(scene=self._scene):
+                bpy.ops.render.render()
         except RuntimeError as error:  # how Blender reports that it could not write
             problem = str(error).strip().splitlines()[-1]
         if problem or not self._path.exists():
