@@ -73,7 +73,7 @@ def _grid(height: int, width: int) -> NDArray[np.int16]:
     return grid
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=MAX_DELTA_PX)
 def _offsets(delta: int) -> NDArray[np.int32]:
     """Return 65536 equally likely offsets, each two int16 (columns, rows) seen as one int32; read-only."""
     shares = offset_shares(delta)
@@ -96,17 +96,20 @@ def offset_shares(delta: int, copies: int = 10) -> NDArray[np.float64]:
     onward = np.zeros((2 * reach + 1, 2 * reach + 1))
     onward[reach, reach] = 1.0
     stopped = np.zeros_like(onward)
-    for _ in range(copies):
+    for copy in range(copies):
+        first, last = reach - copy * delta, reach + copy * delta + 1  # as far as any went by now
+        share = onward[first:last, first:last] / (4 * delta**2)
         moved = np.zeros_like(onward)
         for row in range(-delta, delta):
             for column in range(-delta, delta):
                 goes_on = row > 0 or (row == 0 and column > 0)
                 target = moved if goes_on else stopped
-                target += np.roll(onward, (row, column), (0, 1)) / (4 * delta**2)
+                target[first + row : last + row, first + column : last + column] += share
         onward = moved
     return stopped
 
 
+@lru_cache(maxsize=1)
 def _table() -> NDArray[np.uint8]:
     """Return the offsets of every delta, 1 above 2 and so on: a byte for the columns, one for the rows downwards."""
     tables = [_offsets(delta).view(np.int16).reshape(TABLE_SIDE, TABLE_SIDE, 2) for delta in range(1, MAX_DELTA_PX + 1)]

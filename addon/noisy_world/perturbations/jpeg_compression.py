@@ -138,7 +138,7 @@ def _planes(graph: Graph, ycc: Socket, frame: _Frame, place: Socket) -> Socket:
     # libjpeg rounds the mean of four down and up in turns.
     odd = graph.math("FLOORED_MODULO", chroma_column, 2.0)
     half_size = graph.mix(mean.g, mean.b, is_red) + graph.math("MULTIPLY_ADD", odd, 0.25, 0.375)
-    luma = [sample(graph, ycc, where, "Bilinear").r + 0.5 for where in (upper, lower)]
+    luma = [sample(graph, ycc, where).r for where in (upper, lower)]
     return graph.math("FLOOR", graph.vector(*luma, half_size)) - CENTRE
 
 
@@ -234,26 +234,34 @@ def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
     graph = canvas.graph
     half_width = graph.math("CEIL", frame.width * 0.5)
     half_height = graph.math("CEIL", frame.height * 0.5)
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
+    in_planes = _normalised(canvas, frame, pixel, frame.padded_width, frame.half_rows)
+    is_lower = graph.math("GREATER_THAN", in_planes.y, 1.0)
+    luma = sample(graph, decoded, in_planes - graph.vector(0.0, is_lower), "Bilinear")
+    luma = graph.mix(luma.r, luma.g, is_lower)
+
     small = frame.places("Half size", half_width, half_height)
     size = graph.vector(frame.padded_width, frame.half_rows, 1.0)
     blue_place = (small + (0.5, 0.5, 1.0)) / size
-    blue = sample(graph, decoded, blue_place)
-    red = sample(graph, decoded, blue_place + (0.5, 0.0, 0.0))
-    chroma = graph.vector(blue.b, red.b)
-
-    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
-    centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), graph.vector(0.5, canvas.height_px - 0.5, 1.0))
-    centre = centre / graph.vector(frame.unit, frame.unit, 1.0)
-    is_lower = graph.math("GREATER_THAN", centre.y, frame.half_rows)
-    luma = sample(graph, decoded, (centre - graph.vector(0.0, is_lower * frame.half_rows)) / size, "Bilinear")
-    luma = graph.mix(luma.r, luma.g, is_lower)
-    wide = sample(graph, chroma, centre / graph.vector(half_width * 2.0, half_height * 2.0, 1.0), "Bilinear")
-    odd = graph.math("FLOORED_MODULO", graph.math("FLOOR", centre.x), 2.0)
+    chroma = graph.vector(sample(graph, decoded, blue_place).b, sample(graph, decoded, blue_place + (0.5, 0.0, 0.0)).b)
+    wide = sample(
+        graph, chroma, _normalised(canvas, frame, pixel, half_width * 2.0, half_height * 2.0), "Bilinear"
+    )
+    # libjpeg rounds the weighted mean down and up in turns.
+    odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
     wide = graph.math("FLOOR", wide + graph.math("MULTIPLY_ADD", odd, -1 / 16, 0.5 + 1 / 32)) - CENTRE
     red = graph.math("MULTIPLY_ADD", wide.y, 1.402, luma)
     green = graph.math("MULTIPLY_ADD", wide.x, -0.344136286, graph.math("MULTIPLY_ADD", wide.y, -0.714136286, luma))
     blue = graph.math("MULTIPLY_ADD", wide.x, 1.772, luma)
     return graph.math("FLOOR", graph.vector(red, green, blue) + 0.5) / 255.0
+
+
+def _normalised(canvas: Canvas, frame: _Frame, pixel: Socket, columns: Value, rows: Value) -> Socket:
+    """Return where the image's pixels are in one of so many pixels of the reference width, whose rows go downwards."""
+    graph = canvas.graph
+    per_column, per_row = 1.0 / (columns * frame.unit), 1.0 / (rows * frame.unit)
+    start = graph.vector(0.5 * per_column, (canvas.height_px - 0.5) * per_row, 1.0)
+    return graph.math("MULTIPLY_ADD", pixel, graph.vector(per_column, -per_row), start)
 
 
 PERTURBATION = Perturbation(

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixelate: a resolution that is too low."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..core.graph import Socket
+from ..core.graph import Socket, Value
 from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
@@ -18,7 +17,9 @@ from ..core.schema import key
 LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
 HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
 WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
-FIRST_TURN = -0.5 * math.log(1.2, 4)
+# At two blocks for five pixels every other border has a centre on it. Float64's rounding, step after step, shows there
+# the block after the border at first, and changes over at these ones.
+TURNS = (2, 4, 20, 74, 302, 1204, 4820)
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         pixels = _whole_part(block + 1.0, frame, blocks, border) - start
         place = cell - block * side
         weight = (place < pixels) * (side / pixels)
-        spread = _look_up(canvas.image, start + place + 0.5, frame) * (weight.x * weight.y)
+        spread = _look_up(canvas.image, start + place + 0.5, frame, weight.x * weight.y)
     with graph.section("Means"):
         node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
         means = node.out("Color", "color")
@@ -134,7 +135,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         centre = canvas.position_px + 0.5
         way = _way_at_border(centre * (blocks / frame)) * graph.math("DIVIDE", 0.25, frame)
         shown = graph.math("MINIMUM", _whole_part(centre, blocks, frame, way), blocks - 1.0)
-        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares)
+        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares, 1.0)
 
 
 def _pixel(image: Socket) -> Socket:
@@ -159,24 +160,25 @@ def _whole_part(index: Socket, numerator: Socket, denominator: Socket, more: Soc
 
 
 def _way_at_border(border: Socket) -> Socket:
-    """Return 1 where a centre on this border shows the block after it, -1 where the one before.
-
-    At two blocks for five pixels, where every other border has one, that is how float64's rounding goes: it turns at
-    1.2, 4.8, 19.2, ... blocks.
-    """
+    """Return 1 where a centre on this border shows the block after it, -1 where the one before."""
     graph = border.graph
-    turns = graph.vector(*(graph.math("LOGARITHM", side, 4.0) for side in (border.x, border.y)))
-    return graph.math("SIGN", graph.math("FRACTION", turns * 0.5 + FIRST_TURN) - 0.5)
+    first, *others = TURNS
+    product = first - border
+    for turn in others:
+        product = product * (border - turn)
+    return graph.math("SIGN", product)
 
 
-def _look_up(image: Socket, place: Socket, size: Socket) -> Socket:
-    """Return the pixel at a place (x from the left, y from the top) of an image that is `size` wide and high."""
+def _look_up(image: Socket, place: Socket, size: Socket, weight: Value) -> Socket:
+    """Return the pixel at a place (x from the left, y from the top) of an image that is `size` wide and high.
+
+    weight: it is multiplied by.
+    """
     graph = image.graph
-    # The third coordinate is an opacity.
-    uv = graph.math("MULTIPLY_ADD", place / size, (1.0, -1.0, 0.0), (0.0, 1.0, 1.0))
-    return graph.node("CompositorNodeMapUV", {"Image": image, "UV": uv, "Interpolation": "Nearest"}).out(
-        "Image", "color"
-    )
+    share = graph.math("DIVIDE", (1.0, -1.0, 0.0), size)
+    uv = graph.math("MULTIPLY_ADD", place, share, graph.vector(0.0, 1.0, weight))
+    inputs = {"Image": image, "UV": uv, "Interpolation": "Nearest"}
+    return graph.node("CompositorNodeMapUV", inputs, label="Look up").out("Image", "color")
 
 
 PERTURBATION = Perturbation(

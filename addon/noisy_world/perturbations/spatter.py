@@ -116,26 +116,24 @@ def _water(layer: NDArray[np.float32]) -> NDArray[np.float32]:
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Blur noise at the reference width, cut drops out of it, and bring them to the image's size."""
     graph = canvas.graph
-    with graph.section("Noise at the reference width"):
+    with graph.section("Drops, at the reference width"):
         finest = graph.math("MAXIMUM", canvas.scale, _SMALLEST_SCALE)
-        lattice = _lattice(canvas, finest)
         sigma_px = given["sigma_px"] / finest
         run_px = canvas.drift_frames * given["run_px"] / finest
-        noise = _smooth_noise(canvas, lattice, run_px, given, sigma_px)
-    with graph.section("Drops"):
+        noise = _smooth_noise(canvas, _lattice(canvas, finest), run_px, given, sigma_px)
         above = noise - given["threshold"]
         inside = graph.math("GREATER_THAN", above, 0.0)
     with graph.section("Mud"):
-        mud = _group_of_mud(inside, given["scaling"])
+        mud = _mud_cover(inside, given["scaling"])
     with graph.section("Water: distance to the rim"):
         distance_px = _distance(noise, above, given["mean"], sigma_px)
     with graph.section("Water: relief"):
-        relief = _relief(distance_px, _share_nearer(distance_px, given, sigma_px))
-    with graph.section("Water: brightness"):
-        water = _brightness(canvas, noise * inside * relief, given, sigma_px, finest)
+        relief = _relief(_share_nearer(distance_px, given, sigma_px))
+        drops = graph.math("MINIMUM", noise, 1.0) * inside * graph.math("MAXIMUM", relief, _overlooked(inside))
+        water = _brightness(canvas, drops, given, sigma_px, finest)
     with graph.section("To the image's size"):
         cover = graph.choose(given["complexity"] > 0.5, mud, water, "float")
-        cover = _placed(canvas, cover, run_px)
+        cover = _placed(canvas, cover, run_px, finest)
     with graph.section("Over the image"):
         wet = graph.math("MULTIPLY_ADD", graph.vector(cover, cover, cover), _encoded(_WATER_RGB), canvas.image)
         muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), graph.vector(cover, cover, cover))
@@ -165,7 +163,7 @@ def _smooth_noise(
     # Counted from the top, as rows of the frame are, so that frames of other heights begin alike.
     start = graph.vector(0.0, height_px - 1.0 - graph.math("FLOOR", run_px))
     place = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), start)
-    # Uniform numbers of the same variance: blurred, they are normal all the same.
+    # Uniform numbers of the same variance: blurred over a dozen pixels and more, they are normal all the same.
     size = given["std"] * math.sqrt(12.0)
     noise = graph.math("MULTIPLY_ADD", canvas.random_value(0, place), size, given["mean"] - size * 0.5)
     width = sigma_px * 3.0
@@ -177,13 +175,13 @@ def _grey(image: Socket) -> Socket:
     return image.graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Red", "float")
 
 
-def _boxed(value: Socket) -> Socket:
-    """Return the mean of 3 x 3."""
-    inputs = {"Image": value, "Size": (1.0, 1.0), "Type": "Flat", "Separable": True}
+def _boxed(value: Socket, reach_px: int = 1) -> Socket:
+    """Return the mean of 3 x 3, or of what is no further than `reach_px`."""
+    inputs = {"Image": value, "Size": (float(reach_px),) * 2, "Type": "Flat", "Separable": True}
     return _grey(value.graph.node("CompositorNodeBlur", inputs).out("Image", "color"))
 
 
-def _group_of_mud(inside: Socket, sigma_px: Socket) -> Socket:
+def _mud_cover(inside: Socket, sigma_px: Socket) -> Socket:
     graph, width = inside.graph, sigma_px * 3.0
     inputs = {"Image": inside, "Size": graph.vector(width, width), "Type": "Gaussian", "Separable": True}
     cover = _grey(graph.node("CompositorNodeBlur", inputs).out("Image", "color"))
@@ -194,7 +192,7 @@ def _distance(noise: Socket, above: Socket, mean: Socket, sigma_px: Socket) -> S
     """Return the distance to the drops' rims, some 20 px at most, its 3 x 3 means cut to whole pixels.
 
     From the noise itself: how far above the threshold it is, by its slope, along a parabola as curved as smooth normal
-    noise of that height is on average. A tenth of the time that a distance transform takes.
+    noise of that height is on average. An exact distance transform would take longer than all the rest.
     """
     graph = noise.graph
     slope = _grey(graph.node("CompositorNodeFilter", {"Image": noise, "Type": "Sobel"}).out("Image", "color")) * 0.1
@@ -229,9 +227,9 @@ def _crossed(given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
     return given["std"].graph.math("EXPONENT", height * height * -0.5)
 
 
-def _relief(distance_px: Socket, share: Socket) -> Socket:
+def _relief(share: Socket) -> Socket:
     """Return the share, embossed from the upper left as by _RIM, blurred by 3 x 3."""
-    graph = distance_px.graph
+    graph = share.graph
     # Bilinear, 2/3 of a pixel aslant: weights as 2 to 1 to 1, so that their difference is _RIM without its middle.
     lower, upper = (
         graph.node(
@@ -249,27 +247,37 @@ def _relief(distance_px: Socket, share: Socket) -> Socket:
     return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", lower - upper, 4.5, share)))
 
 
+def _overlooked(inside: Socket) -> Socket:
+    """Return the glint of drops of four pixels.
+
+    Canny overlooks those of 2 x 2, which are as bright then as the distance to other drops makes them. Fitted: with
+    this glint all drops of four pixels, which are more, have the power of those.
+    """
+    return inside.graph.math("COMPARE", _boxed(inside, 2), 4 / 25, 0.5 / 25, label="Four pixels of 5 x 5") * 0.45
+
+
 def _brightness(canvas: Canvas, drops: Socket, given: Mapping[str, Socket], sigma_px: Socket, finest: Socket) -> Socket:
     """Return the drops so that the brightest place of the frame has the strength `scaling`.
 
-    Canny overlooks drops of 2 x 2 pixels: the reference's brightest place is often one of them, far from any rim that
-    it knows. There the equalised distance is any number in [0, 1]: the largest of n is U^(1 / n).
+    The reference's brightest place is often a drop that Canny overlooks, far from any rim that it knows. There the
+    equalised distance is any number in [0, 1]: the largest of n is U^(1 / n), and its emboss is some more.
     """
     graph = canvas.graph
     brightest = graph.node("CompositorNodeLevels", {"Image": drops, "Channel": "Red"}).out("Maximum", "float")
+    brightest = brightest * 1.03  # the reference's normal numbers reach further than ours
     pixels = canvas.width_px * canvas.height_px / (finest * finest)
     height = graph.math("MAXIMUM", _height(given, sigma_px), 1e-3)
     overlooked = pixels * _crossed(given, sigma_px) * height**3.0 / (sigma_px**4.0 * 660.0)
     largest = canvas.random_value(1) ** (1.0 / graph.math("MAXIMUM", overlooked, 1e-3))
-    small = given["threshold"] * graph.math("MINIMUM", largest * 1.15, 1.0)
+    small = given["threshold"] * graph.math("MINIMUM", largest * 1.25, 1.0)
     return drops * (given["scaling"] / graph.math("MAXIMUM", brightest, small))
 
 
-def _placed(canvas: Canvas, cover: Socket, run_px: Socket) -> Socket:
+def _placed(canvas: Canvas, cover: Socket, run_px: Socket, finest: Socket) -> Socket:
     """Return the drops at the image's size, moved by what is left of a whole pixel."""
     graph = canvas.graph
     share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
-    rest = graph.math("FRACT", run_px) * canvas.scale / canvas.height_px
+    rest = graph.math("FRACT", run_px) * finest / canvas.height_px
     # The third number is the share of the picture that shows.
     place = graph.math("ADD", share, graph.vector(0.0, rest, 1.0))
     inputs = {"Image": cover, "UV": place, "Interpolation": "Bilinear"}
