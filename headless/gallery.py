@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw every perturbation of colour at severities 1, 3 and 5 on a frame of the demo, as the compositor makes it.
 
+The environment's are shown on the whole frame, the others on a part of it, pixel for pixel.
+
 python headless/gallery.py docs/gallery.jpg
 """
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,6 +24,7 @@ from showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)
 TILE_PX = (300, 170)
+DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 GAP_PX = 6
 LABEL_PX = 24
 SHEETS_ACROSS = 2  # perturbations beside each other
@@ -34,27 +38,43 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     rgb, depth_m = demo_frame()
     made = perturbed(rgb, depth_m, SEVERITIES)
-    blocks = [strip("Clean", "", [rgb_bytes(rgb)])]
+    clean = rgb_bytes(rgb)
+    blocks = [strip("Clean: whole frame, and detail", [whole(clean), detail(clean)])]
     blocks += [
-        strip(item.label, item.category, [made[item.name, severity] for severity in SEVERITIES])
+        strip(f"{item.label}   {item.category}", [view(item.category)(made[item.name, level]) for level in SEVERITIES])
         for item in shown_perturbations()
     ]
     blocks += [np.full_like(blocks[0], GROUND)] * (-len(blocks) % SHEETS_ACROSS)
     rows = [np.concatenate(blocks[k : k + SHEETS_ACROSS], axis=1) for k in range(0, len(blocks), SHEETS_ACROSS)]
-    cv2.imwrite(str(options.out), np.concatenate(rows)[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 88] if options.out.suffix == ".jpg" else []
+    cv2.imwrite(str(options.out), np.concatenate(rows)[..., ::-1], quality)
     print(f"wrote {options.out}")
     return 0
 
 
-def strip(label: str, category: Category | str, images: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Return the images beside each other under their name, always as wide."""
+def view(category: Category) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
+    """Return what is shown of a frame."""
+    return whole if category == "environment" else detail
+
+
+def whole(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the frame, as small as a tile."""
+    return cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA)
+
+
+def detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a part of the frame as large as a tile."""
+    left, top = DETAIL_PX
+    return image[top : top + TILE_PX[1], left : left + TILE_PX[0]]
+
+
+def strip(label: str, tiles: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Return the tiles beside each other under their name, always as wide."""
     width = len(SEVERITIES) * (TILE_PX[0] + GAP_PX) + 2 * GAP_PX
     canvas = np.full((LABEL_PX + TILE_PX[1] + GAP_PX, width, 3), GROUND, dtype=np.uint8)
-    text = f"{label}   {category}" if category else label
-    cv2.putText(canvas, text, (GAP_PX, LABEL_PX - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
-    for place, image in enumerate(images):
+    cv2.putText(canvas, label, (GAP_PX, LABEL_PX - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    for place, tile in enumerate(tiles):
         left = GAP_PX + place * (TILE_PX[0] + GAP_PX)
-        tile = cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA)
         canvas[LABEL_PX : LABEL_PX + TILE_PX[1], left : left + TILE_PX[0]] = tile
     return canvas
 

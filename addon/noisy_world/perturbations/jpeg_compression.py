@@ -244,9 +244,7 @@ def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
     size = graph.vector(frame.padded_width, frame.half_rows, 1.0)
     blue_place = (small + (0.5, 0.5, 1.0)) / size
     chroma = graph.vector(sample(graph, decoded, blue_place).b, sample(graph, decoded, blue_place + (0.5, 0.0, 0.0)).b)
-    wide = sample(
-        graph, chroma, _normalised(canvas, frame, pixel, half_width * 2.0, half_height * 2.0), "Bilinear"
-    )
+    wide = sample(graph, chroma, _normalised(canvas, frame, pixel, half_width * 2.0, half_height * 2.0), "Bilinear")
     # libjpeg rounds the weighted mean down and up in turns.
     odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
     wide = graph.math("FLOOR", wide + graph.math("MULTIPLY_ADD", odd, -1 / 16, 0.5 + 1 / 32)) - CENTRE

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The asset library: everything that the asset browser shows, and groups that work where there is no add-on."""
+
+import json
+import os
+import subprocess
+import sys
+
+import bpy
+import numpy as np
+import OpenEXR
+import pytest
+from group_tools import IDENTIFIERS, by_nodes, picture, step_of
+from worlds import ROOT
+
+from noisy_world.core.chain import socket_values
+from noisy_world.core.groups import build_group
+from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.perturbations import registry
+
+PERTURBATIONS = [item for item in registry().values() if item.category in RGB_CATEGORIES]
+BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
+SCRIPT = ROOT / "tests/headless/append_groups.py"
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("assets")
+    command = [sys.executable, str(ROOT / "headless/assets.py"), "--out", str(folder)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert result.returncode == 0, result.stderr
+    assert f"{len(PERTURBATIONS)} node groups" in result.stdout
+    return folder
+
+
+def test_everything_that_the_asset_browser_shows(library):
+    bpy.ops.wm.open_mainfile(filepath=str(library / "noisy_world_assets.blend"))
+    trees = {tree.name: tree for tree in bpy.data.node_groups}
+    marked = {name for name, tree in trees.items() if tree.asset_data is not None}
+    assert marked == {build_group(item).name for item in PERTURBATIONS}
+    catalogs = {}
+    for line in (library / "blender_assets.cats.txt").read_text().splitlines():
+        if ":" in line:
+            identifier, path, _ = line.split(":")
+            catalogs[identifier] = path
+    assert set(catalogs.values()) == {
+        f"Noisy World/{name}" for name in ("Environment", "Lens", "Sensor", "Post-processing")
+    }
+    previews = set()
+    for item in PERTURBATIONS:
+        tree = trees[build_group(item).name]
+        asset = tree.asset_data
+        assert asset.description.startswith(tree.description[:40])
+        assert item.name in {tag.name for tag in asset.tags}
+        assert catalogs[asset.catalog_id].split("/")[1].lower().startswith(item.category[:4])
+        pixels = np.empty(256 * 256 * 4, np.float32)
+        tree.preview.image_pixels_float.foreach_get(pixels)
+        assert pixels.std() > 0.01
+        previews.add(pixels.tobytes())
+    assert len(previews) == len(PERTURBATIONS)
+    assert all(image.packed_file is not None for image in bpy.data.images if image.users)
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        [sys.executable],
+        pytest.param(
+            [BLENDER, "-b", "--factory-startup", "-P"],
+            marks=pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program"),
+        ),
+    ],
+    ids=["wheel", "program"],
+)
+def test_appended_groups_work_without_the_add_on(library, tmp_path, program):
+    rgb = picture(90, 130)
+    np.save(tmp_path / "frame.npy", rgb)
+    values = {}
+    for item in PERTURBATIONS:
+        sockets, _ = socket_values(step_of(item.name, severity=3), 5, IDENTIFIERS)
+        values[build_group(item).name] = sockets | {"Encoded": True, "Reference Width": 130}
+    (tmp_path / "values.json").write_text(json.dumps(values))
+    words = ["--", library / "noisy_world_assets.blend", tmp_path / "frame.npy", tmp_path / "values.json", tmp_path]
+    command = [*program, str(SCRIPT), *map(str, words)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert f"appended {len(PERTURBATIONS)} {len(PERTURBATIONS)}" in result.stdout, result.stdout + result.stderr
+    with OpenEXR.File(str(tmp_path / "groups.exr"), separate_channels=True) as layers:
+        channels = {name: part.pixels for name, part in layers.channels().items()}
+    depth_m = np.full(rgb.shape[:2], 2.0, np.float32)
+    for item in PERTURBATIONS:
+        name = build_group(item).name.replace(" ", "_")
+        found = np.stack([channels[f"{name}.{axis}"] for axis in "XYZ"], axis=-1)
+        (wanted,) = by_nodes(item.name, rgb, [5], severity=3, depth_m=depth_m)
+        assert np.array_equal(found, wanted), item.name
