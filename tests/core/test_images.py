@@ -65,3 +65,13 @@ def test_names_sort_as_numbers():
         frames = [0, 9, 10, 99999, 100000]
         for names in ([layout.rgb_name(k) for k in frames], [layout.depth_name(k) for k in frames]):
             assert sorted(names) == names
+
+
+def test_bytes_are_the_nearest_and_what_lies_outside_is_clipped():
+    steps = np.arange(256, dtype=np.float64)
+    values = np.concatenate([steps, steps + 0.499, steps - 0.499, [-40, 300, -np.inf, np.inf]]) / 255
+    wanted = np.clip(np.rint(values * 255), 0, 255)
+    for shape in ((-1, 1, 1), (1, -1), (4, -1, 1)):
+        found = rgb_bytes(values.astype(np.float32).reshape(shape))
+        assert found.dtype == np.uint8
+        assert np.array_equal(found.ravel(), wanted)

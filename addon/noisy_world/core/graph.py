@@ -163,6 +163,7 @@ class Graph:
     nodes: list[Node] = field(default_factory=list)
     _section: str = ""
     _known: dict[str, int] = field(default_factory=dict)
+    _stamped: tuple[tuple[int, ...], str] | None = None
 
     # --- the group's own sockets ---
 
@@ -266,7 +267,13 @@ class Graph:
 
     @property
     def stamp(self) -> str:
-        """A hash of everything that the group is."""
+        """A hash of everything that the group is; kept until something is added."""
+        size = len(self.inputs), len(self.outputs), len(self.nodes)
+        if self._stamped is None or self._stamped[0] != size:
+            self._stamped = size, self._hash()
+        return self._stamped[1]
+
+    def _hash(self) -> str:
         content = {
             "name": self.name,
             "description": self.description,

@@ -13,9 +13,10 @@ UINT16_MAX = 65535
 
 def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Round display-encoded colours (H, W, 3) float in [0, 1] to the nearest byte; what lies outside is clipped."""
-    scaled = rgb * np.float32(255)
-    np.rint(scaled, out=scaled)
-    return np.clip(scaled, 0.0, 255.0, out=scaled).astype(np.uint8)
+    import cv2
+
+    flat = rgb.reshape(rgb.shape[0], -1)  # to OpenCV a number stands for the first channel alone
+    return cv2.convertScaleAbs(cv2.min(cv2.max(flat, 0.0), 1.0), alpha=255).reshape(rgb.shape)
 
 
 def encode_rgb(rgb: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:
