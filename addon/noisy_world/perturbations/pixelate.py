@@ -18,8 +18,9 @@ LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
 HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
 WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
 # At two blocks for five pixels every other border has a centre on it. Float64's rounding, step after step, shows there
-# the block after the border at first, and changes over at these ones.
-TURNS = (2, 4, 20, 74, 302, 1204, 4820)
+# the block after the border at first, and changes over at these ones. At other ratios it has no such order, and few or
+# no centres: the group takes the same turns there.
+TURNS = (2.5, 4.5, 20.5, 74.5, 302.5, 1204.5, 4820.5)
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         cell = _flipped(_pixel(blank), squares)
         block = graph.math("FLOOR", graph.math("MULTIPLY_ADD", cell, 1.0 / side, 0.5 / side))
         border = graph.math("DIVIDE", 0.25, blocks) + 0.5
-        start = _whole_part(block, frame, blocks, border)
-        pixels = _whole_part(block + 1.0, frame, blocks, border) - start
+        start, past = _whole_and_rest(block, frame, blocks, border)
+        pixels = graph.math("FLOOR", past + frame / blocks)
         place = cell - block * side
         weight = (place < pixels) * (side / pixels)
         spread = _look_up(canvas.image, start + place + 0.5, frame, weight.x * weight.y)
@@ -134,8 +135,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("Show"):
         centre = canvas.position_px + 0.5
         way = _way_at_border(centre * (blocks / frame)) * graph.math("DIVIDE", 0.25, frame)
-        shown = graph.math("MINIMUM", _whole_part(centre, blocks, frame, way), blocks - 1.0)
-        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares, 1.0)
+        shown = graph.math("MINIMUM", _whole_and_rest(centre, blocks, frame, way)[0], blocks - 1.0)
+        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares, 1.0) + float(HALF_UP / 255)
 
 
 def _pixel(image: Socket) -> Socket:
@@ -148,19 +149,22 @@ def _flipped(pixel: Socket, size: Socket) -> Socket:
     return graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), graph.vector(0.0, size.y - 1.0))
 
 
-def _whole_part(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> Socket:
-    """Return floor(index x numerator / denominator + more), the ratio in two parts: float32 is not enough for it."""
+def _whole_and_rest(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> tuple[Socket, Socket]:
+    """Divide index x numerator / denominator + more into a whole number and a rest from 0 to 1.
+
+    The ratio goes in two parts: one is not precise enough in float32.
+    """
     graph = index.graph
     coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
     fine = (numerator - coarse * denominator) / denominator
     product = index * coarse
     whole = graph.math("FLOOR", product)
-    rest = graph.math("MULTIPLY_ADD", index, fine, product - whole)
-    return whole + graph.math("FLOOR", rest + more)
+    rest = graph.math("MULTIPLY_ADD", index, fine, product - whole) + more
+    return whole + graph.math("FLOOR", rest), graph.math("FRACTION", rest)
 
 
 def _way_at_border(border: Socket) -> Socket:
-    """Return 1 where a centre on this border shows the block after it, -1 where the one before."""
+    """Return 1 where a centre on this border of blocks shows the one after it, -1 where the one before."""
     graph = border.graph
     first, *others = TURNS
     product = first - border
