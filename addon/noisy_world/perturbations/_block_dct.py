@@ -68,26 +68,26 @@ def cosines() -> Graph:
         for u in range(2, SIZE):
             found.append(double * found[u - 1] - found[u - 2])
     with graph.section("Three at once"):
-        for name, places in _BUNDLES.items():
+        for name, places in BUNDLES.items():
             three = [*(found[u] for u in places), 0.0, 0.0][:3]
             graph.output(name, graph.vector(*three), "vector")
     return graph
 
 
-_BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
+BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
 
 
 def pixels() -> Graph:
     """Describe the group that turns eight images of coefficients into runs of eight pixels."""
     graph = Graph("NW DCT pixels", "Runs of eight pixels from their DCT coefficients")
     place = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
-    bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in _BUNDLES]
+    bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in BUNDLES]
     given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]
     with graph.section("Whole blocks"):
         wide = [sample(graph, item, place) for item in given]
     with graph.section("Weigh"):
         weights: list[Value] = [_weight(0)]
-        for bundle, places in zip(bundles, _BUNDLES.values(), strict=True):
+        for bundle, places in zip(bundles, BUNDLES.values(), strict=True):
             weights += [getattr(bundle, axis) for axis, _ in zip("xyz", places, strict=False)]
         graph.output("Image", _weighted(graph, wide, weights))
     return graph
