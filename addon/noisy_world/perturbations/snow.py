@@ -130,6 +130,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
             "Noise": noise,
             "Zoom": zoom,
             "Corner": corner,
+            "Whole": graph.math("COMPARE", cells.x, full_px.x, 0.5),
             "Slope": slope,
             "Stretch": stretch,
             "Mean": given["mean"],
@@ -174,6 +175,7 @@ def _layer_graph(radius_px: int) -> Graph:
     noise = graph.input(GroupInput("Noise", "float", 0.0, "Standard normal noise"))
     zoom = graph.input(GroupInput("Zoom", "vector", (0.0, 0.0, 0.0), "Sides of the noise that a pixel spans"))
     corner = graph.input(GroupInput("Corner", "vector", (0.0, 0.0, 1.0), "Where in the noise the first pixel lies"))
+    whole = graph.input(GroupInput("Whole", "float", 0.0, "1 where the noise is not enlarged: it is not to be mixed"))
     slope = graph.input(GroupInput("Slope", "float", 0.0, "Columns that a streak leans by in a row"))
     stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
     fallen_px = graph.input(GroupInput("Fallen", "float", 0.0, "How far all flakes have fallen"))
@@ -184,7 +186,7 @@ def _layer_graph(radius_px: int) -> Graph:
     sigma = graph.input(GroupInput("Sigma", "float", 8.0, "Standard deviation of its weights"))
     packed = graph.math("CEIL", size_px.y / float(_ROWS)) + float(steps - 1)
     with graph.section("Sheared columns, three rows in the channels"):
-        places = _packed_places(graph, size_px, packed, slope)
+        places = _packed_places(graph, size_px, packed, slope, whole)
     with graph.section("Flakes"):
         shift = graph.math("MULTIPLY_ADD", graph.vector(slope * fallen_px, fallen_px), zoom, corner)
         rows = graph.vector(*(_noise_at(graph, noise, place, zoom, shift) for place in places))
@@ -202,12 +204,14 @@ def _layer_graph(radius_px: int) -> Graph:
         total = sum((part.out("Rows", "vector") for part in parts[1:]), start=parts[0].out("Rows", "vector"))
         weight = sum((part.out("Weight", "float") for part in parts[1:]), start=parts[0].out("Weight", "float"))
     with graph.section("Upright columns leant again"):
-        layer = _leant(graph, total, pixel, slope, graph.vector(size_px.x, packed, 1.0))
+        softness = graph.math("MULTIPLY_ADD", whole, -_SOFTNESS, _SOFTNESS)
+        size = graph.vector(size_px.x, packed, 1.0)
+        layer = _leant(graph, total, pixel, slope=slope, softness=softness, size=size)
         graph.output("Flakes", layer / weight, "float", "The layer")
     return graph
 
 
-def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket) -> list[Socket]:
+def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket, whole: Socket) -> list[Socket]:
     """Return for each channel which pixel of the frame it shows: row by row further along the streaks.
 
     Beyond the frame's upper border its last row goes on, as in the reference; its sides are joined.
@@ -219,7 +223,9 @@ def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket)
     places = []
     for channel in range(_ROWS):
         row = place.y * float(_ROWS) + float(channel)
-        column = graph.math("FLOORED_MODULO", graph.math("MULTIPLY_ADD", row, slope, place.x), width_px)
+        leant = row * slope
+        leant = graph.math("MULTIPLY_ADD", graph.math("ROUND", leant) - leant, whole, leant)
+        column = graph.math("FLOORED_MODULO", place.x + leant, width_px)
         places.append(graph.vector(column, graph.math("MINIMUM", row, top)))
     return places
 
@@ -234,11 +240,11 @@ def _thrice(graph: Graph, value: Socket) -> Socket:
     return graph.vector(value, value, value)
 
 
-def _leant(graph: Graph, packed: Socket, pixel: Socket, slope: Socket, size: Socket) -> Socket:
+def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softness: Socket, size: Socket) -> Socket:
     """Return the rows in the channels as an image again, each moved back to where it was."""
     back = graph.math("MULTIPLY_ADD", pixel.y, -slope, pixel.x)
     nearest = graph.math("ROUND", back)
-    column = graph.math("MULTIPLY_ADD", back - nearest, _SOFTNESS, nearest)
+    column = graph.math("MULTIPLY_ADD", back - nearest, softness, nearest)
     row = graph.math("FLOOR", pixel.y / float(_ROWS))
     at = graph.math("DIVIDE", graph.vector(column + 0.5, row + 0.5, 1.0), size)
     inputs = {"Image": packed, "UV": at, "Interpolation": "Bilinear", "Extension X": "Repeat", "Extension Y": "Extend"}
