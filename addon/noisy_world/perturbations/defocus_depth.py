@@ -33,7 +33,7 @@ class DefocusDepth:
     focal_length_mm: float = key("focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000)
     sensor_width_mm: float = key("width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100)
     max_radius_px: float = key(
-        "no circle of confusion is larger; the time goes with its square", default=8.0, unit="px", minimum=1, maximum=30
+        "no circle of confusion is larger; the time goes with its square", default=6.5, unit="px", minimum=1, maximum=30
     )
 
 
