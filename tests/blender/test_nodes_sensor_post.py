@@ -213,3 +213,10 @@ def test_a_preview_keeps_the_blocks_in_their_places():
     whole = by_nodes("pixelate", image, factor=0.25)[0]
     half = by_nodes("pixelate", image[::2, ::2], factor=0.25, reference_width=120)[0]
     assert levels_apart(half.repeat(2, axis=0).repeat(2, axis=1), whole)[0] < 0.1
+
+
+def test_a_frame_larger_than_the_reference_is_meaned_whole():
+    image = colours(40, 60)
+    made = by_nodes("pixelate", image, factor=0.5, reference_width=30)[0]
+    means = image.reshape(10, 4, 15, 4, 3).mean(axis=(1, 3))
+    assert levels_apart(made, means.repeat(4, axis=0).repeat(4, axis=1))[0] < 0.1

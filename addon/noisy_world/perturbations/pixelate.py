@@ -113,10 +113,12 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     """
     graph, scale = canvas.graph, canvas.scale
     with graph.section("Blocks"):
-        frame = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / graph.vector(scale, scale, 1.0))
+        size = graph.vector(canvas.width_px, canvas.height_px)
+        frame = graph.math("ROUND", size / graph.vector(scale, scale, 1.0))
         blocks = graph.math("FLOOR", graph.math("MULTIPLY_ADD", frame, given["factor"], WHOLE))
         blocks = graph.math("MAXIMUM", blocks, 1.0, label="Blocks")
-        largest = graph.math("CEIL", frame / blocks)
+        grid = graph.math("MAXIMUM", frame, size, label="Pixels to divide")
+        largest = graph.math("CEIL", grid / blocks)
         side = graph.math("MAXIMUM", largest.x, largest.y, label="Side of a square")
         squares = blocks * side
     with graph.section("A square for each block"):
@@ -124,11 +126,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         cell = _flipped(_pixel(blank), squares)
         block = graph.math("FLOOR", graph.math("MULTIPLY_ADD", cell, 1.0 / side, 0.5 / side))
         border = graph.math("DIVIDE", 0.25, blocks) + 0.5
-        start, past = _whole_and_rest(block, frame, blocks, border)
-        pixels = graph.math("FLOOR", past + frame / blocks)
+        start, past = _whole_and_rest(block, grid, blocks, border)
+        pixels = graph.math("FLOOR", past + grid / blocks)
         place = cell - block * side
         weight = (place < pixels) * (side / pixels)
-        spread = _look_up(canvas.image, start + place + 0.5, frame, weight.x * weight.y)
+        spread = _look_up(canvas.image, start + place + 0.5, grid, weight.x * weight.y)
     with graph.section("Means"):
         node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
         means = node.out("Color", "color")
