@@ -228,7 +228,7 @@ def _crossed(given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
 
 
 def _relief(share: Socket) -> Socket:
-    """Return the share, embossed from the upper left as by _RIM, blurred by 3 x 3."""
+    """Return the share, embossed as by _RIM, blurred by 3 x 3."""
     graph = share.graph
     # Bilinear, 2/3 of a pixel aslant: weights as 2 to 1 to 1, so that their difference is _RIM without its middle.
     lower, upper = (
@@ -236,7 +236,7 @@ def _relief(share: Socket) -> Socket:
             "CompositorNodeDisplace",
             {
                 "Image": share,
-                "Displacement": (sign * 2 / 3, -sign * 2 / 3),
+                "Displacement": (-sign * 2 / 3, sign * 2 / 3),
                 "Interpolation": "Bilinear",
                 "Extension X": "Extend",
                 "Extension Y": "Extend",
