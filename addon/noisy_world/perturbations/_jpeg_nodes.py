@@ -36,15 +36,16 @@ CHROMA = (
 )
 CENTRE = 128.0  # of a byte: the transform is of differences from it
 AWAY_FROM_ZERO = 1 + 2e-5  # so that what lies halfway between two steps goes where libjpeg rounds it
-PIXEL_CENTRE = (0.5, 0.5, 1.0)
+PIXEL_CENTRE = (0.5, 0.5, 1.0)  # from a column, a row and 0 to a place
+TOP = (0.0, 1.0, 0.0)
 
 
 def compressed(canvas: Canvas, quality: Socket) -> Socket:
     """Return the canvas's image after JPEG at libjpeg's `quality`, 4:2:0."""
-    with canvas.graph.section("Three planes"):
+    with canvas.graph.section("Sizes"):
         frame = _frame(canvas)
-        place = _places(canvas.graph, frame.columns, frame.rows, "Planes")
-    with canvas.graph.section("Bytes of YCbCr"):
+    with canvas.graph.section("Bytes of YCbCr in three planes"):
+        place = _places(frame.planes, "Planes")
         planes = _planes(frame, _ycc(canvas), place)
     decoded = _decoded(frame, planes, place, quality)
     with canvas.graph.section("Back to RGB"):
@@ -53,104 +54,96 @@ def compressed(canvas: Canvas, quality: Socket) -> Socket:
 
 @dataclass(frozen=True)
 class _Frame:
-    """Sizes in pixels, one number each.
+    """Sizes in pixels, (width, height, 1), and how many of the image's pixels are one of the frame's.
 
-    width, height: of the frame that is compressed. columns, rows: of its planes. scale: pixels of the image that
-    arrives for one of the frame.
+    frame: what is compressed. planes: each of the three. chroma: of the frame.
     """
 
-    graph: Graph
-    width: Socket
-    height: Socket
-    columns: Socket
-    rows: Socket
     scale: Socket
-
-    @property
-    def half(self) -> tuple[Socket, Socket]:
-        """Width and height of a chroma."""
-        return self.graph.math("CEIL", self.width * 0.5), self.graph.math("CEIL", self.height * 0.5)
+    frame: Socket
+    planes: Socket
+    chroma: Socket
 
 
 def _frame(canvas: Canvas) -> _Frame:
     graph = canvas.graph
     scale = graph.math("MINIMUM", canvas.scale, 1.0, label="No block larger than 8 pixels")
-    width = graph.math("ROUND", canvas.width_px / scale, label="Width")
-    height = graph.math("ROUND", canvas.height_px / scale, label="Height")
-    columns = graph.math("CEIL", width / 16.0) * 16.0
-    rows = graph.math("CEIL", height / 16.0) * 8.0
-    return _Frame(graph, width, height, columns, rows, scale)
+    size = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / scale)
+    blocks, pairs = graph.math("CEIL", size / 16.0), graph.math("CEIL", size / 2.0)
+    frame = graph.math("ADD", size, (0.0, 0.0, 1.0), label="Frame")
+    planes = graph.math("MULTIPLY_ADD", blocks, (16.0, 8.0, 0.0), (0.0, 0.0, 1.0), label="Planes")
+    return _Frame(scale, frame, planes, graph.math("ADD", pairs, (0.0, 0.0, 1.0), label="Chroma"))
 
 
-def _places(graph: Graph, width: Value, height: Value, label: str) -> Socket:
-    """Return an image of this size of its pixels' columns and rows."""
-    inputs = {"Size": graph.vector(width, height)}
-    blank = graph.node("CompositorNodeBlankImage", inputs, label=label).out("Image", "color")
-    return graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+def _places(size: Socket, label: str) -> Socket:
+    """Return an image of this size of its pixels' columns and rows, and 0."""
+    blank = size.graph.node("CompositorNodeBlankImage", {"Size": size}, label=label).out("Image", "color")
+    return size.graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
 
 
 def _ycc(canvas: Canvas) -> Socket:
     """Return bytes of Y, Cb and Cr (JFIF: ITU-R BT.601, full range)."""
     graph = canvas.graph
     levels = graph.math("FLOOR", graph.math("MULTIPLY_ADD", canvas.image, 255.0, 0.5), label="Bytes")
-    luma = graph.math("DOT_PRODUCT", levels, (0.299, 0.587, 0.114), label="Y") + 0.5
-    # libjpeg rounds a half of chroma down.
-    half = CENTRE + 0.49999
-    blue = graph.math("DOT_PRODUCT", levels, (-0.168735892, -0.331264108, 0.5), label="Cb") + half
-    red = graph.math("DOT_PRODUCT", levels, (0.5, -0.418687589, -0.081312411), label="Cr") + half
-    return graph.math("FLOOR", graph.vector(luma, blue, red))
+    # libjpeg rounds a half of luma up, of chroma down.
+    ycc: Value = (0.5, CENTRE + 0.49999, CENTRE + 0.49999)
+    ycc = graph.math("MULTIPLY_ADD", levels.r, (0.299, -0.168735892, 0.5), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.g, (0.587, -0.331264108, -0.418687589), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.b, (0.114, 0.5, -0.081312411), ycc)
+    return graph.math("FLOOR", ycc, label="Y, Cb, Cr")
 
 
 def _planes(frame: _Frame, ycc: Socket, place: Socket) -> Socket:
     """Return the three planes, less the centre of a byte. The frame's border is replicated, as libjpeg does."""
-    graph = frame.graph
-    per_pixel = 1.0 / graph.vector(frame.width, -frame.height, 1.0)
-    top = (0.0, 1.0, 0.0)
-    upper = graph.math("MULTIPLY_ADD", place + PIXEL_CENTRE, per_pixel, top)
-    lower = upper - graph.vector(0.0, frame.rows / frame.height)
+    graph = ycc.graph
+    per_pixel = graph.math("DIVIDE", (1.0, -1.0, 1.0), frame.frame)
+    upper = graph.math("MULTIPLY_ADD", place + PIXEL_CENTRE, per_pixel, TOP)
+    lower = upper - frame.planes * TOP / frame.frame
     luma = [sample(graph, ycc, where).r for where in (upper, lower)]
 
-    middle = frame.columns * 0.5
-    is_red = graph.math("GREATER_THAN", place.x, middle - 0.5, label="Cr is right of Cb")
-    column = place.x - is_red * middle
-    row = graph.math("MINIMUM", place.y, frame.half[1] - 1.0)
-    corner = graph.math("MULTIPLY_ADD", graph.vector(column, row), 2.0, 1.0, label="Between four pixels")
-    mean = sample(graph, ycc, graph.math("MULTIPLY_ADD", corner, per_pixel, top), "Bilinear")
+    pair = graph.math("MODULO", place, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
+    last = graph.math("MULTIPLY_ADD", frame.chroma, TOP, (1e6, -1.0, 0.0), label="Last row")
+    corner = graph.math("MULTIPLY_ADD", graph.math("MINIMUM", pair, last), 2.0, 1.0, label="Between four pixels")
+    mean = sample(graph, ycc, graph.math("MULTIPLY_ADD", corner, per_pixel, TOP), "Bilinear")
     # libjpeg rounds the mean of four down and up in turns; an eighth keeps clear of the quarters.
-    is_odd = graph.math("FLOORED_MODULO", column, 2.0)
-    chroma = graph.mix(mean.g, mean.b, is_red) + graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
+    is_odd = graph.math("FLOORED_MODULO", pair.x, 2.0)
+    rounding = graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
+    chroma = graph.mix(mean.g, mean.b, place.x > pair.x) + rounding
     return graph.math("FLOOR", graph.vector(*luma, chroma)) - CENTRE
 
 
 def _decoded(frame: _Frame, planes: Socket, place: Socket, quality: Socket) -> Socket:
     """Return the planes as bytes, out of their quantised coefficients."""
-    graph = frame.graph
+    graph = planes.graph
     with graph.section("Rows to frequencies"):
-        size = graph.vector(frame.columns, frame.rows, 1.0)
-        starts = _places(graph, frame.columns / 8.0, frame.rows, "Runs of a row")
-        first = graph.math("MULTIPLY_ADD", starts, (8.0, 1.0, 1.0), PIXEL_CENTRE) / size
-        inputs = {"Image": planes, "First": first, "Step": graph.vector(1.0 / frame.columns, 0.0)}
+        starts = _places(frame.planes * (1 / 8, 1.0, 1.0), "Runs of a row")
+        first = graph.math("MULTIPLY_ADD", starts, (8.0, 1.0, 1.0), PIXEL_CENTRE) / frame.planes
+        inputs = {"Image": planes, "First": first, "Step": graph.math("DIVIDE", (1.0, 0.0, 0.0), frame.planes)}
         rows = graph.group(frequencies(), inputs, name="Rows to frequencies")
     with graph.section("Columns of coefficients"):
-        size = graph.vector(frame.columns / 8.0, frame.rows, 1.0)
-        starts = _places(graph, frame.columns / 8.0, frame.rows / 8.0, "Blocks")
-        first = graph.math("MULTIPLY_ADD", starts, (1.0, 8.0, 1.0), PIXEL_CENTRE) / size
-        tall = _places(graph, frame.columns / 8.0, frame.rows, "Runs of a row")
-        shared = {"First": first, "Step": graph.vector(0.0, 1.0 / frame.rows), "Percent": _percent(quality)}
-        shared |= _weights(graph, tall, tall.y)
+        runs = frame.planes * (1 / 8, 1.0, 1.0)
+        starts = _places(frame.planes * (1 / 8, 1 / 8, 1.0), "Blocks")
+        shared = {
+            "First": graph.math("MULTIPLY_ADD", starts, (1.0, 8.0, 1.0), PIXEL_CENTRE) / runs,
+            "Step": graph.math("DIVIDE", TOP, runs),
+            "Percent": _percent(quality),
+        }
+        tall = _places(runs, "Runs of a row")
+        shared |= _weights(tall, tall.y)
         column, columns = _column(), {}
         for u in RUN:
             entries = {f"Entry {v}": (LUMA[v][u], LUMA[v][u], CHROMA[v][u]) for v in RUN}
             inputs = {"Image": rows.out(f"{u}", "vector")} | entries | shared
             columns[f"{u}"] = graph.group(column, inputs, name=f"Horizontal frequency {u}").out("Image", "color")
     with graph.section("Frequencies to rows"):
-        inputs = columns | _weights(graph, place, place.x)
-        values = graph.group(pixels(), inputs, name="Frequencies to rows").out("Image", "color")
-        return graph.clamp(graph.math("FLOOR", values + (CENTRE + 0.5)), 0.0, 255.0)
+        values = graph.group(pixels(), columns | _weights(place, place.x), name="Frequencies to rows")
+        rounded = graph.math("FLOOR", values.out("Image", "color") + (CENTRE + 0.5))
+        return graph.clamp(rounded, 0.0, 255.0)
 
 
-def _weights(graph: Graph, place: Socket, along: Socket) -> dict[str, Socket]:
+def _weights(place: Socket, along: Socket) -> dict[str, Socket]:
     """Return what the group of pixels asks for: where they are, and their cosines along an axis."""
+    graph = place.graph
     made = graph.group(cosines(), {"Place": along}, name="Cosines")
     normalised = graph.node("CompositorNodeImageCoordinates", {"Image": place}).out("Normalized", "vector")
     return {name: made.out(name, "vector") for name in BUNDLES} | {"Place": normalised + (0.0, 0.0, 1.0)}
@@ -208,32 +201,21 @@ def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
     """Unpack the planes, enlarge the chroma as libjpeg does, and convert (JFIF)."""
     graph = canvas.graph
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
-    where = _place_of(canvas, frame, pixel, frame.columns, frame.rows)
-    is_lower = graph.math("GREATER_THAN", where.y, 1.0, label="Lower half")
-    both = sample(graph, decoded, where - graph.vector(0.0, is_lower), "Bilinear")
-    luma = graph.mix(both.r, both.g, is_lower)
+    corner = graph.vector(0.5, canvas.height_px - 0.5, frame.scale)
+    centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), corner) / frame.scale
+    where = centre / frame.planes
+    within = graph.math("MODULO", where, (2.0, 1.0, 2.0), label="Lower half under upper half")
+    halves = sample(graph, decoded, within, "Bilinear")
+    luma = graph.mix(halves.r, halves.g, where.y > within.y)
 
-    width, height = frame.half
-    small = _places(graph, width, height, "Chroma") + PIXEL_CENTRE
-    where_blue = small / graph.vector(frame.columns, frame.rows, 1.0)
-    blue, red = (sample(graph, decoded, where_blue + (shift, 0.0, 0.0)).b for shift in (0.0, 0.5))
-    where = _place_of(canvas, frame, pixel, width * 2.0, height * 2.0)
-    wide = sample(graph, graph.vector(blue, red), where, "Bilinear")
+    blue = (_places(frame.chroma, "Chroma") + PIXEL_CENTRE) / frame.planes
+    red = blue + (0.5, 0.0, 0.0)
+    small = graph.vector(*(sample(graph, decoded, half).b for half in (blue, red)))
+    wide = sample(graph, small, centre / (frame.chroma * (2.0, 2.0, 1.0)), "Bilinear")
     # libjpeg rounds the weighted mean up and down in turns; half a sixteenth keeps clear of the sixteenths.
     is_odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
-    chroma = graph.math("FLOOR", wide + graph.math("MULTIPLY_ADD", is_odd, -1 / 16, 0.5 + 1 / 32)) - CENTRE
-    less_blue = graph.math("MULTIPLY_ADD", chroma.x, -0.344136286, luma)
-    rgb = graph.vector(
-        graph.math("MULTIPLY_ADD", chroma.y, 1.402, luma, label="Red"),
-        graph.math("MULTIPLY_ADD", chroma.y, -0.714136286, less_blue, label="Green"),
-        graph.math("MULTIPLY_ADD", chroma.x, 1.772, luma, label="Blue"),
-    )
-    return graph.math("FLOOR", rgb + 0.5) / 255.0
-
-
-def _place_of(canvas: Canvas, frame: _Frame, pixel: Socket, columns: Value, rows: Value) -> Socket:
-    """Return the places, from 0 to 1, of the image's pixels in one of so many of the frame's, rows downwards."""
-    graph = canvas.graph
-    per_column, per_row = 1.0 / (columns * frame.scale), 1.0 / (rows * frame.scale)
-    start = graph.vector(per_column * 0.5, per_row * (canvas.height_px - 0.5), 1.0)
-    return graph.math("MULTIPLY_ADD", pixel, graph.vector(per_column, -per_row), start)
+    rounding = graph.math("MULTIPLY_ADD", is_odd, -1 / 16, 0.5 + 1 / 32)
+    chroma = graph.math("FLOOR", wide + rounding) - CENTRE
+    rgb = graph.math("MULTIPLY_ADD", chroma.x, (0.0, -0.344136286, 1.772), luma + 0.5, label="With Cb")
+    rgb = graph.math("MULTIPLY_ADD", chroma.y, (1.402, -0.714136286, 0.0), rgb, label="With Cr")
+    return graph.math("FLOOR", rgb) / 255.0
