@@ -191,7 +191,9 @@ def _layer_graph(radius_px: int) -> Graph:
         shift = graph.math("MULTIPLY_ADD", graph.vector(slope * fallen_px, fallen_px), zoom, corner)
         rows = graph.vector(*(_noise_at(graph, noise, place, zoom, shift) for place in places))
         bright = graph.math("MULTIPLY_ADD", rows, _thrice(graph, deviation), _thrice(graph, mean))
-        flakes = graph.clamp(bright * (bright > _thrice(graph, threshold)))
+        inputs = {"Factor_Float": 1.0, "A_Color": bright, "B_Color": bright > _thrice(graph, threshold)}
+        product = {"data_type": "RGBA", "blend_type": "MULTIPLY", "clamp_result": True}
+        flakes = graph.node("ShaderNodeMix", inputs, product, label="Bright enough").out("Result_Color", "color")
     with graph.section("Streaks"):
         part = _step_graph()
         fade = graph.math("DIVIDE", -0.5, sigma * sigma)
@@ -206,8 +208,8 @@ def _layer_graph(radius_px: int) -> Graph:
     with graph.section("Upright columns leant again"):
         softness = graph.math("MULTIPLY_ADD", whole, -_SOFTNESS, _SOFTNESS)
         size = graph.vector(size_px.x, packed, 1.0)
-        layer = _leant(graph, total, pixel, slope=slope, softness=softness, size=size)
-        graph.output("Flakes", layer / weight, "float", "The layer")
+        layer = _leant(graph, total / _thrice(graph, weight), pixel, slope=slope, softness=softness, size=size)
+        graph.output("Flakes", layer, "float", "The layer")
     return graph
 
 
@@ -242,22 +244,24 @@ def _thrice(graph: Graph, value: Socket) -> Socket:
 
 def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softness: Socket, size: Socket) -> Socket:
     """Return the rows in the channels as an image again, each moved back to where it was."""
-    back = graph.math("MULTIPLY_ADD", pixel.y, -slope, pixel.x)
-    nearest = graph.math("ROUND", back)
-    column = graph.math("MULTIPLY_ADD", back - nearest, softness, nearest)
-    row = graph.math("FLOOR", pixel.y / float(_ROWS))
-    at = graph.math("DIVIDE", graph.vector(column + 0.5, row + 0.5, 1.0), size)
-    inputs = {"Image": packed, "UV": at, "Interpolation": "Bilinear", "Extension X": "Repeat", "Extension Y": "Extend"}
-    shown = graph.node("CompositorNodeMapUV", inputs).out("Image", "vector")
-    channel = pixel.y - row * float(_ROWS)
-    chosen = graph.vector(*(graph.math("COMPARE", channel, float(k), 0.1) for k in range(_ROWS)))
-    return graph.math("DOT_PRODUCT", shown, chosen)
+    row = pixel.y
+    back = graph.math("MULTIPLY_ADD", graph.vector(row, row), graph.vector(-slope, 1 / _ROWS - 1), pixel)
+    # Rows come in whole thirds, which a float does not hold.
+    whole = graph.math("FLOOR", graph.math("ADD", back, (0.5, 0.1, 0.0)), label="Nearest column, packed row")
+    rest = back - whole
+    at = graph.math("MULTIPLY_ADD", rest, graph.vector(softness, 0.0), whole)
+    where = graph.math("DIVIDE", graph.math("ADD", at, (0.5, 0.5, 1.0)), size)
+    inputs = {"Image": packed, "UV": where, "Interpolation": "Bilinear"}
+    node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Extend"})
+    third = rest.y
+    chosen = graph.vector(*(graph.math("COMPARE", third, k / _ROWS, 0.1) for k in range(_ROWS)))
+    return graph.math("DOT_PRODUCT", node.out("Image", "color"), chosen)
 
 
 def _step_graph() -> Graph:
     """Describe three rows' part in the streaks of three rows, in the channels."""
     graph = Graph("NW Snow step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
-    flakes = graph.input(GroupInput("Flakes", "vector", (0.0, 0.0, 0.0), "Three rows in the channels"))
+    flakes = graph.input(GroupInput("Flakes", "color", (0.0, 0.0, 0.0, 1.0), "Three rows in the channels"))
     step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))
     stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
     length = graph.input(GroupInput("Length", "float", 24.5, "Length of the streak"))
@@ -265,7 +269,7 @@ def _step_graph() -> Graph:
     with graph.section("Rows further up"):
         inputs = {"Image": flakes, "Displacement": graph.vector(0.0, -step), "Interpolation": "Nearest"}
         node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Extend", "Extension Y": "Extend"})
-        further = node.out("Image", "vector")
+        further = node.out("Image", "color")
     sums, shares = [], []
     for channel in range(_ROWS):
         with graph.section(f"Weights for row {channel}"):
