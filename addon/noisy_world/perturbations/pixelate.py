@@ -3,12 +3,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..core.graph import Socket, Value
+from ..core.graph import Graph, GroupInput, Socket, Value
 from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
@@ -152,27 +152,53 @@ def _flipped(pixel: Socket, size: Socket) -> Socket:
 
 
 def _whole_and_rest(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> tuple[Socket, Socket]:
-    """Divide index x numerator / denominator + more into a whole number and a rest from 0 to 1.
+    """Divide index x numerator / denominator + more into a whole number and a rest from 0 to 1."""
+    inputs = {"Index": index, "Numerator": numerator, "Denominator": denominator, "More": more}
+    made = index.graph.group(_division(), inputs)
+    return made.out("Whole", "vector"), made.out("Rest", "vector")
 
-    The ratio goes in two parts: one is not precise enough in float32.
-    """
-    graph = index.graph
-    coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
-    fine = (numerator - coarse * denominator) / denominator
-    product = index * coarse
-    whole = graph.math("FLOOR", product)
-    rest = graph.math("MULTIPLY_ADD", index, fine, product - whole) + more
-    return whole + graph.math("FLOOR", rest), graph.math("FRACTION", rest)
+
+@cache
+def _division() -> Graph:
+    graph = Graph("NW Whole and Rest", "Divides Index x Numerator / Denominator + More into a whole number and a rest")
+    index, numerator, denominator, more = (
+        graph.input(GroupInput(name, "vector", (1.0, 1.0, 1.0), meaning))
+        for name, meaning in (
+            ("Index", "A whole or half number"),
+            ("Numerator", "Of the ratio: a whole number"),
+            ("Denominator", "Of the ratio: a whole number"),
+            ("More", "Added to the product"),
+        )
+    )
+    # In float32 one ratio is not precise enough.
+    with graph.section("The ratio in two parts"):
+        coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
+        fine = (numerator - coarse * denominator) / denominator
+    with graph.section("Product"):
+        product = index * coarse
+        whole = graph.math("FLOOR", product)
+        rest = graph.math("MULTIPLY_ADD", index, fine, product - whole) + more
+    with graph.section("Carry over"):
+        graph.output("Whole", whole + graph.math("FLOOR", rest), "vector", "A whole number")
+        graph.output("Rest", graph.math("FRACTION", rest), "vector", "From 0 to 1")
+    return graph
 
 
 def _way_at_border(border: Socket) -> Socket:
     """Return 1 where a centre on this border of blocks shows the one after it, -1 where the one before."""
-    graph = border.graph
+    return border.graph.group(_border(), {"Border": border}).out("Way", "vector")
+
+
+@cache
+def _border() -> Graph:
+    graph = Graph("NW Border of Blocks", "Tells which block a pixel shows whose centre lies on the border of two")
+    border = graph.input(GroupInput("Border", "vector", (1.0, 1.0, 1.0), "The border's number"))
     first, *others = TURNS
     product = first - border
     for turn in others:
         product = product * (border - turn)
-    return graph.math("SIGN", product)
+    graph.output("Way", graph.math("SIGN", product), "vector", "1: the block after the border; -1: the one before")
+    return graph
 
 
 def _look_up(image: Socket, place: Socket, size: Socket, weight: Value) -> Socket:
