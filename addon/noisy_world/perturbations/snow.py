@@ -198,10 +198,11 @@ def _layer_graph(radius_px: int) -> Graph:
         part = _step_graph()
         fade = graph.math("DIVIDE", -0.5, sigma * sigma)
         inputs = {"Flakes": flakes, "Stretch": stretch, "Length": radius * 2.0 + 0.5, "Fade": fade}
-        parts = [
-            graph.group(part, inputs | {"Step": float(step)}, name=f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}")
-            for step in range(steps)
-        ]
+        parts = []
+        for step in range(steps):
+            before = parts[-1].out("Weights", "vector") if parts else (0.0, 0.0, 0.0)
+            name = f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}"
+            parts.append(graph.group(part, inputs | {"Step": float(step), "Weights before": before}, name=name))
         # The first operand places the sum: it is the rows that are not shifted.
         total = sum((part.out("Rows", "vector") for part in parts[1:]), start=parts[0].out("Rows", "vector"))
         weight = sum((part.out("Weight", "float") for part in parts[1:]), start=parts[0].out("Weight", "float"))
@@ -221,15 +222,14 @@ def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket,
     packed_size = graph.vector(size_px.x, packed * (size_px.x > 0.0))
     blank = graph.node("CompositorNodeBlankImage", {"Size": packed_size}).out("Image", "color")
     place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-    width_px, top = graph.math("MAXIMUM", size_px.x, 1.0), size_px.y - 1.0
-    places = []
-    for channel in range(_ROWS):
-        row = place.y * float(_ROWS) + float(channel)
-        leant = row * slope
-        leant = graph.math("MULTIPLY_ADD", graph.math("ROUND", leant) - leant, whole, leant)
-        column = graph.math("FLOORED_MODULO", place.x + leant, width_px)
-        places.append(graph.vector(column, graph.math("MINIMUM", row, top)))
-    return places
+    rows = graph.math("MULTIPLY_ADD", _thrice(graph, place.y), (float(_ROWS),) * 3, (0.0, 1.0, 2.0))
+    leant = rows * _thrice(graph, slope)
+    rounded = graph.math("FLOOR", graph.math("ADD", leant, (0.5, 0.5, 0.5)))
+    columns = _thrice(graph, place.x) + graph.math("MULTIPLY_ADD", rounded - leant, _thrice(graph, whole), leant)
+    width_px = _thrice(graph, graph.math("MAXIMUM", size_px.x, 1.0))
+    columns = graph.math("WRAP", columns, width_px, (0.0, 0.0, 0.0), label="Columns of the frame")
+    rows = graph.math("MINIMUM", rows, _thrice(graph, size_px.y - 1.0), label="Rows of the frame")
+    return [graph.vector(getattr(columns, axis), getattr(rows, axis)) for axis in "xyz"]
 
 
 def _noise_at(graph: Graph, noise: Socket, place: Socket, zoom: Socket, shift: Socket) -> Socket:
@@ -263,6 +263,7 @@ def _step_graph() -> Graph:
     graph = Graph("NW Snow step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
     flakes = graph.input(GroupInput("Flakes", "color", (0.0, 0.0, 0.0, 1.0), "Three rows in the channels"))
     step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))
+    before = graph.input(GroupInput("Weights before", "vector", (0.0, 0.0, 0.0), "Of the three rows before"))
     stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
     length = graph.input(GroupInput("Length", "float", 24.5, "Length of the streak"))
     fade = graph.input(GroupInput("Fade", "float", -0.01, "-1 / (2 sigma^2)"))
@@ -270,18 +271,18 @@ def _step_graph() -> Graph:
         inputs = {"Image": flakes, "Displacement": graph.vector(0.0, -step), "Interpolation": "Nearest"}
         node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Extend", "Extension Y": "Extend"})
         further = node.out("Image", "color")
-    sums, shares = [], []
-    for channel in range(_ROWS):
-        with graph.section(f"Weights for row {channel}"):
-            row = step * float(_ROWS)
-            rows = graph.math("ADD", _thrice(graph, row), tuple(float(k - channel) for k in range(_ROWS)))
-            way = rows * _thrice(graph, stretch)
-            power = graph.math("POWER", (math.e,) * 3, way * way * _thrice(graph, fade))
-            within = (way > (-0.5, -0.5, -0.5)) * (way < _thrice(graph, length))
-            shares.append(power * within)
-            sums.append(graph.math("DOT_PRODUCT", further, shares[-1]))
-    graph.output("Rows", graph.vector(*sums), "vector", "Their part")
-    graph.output("Weight", graph.math("DOT_PRODUCT", shares[0], (1.0, 1.0, 1.0)), "float", "Their weight together")
+    with graph.section("Weights"):
+        rows = graph.math("MULTIPLY_ADD", _thrice(graph, step), (3.0, 3.0, 3.0), (0.0, 1.0, 2.0))
+        way = rows * _thrice(graph, stretch)
+        power = graph.math("POWER", (math.e,) * 3, way * way * _thrice(graph, fade))
+        weights = power * (way < _thrice(graph, length))
+        graph.output("Weights", weights, "vector", "Of these rows")
+        graph.output("Weight", graph.math("DOT_PRODUCT", weights, (1.0, 1.0, 1.0)), "float", "All of them")
+    with graph.section("Seen from each of three rows"):
+        first = graph.math("DOT_PRODUCT", further, weights)
+        second = graph.math("DOT_PRODUCT", further, graph.vector(before.z, weights.x, weights.y))
+        third = graph.math("DOT_PRODUCT", further, graph.vector(before.y, before.z, weights.x))
+        graph.output("Rows", graph.vector(first, second, third), "vector", "Their part")
     return graph
 
 
