@@ -10,6 +10,7 @@ size side by side. They have equal sizes, so each node works for all of them. Ro
 counted; in Blender's images they go upwards.
 """
 
+import math
 from dataclasses import dataclass
 
 from ..core.graph import Graph, GroupInput, Socket, Value
@@ -36,6 +37,7 @@ CHROMA = (
 )
 CENTRE = 128.0  # of a byte: the transform is of differences from it
 AWAY_FROM_ZERO = 1 + 2e-5  # so that what lies halfway between two steps goes where libjpeg rounds it
+BETWEEN_PASSES = 1 / (4 * math.sqrt(8))  # what libjpeg's transforms keep between rows and columns
 PIXEL_CENTRE = (0.5, 0.5, 1.0)  # from a column, a row and 0 to a place
 TOP = (0.0, 1.0, 0.0)
 
@@ -170,15 +172,21 @@ def _column() -> Graph:
     meaning = "The tables' entry at quality 50: luma, luma, chroma"
     entries = [graph.input(GroupInput(f"Entry {v}", "vector", (16.0, 16.0, 17.0), meaning)) for v in RUN]
     with graph.section("Columns to frequencies"):
-        split = graph.group(frequencies(), {"Image": image, "First": first, "Step": step})
+        split = graph.group(frequencies(), {"Image": _between_passes(image), "First": first, "Step": step})
     with graph.section("Quantise"):
         quantise, rounded = _quantise(), {}
         for v in RUN:
             inputs = {"Coefficient": split.out(f"{v}", "vector"), "Entry": entries[v], "Percent": percent}
             rounded[f"{v}"] = graph.group(quantise, inputs).out("Coefficient", "vector")
     with graph.section("Frequencies to columns"):
-        graph.output("Image", graph.group(pixels(), weights | rounded).out("Image", "color"))
+        joined = graph.group(pixels(), weights | rounded).out("Image", "color")
+        graph.output("Image", _between_passes(joined))
     return graph
+
+
+def _between_passes(image: Socket) -> Socket:
+    """Round as libjpeg's transforms do between rows and columns."""
+    return image.graph.math("SNAP", image + BETWEEN_PASSES / 2, BETWEEN_PASSES)
 
 
 def _quantise() -> Graph:
