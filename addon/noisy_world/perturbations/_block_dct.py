@@ -3,7 +3,8 @@
 
 The eight pixels of a run are gathered into images an eighth as long; so each coefficient is an image of its own, in
 which a block is one pixel, and calculating with it costs next to nothing. The way back weighs the coefficients,
-enlarged to whole blocks, with cosines. Orthonormal, as JPEG's (ITU-T T.81, A.3.3), rows and columns apart.
+enlarged to whole blocks, with cosines. Orthonormal, as JPEG's (ITU-T T.81, A.3.3), rows and columns apart; forwards
+with libjpeg's constants, so that what lies near the middle between two steps is rounded to the same one.
 """
 
 import math
@@ -13,6 +14,17 @@ from ..core.graph import Graph, GroupInput, Socket, Value
 
 SIZE = 8
 RUN = range(SIZE)
+# sqrt(2) cos((2k + 1) u pi / 16) in 8192ths, as libjpeg's 13-bit constants add up: a row for each u, k from 0 to 3.
+COSINES = (
+    (8192, 8192, 8192, 8192),
+    (11363, 9633, 6437, 2260),
+    (10703, 4433, -4433, -10703),
+    (9633, -2259, -11362, -6436),
+    (8192, -8192, -8192, 8192),
+    (6437, -11362, 2261, 9633),
+    (4433, -10704, 10704, -4433),
+    (2260, -6436, 9633, -11363),
+)
 _NOTHING = (0.0, 0.0, 0.0)
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
@@ -40,7 +52,7 @@ def frequencies() -> Graph:
         differences = [pixels[k] - pixels[7 - k] for k in range(4)]
     with graph.section("Cosines"):
         for u in RUN:
-            weights = [_weight(u) * math.cos((2 * k + 1) * u * math.pi / 16) for k in range(4)]
+            weights = [cosine / 8192 / math.sqrt(SIZE) for cosine in COSINES[u]]
             graph.output(f"{u}", _weighted(graph, differences if u % 2 else sums, weights), "vector")
     return graph
 

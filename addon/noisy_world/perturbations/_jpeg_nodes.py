@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What JPEG does to an image between encoding and decoding, as nodes.
 
-After ITU-T T.81 and JFIF 1.02, and libjpeg where they leave a choice: every step rounds where libjpeg rounds.
-What is left is its integer cosine transform, which now and then rounds to the neighbour; and the chroma of frames less
-than five pixels wide, which it enlarges without interpolation.
+After ITU-T T.81 and JFIF 1.02, and libjpeg where they leave a choice: every step rounds where and as libjpeg's
+default ("slow integer") transforms do. What is left is single precision, which now and then rounds a tie to the other
+side; and the chroma of frames less than five pixels wide, which libjpeg enlarges without interpolation.
 
 All is done to three planes, the channels of one image: the upper half of luma, the lower half, and both chromas at half
 size side by side. They have equal sizes, so each node works for all of them. Rows go downwards in them, as blocks are
@@ -87,12 +87,17 @@ def _ycc(canvas: Canvas) -> Socket:
     """Return bytes of Y, Cb and Cr (JFIF: ITU-R BT.601, full range)."""
     graph = canvas.graph
     levels = graph.math("FLOOR", graph.math("MULTIPLY_ADD", canvas.image, 255.0, 0.5), label="Bytes")
-    # libjpeg rounds a half of luma up, of chroma down.
-    ycc: Value = (0.5, CENTRE + 0.49999, CENTRE + 0.49999)
-    ycc = graph.math("MULTIPLY_ADD", levels.r, (0.299, -0.168735892, 0.5), ycc)
-    ycc = graph.math("MULTIPLY_ADD", levels.g, (0.587, -0.331264108, -0.418687589), ycc)
-    ycc = graph.math("MULTIPLY_ADD", levels.b, (0.114, 0.5, -0.081312411), ycc)
+    # A half of luma is rounded up, of chroma down.
+    ycc: Value = _fixed(0.5, CENTRE + 0.499985, CENTRE + 0.499985)
+    ycc = graph.math("MULTIPLY_ADD", levels.r, _fixed(0.299, -0.16874, 0.5), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.g, _fixed(0.587, -0.33126, -0.41869), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.b, _fixed(0.114, 0.5, -0.08131), ycc)
     return graph.math("FLOOR", ycc, label="Y, Cb, Cr")
+
+
+def _fixed(*values: float) -> tuple[float, ...]:
+    """Return the values as libjpeg's fixed-point numbers hold them."""
+    return tuple(round(value * 65536) / 65536 for value in values)
 
 
 def _planes(frame: _Frame, ycc: Socket, place: Socket) -> Socket:
@@ -224,6 +229,6 @@ def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
     is_odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
     rounding = graph.math("MULTIPLY_ADD", is_odd, -1 / 16, 0.5 + 1 / 32)
     chroma = graph.math("FLOOR", wide + rounding) - CENTRE
-    rgb = graph.math("MULTIPLY_ADD", chroma.x, (0.0, -0.344136286, 1.772), luma + 0.5, label="With Cb")
-    rgb = graph.math("MULTIPLY_ADD", chroma.y, (1.402, -0.714136286, 0.0), rgb, label="With Cr")
+    rgb = graph.math("MULTIPLY_ADD", chroma.x, _fixed(0.0, -0.34414, 1.772), luma + 0.5, label="With Cb")
+    rgb = graph.math("MULTIPLY_ADD", chroma.y, _fixed(1.402, -0.71414, 0.0), rgb, label="With Cr")
     return graph.math("FLOOR", rgb) / 255.0
