@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture ice test bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,6 +25,9 @@ demo: venv ## render presets/demo.yaml into out/demo
 
 picture: demo ## draw the README's picture anew
 	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
+
+ice: venv ## draw frost's pictures of ice anew
+	$(PY) headless/draw_ice.py
 
 test: venv ## run the tests
 	$(PY) -m pytest

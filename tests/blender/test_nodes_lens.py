@@ -211,7 +211,7 @@ def test_a_far_plane_has_a_disk_s_blur():
     point[20, 20] = 1
     void = np.zeros((41, 41), np.float32)
     radii = (2, 3.5, 5, 7, 8)
-    lens = {"focus_m": 1.05, "f_number": 1.0, "focal_length_mm": 50.0}
+    lens = {"focus_m": 1.05, "f_number": 1.0, "focal_length_mm": 50.0, "max_radius_px": 8.0}
     # A sensor so wide that a point at infinity has this radius: its circle is 2.5 mm across.
     cases = [("defocus_depth", lens | {"sensor_width_mm": 2.5 * 41 / 2 / radius}) for radius in radii]
     offsets = np.arange(-20, 21)

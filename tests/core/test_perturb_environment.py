@@ -355,11 +355,14 @@ def test_the_ice_is_as_bright_as_the_photographs_that_people_compare_with():
         assert abs(grey[:512].mean() - grey[512:].mean()) < 30
 
 
-def test_the_ice_is_the_same_in_every_process():
-    first = _ice.ice(2)
-    _ice.ice.cache_clear()
-    assert np.array_equal(_ice.ice(2), first)
-    assert not first.flags.writeable
+@pytest.mark.parametrize("number", range(4))
+def test_the_ice_is_its_grey_file_tinted(number):
+    item, tinted = _ice.PICTURES[number], _ice.ice(number)
+    grey = cv2.imread(str(_ice.picture_file(item.name)), cv2.IMREAD_GRAYSCALE)[..., None] / 255
+    assert tinted.shape == (_ice.HEIGHT_PX, _ice.WIDTH_PX, 3)
+    assert not tinted.flags.writeable
+    expected = grey * (np.array(item.shadow_rgb) * (1 - grey) + np.array(item.light_rgb) * grey)
+    assert np.abs(tinted - np.clip(expected, 0, 1) * 255).max() < 0.501
 
 
 def test_frost_creeps_within_its_picture():

@@ -250,7 +250,11 @@ class Graph:
         return self.node("ShaderNodeCombineXYZ", {"X": x, "Y": y, "Z": z}).out("Vector", "vector")
 
     def choose(self, condition: Socket, if_true: Value, if_false: Value, kind: Kind = "color") -> Socket:
-        """Return one of two; where the condition is one value for the frame, the other is not calculated at all."""
+        """Return one of two; where the condition is a bool input of the group itself, the other is not calculated.
+
+        A condition that is calculated, even as one value for the frame, spares nothing: then choose between a frame
+        and one value before what costs time, which passes one value on for nothing.
+        """
         types = {"color": "RGBA", "vector": "VECTOR", "float": "FLOAT", "int": "INT", "bool": "BOOLEAN"}
         inputs = {"Switch": condition, "True": _as(kind, if_true), "False": _as(kind, if_false)}
         return self.node("GeometryNodeSwitch", inputs, {"input_type": types[kind]}).out("Output", kind)

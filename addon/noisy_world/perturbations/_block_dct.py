@@ -3,7 +3,8 @@
 
 The eight pixels of a run are gathered into images an eighth as long; so each coefficient is an image of its own, in
 which a block is one pixel, and calculating with it costs next to nothing. The way back weighs the coefficients,
-enlarged to whole blocks, with cosines. Orthonormal, as JPEG's (ITU-T T.81, A.3.3), rows and columns apart.
+enlarged to whole blocks, with cosines. Orthonormal, as JPEG's (ITU-T T.81, A.3.3), rows and columns apart; forwards
+with libjpeg's constants, so that what lies near the middle between two steps is rounded to the same one.
 """
 
 import math
@@ -13,6 +14,17 @@ from ..core.graph import Graph, GroupInput, Socket, Value
 
 SIZE = 8
 RUN = range(SIZE)
+# sqrt(2) cos((2k + 1) u pi / 16) in 8192ths, as libjpeg's 13-bit constants add up: a row for each u, k from 0 to 3.
+COSINES = (
+    (8192, 8192, 8192, 8192),
+    (11363, 9633, 6437, 2260),
+    (10703, 4433, -4433, -10703),
+    (9633, -2259, -11362, -6436),
+    (8192, -8192, -8192, 8192),
+    (6437, -11362, 2261, 9633),
+    (4433, -10704, 10704, -4433),
+    (2260, -6436, 9633, -11363),
+)
 _NOTHING = (0.0, 0.0, 0.0)
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
@@ -40,7 +52,7 @@ def frequencies() -> Graph:
         differences = [pixels[k] - pixels[7 - k] for k in range(4)]
     with graph.section("Cosines"):
         for u in RUN:
-            weights = [_weight(u) * math.cos((2 * k + 1) * u * math.pi / 16) for k in range(4)]
+            weights = [cosine / 8192 / math.sqrt(SIZE) for cosine in COSINES[u]]
             graph.output(f"{u}", _weighted(graph, differences if u % 2 else sums, weights), "vector")
     return graph
 
@@ -68,26 +80,26 @@ def cosines() -> Graph:
         for u in range(2, SIZE):
             found.append(double * found[u - 1] - found[u - 2])
     with graph.section("Three at once"):
-        for name, places in _BUNDLES.items():
+        for name, places in BUNDLES.items():
             three = [*(found[u] for u in places), 0.0, 0.0][:3]
             graph.output(name, graph.vector(*three), "vector")
     return graph
 
 
-_BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
+BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
 
 
 def pixels() -> Graph:
     """Describe the group that turns eight images of coefficients into runs of eight pixels."""
     graph = Graph("NW DCT pixels", "Runs of eight pixels from their DCT coefficients")
     place = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
-    bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in _BUNDLES]
+    bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in BUNDLES]
     given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]
     with graph.section("Whole blocks"):
         wide = [sample(graph, item, place) for item in given]
     with graph.section("Weigh"):
         weights: list[Value] = [_weight(0)]
-        for bundle, places in zip(bundles, _BUNDLES.values(), strict=True):
+        for bundle, places in zip(bundles, BUNDLES.values(), strict=True):
             weights += [getattr(bundle, axis) for axis, _ in zip("xyz", places, strict=False)]
         graph.output("Image", _weighted(graph, wide, weights))
     return graph

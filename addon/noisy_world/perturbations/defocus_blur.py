@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Defocus blur: the scene out of focus."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Socket
+from ..core.graph import Graph, GroupInput, Kind, Socket
 from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import correlate, disk_kernel, gaussian
+
+TIE_PX = 1e-4  # a row that ends just at a pixel includes it, whatever rounding does
 
 
 @dataclass(frozen=True)
@@ -34,15 +38,58 @@ def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _frame: Frame) -> N
     return correlate(softened, disk_kernel(parameters.radius_px))
 
 
-def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Soften with the Blur node's Gaussian, whose size is 3 sigma, and average with its exact disk."""
-    graph, radius, alias = canvas.graph, given["radius_px"], given["alias_sigma_px"] * 3.0
+def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Soften with the Blur node's Gaussian, whose size is 3 sigma; add up the disk from its outermost rows inwards."""
+    graph, alias = canvas.graph, given["alias_sigma_px"] * 3.0
     with graph.section("Soften"):
         inputs = {"Image": canvas.image, "Size": graph.vector(alias, alias), "Type": "Gaussian", "Separable": True}
         softened = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+    row = _rows()
+    names: tuple[tuple[str, Kind], ...] = (("Line", "vector"), ("Length", "float"), ("Total", "vector"))
+    values: dict[str, Any] = {"Line": (0.0, 0.0, 0.0), "Length": 0.0, "Total": (0.0, 0.0, 0.0), "Area": 0.0}
     with graph.section("Circle of confusion"):
-        inputs = {"Image": softened, "Size": graph.vector(radius, radius), "Type": "Flat", "Separable": False}
-        return graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+        shared = {"Image": softened, "Radius": given["radius_px"]}
+        for number in reversed(range(math.floor(served["radius_px"]) + 1)):
+            made = graph.group(row, shared | values | {"Row": float(number)})
+            values = {name: made.out(name, kind) for name, kind in (*names, ("Area", "float"))}
+    with graph.section("Mean"):
+        return values["Total"] / values["Area"]
+
+
+def _rows() -> Graph:
+    """Describe a step: what two rows of the disk add to those farther out, over all rows between the two."""
+    graph = Graph("NW Defocus blur rows", "Adds to a disk what its rows reach beyond those farther out")
+    image = graph.input(GroupInput("Image", "color", (0.0, 0.0, 0.0, 1.0), "The frame"))
+    radius = graph.input(GroupInput("Radius", "float", 0.0, "The disk's radius", subtype="PIXEL"))
+    row = graph.input(GroupInput("Row", "float", 0.0, "How far the two rows are from the middle", subtype="PIXEL"))
+    line = graph.input(GroupInput("Line", "vector", (0.0, 0.0, 0.0), "Sum along the next row farther out"))
+    length = graph.input(GroupInput("Length", "float", 0.0, "That row's length", subtype="PIXEL"))
+    total = graph.input(GroupInput("Total", "vector", (0.0, 0.0, 0.0), "The sum so far"))
+    area = graph.input(GroupInput("Area", "float", 0.0, "How many pixels it has"))
+    with graph.section("Length of the row"):
+        square = radius * radius - row * row
+        half = graph.math("FLOOR", graph.math("SQRT", graph.math("MAXIMUM", square, 0.0)) + TIE_PX)
+        own = (half * 2.0 + 1.0) * (square > -TIE_PX)
+        # A row as long as the next one adds nothing: it gets one value instead of a frame, which costs nothing.
+        active = own > length + 0.5
+    with graph.section("Sum along the row"):
+        source = graph.choose(active, image, 0.0)
+        reached = _box(source, graph.vector(half, 0.0)) * graph.vector(own, own, own)
+    with graph.section("Sum over the rows between"):
+        more = graph.math("SUBTRACT", reached, graph.choose(active, line, 0.0, "vector"))
+        height = row * 2.0 + 1.0
+        added = _box(more, graph.vector(0.0, row)) * graph.vector(height, height, height)
+    with graph.section("Add"):
+        graph.output("Line", graph.choose(active, reached, line, "vector"), "vector")
+        graph.output("Length", graph.math("MAXIMUM", own, length), "float")
+        graph.output("Total", graph.choose(active, total + added, total, "vector"), "vector")
+        graph.output("Area", area + graph.math("MAXIMUM", own - length, 0.0) * height, "float")
+    return graph
+
+
+def _box(image: Socket, size: Socket) -> Socket:
+    inputs = {"Image": image, "Size": size, "Type": "Flat", "Separable": False}
+    return image.graph.node("CompositorNodeBlur", inputs).out("Image", "color")
 
 
 PERTURBATION = Perturbation(
@@ -54,4 +101,5 @@ PERTURBATION = Perturbation(
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
     build=build,
+    capacity={"radius_px": 10},
 )

@@ -33,7 +33,7 @@ class DefocusDepth:
     focal_length_mm: float = key("focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000)
     sensor_width_mm: float = key("width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100)
     max_radius_px: float = key(
-        "no circle of confusion is larger; the time goes with its square", default=8.0, unit="px", minimum=1, maximum=30
+        "no circle of confusion is larger; the time goes with its square", default=6.5, unit="px", minimum=1, maximum=30
     )
 
 
@@ -82,7 +82,7 @@ def _gather_band(
     total = padded[border : border + height, border : border + width].copy()
     reach = math.ceil(float(size.max()))
     places = _places(size, reach, grain)
-    table = disk_quadrant(grain).astype(np.float32)
+    table = np.pad(disk_quadrant(grain), (0, 1)).astype(np.float32)  # a neighbour for the last row and column
     for small, large in ((a, b) for b in range(1, reach + 1) for a in range(b + 1)):
         weight = _weight(places[small], places[large], table)
         if not weight.any():
@@ -102,11 +102,11 @@ def _offsets(small: int, large: int) -> list[tuple[int, int]]:
     return sorted({(row * y, column * x) for row, column in signs for y, x in ((small, large), (large, small))})
 
 
-type Place = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32]]
+type Place = tuple[NDArray[np.intp], NDArray[np.float32]]
 
 
 def _places(size: NDArray[np.float32], reach: int, grain: int) -> list[Place]:
-    """Return for offsets 0 to `reach` where they are looked up: between which rows of the table, how far from one.
+    """Return for offsets 0 to `reach` where they are looked up: the row of the table before, and how far from it.
 
     Blender's Blur node, whose size is another one at each pixel, looks the weights up in a quadrant of the largest
     disk, with bilinear interpolation.
@@ -116,15 +116,19 @@ def _places(size: NDArray[np.float32], reach: int, grain: int) -> list[Place]:
     for offset in range(reach + 1):
         place = np.minimum((offset + np.float32(0.5)) * scale - np.float32(0.5), grain) * np.float32(offset > 0)
         low = place.astype(np.intp)
-        found.append((low, np.minimum(low + 1, grain), place - low.astype(np.float32)))
+        found.append((low, place - low.astype(np.float32)))
     return found
 
 
 def _weight(first: Place, second: Place, table: NDArray[np.float32]) -> NDArray[np.float32]:
-    (low, high, part), (left, right, share) = first, second
-    before = table[low, left] * (1 - share) + table[low, right] * share
-    behind = table[high, left] * (1 - share) + table[high, right] * share
-    return before + (behind - before) * part
+    """Look up, with bilinear interpolation between four neighbours."""
+    (row, down), (column, right) = first, second
+    width = table.shape[1]
+    corner = row * width + column
+    upper, lower = (
+        table.take(corner + step) * (1 - right) + table.take(corner + step + 1) * right for step in (0, width)
+    )
+    return upper + (lower - upper) * down
 
 
 def disk_quadrant(grain: int) -> NDArray[np.bool_]:

@@ -147,19 +147,11 @@ def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
     assert canvas.seed is not None
     assert canvas.key is not None
     graph, part = canvas.graph, _level_graph()
+    inputs = {"Levels": built, "Smoothness": smoothness, "Seed": canvas.seed, "Key": canvas.key}
     field: Socket | float = 0.0
     for level in range(_NODE_LEVELS):
-        # Only a condition that is not calculated keeps a branch from being: a level beyond is made tiny instead.
-        is_built = built > level + 0.5
-        inputs = {
-            "Field": field,
-            "Points": graph.math("MULTIPLY_ADD", is_built, 2.0**level - 1.0, 1.0),
-            "Deviation": graph.math("POWER", smoothness, -2.0 * level),
-            "Seed": canvas.seed,
-            "Stream": graph.math("MULTIPLY_ADD", canvas.key, float(PURPOSES), float(level)),
-        }
-        finer = graph.group(part, inputs, name=f"Level {level + 1}").out("Field", "float")
-        field = graph.choose(is_built, finer, field, "float") if level else finer
+        made = graph.group(part, inputs | {"Field": field, "Level": float(level)}, name=f"Level {level + 1}")
+        field = made.out("Field", "float")
     return graph.node("CompositorNodeNormalize", {"Value": field}).out("Value", "float")
 
 
@@ -167,10 +159,17 @@ def _level_graph() -> Graph:
     """Describe one level of diamond and square: a field of twice as many points a side."""
     graph = Graph("NW Plasma level", "Doubles the points of a plasma on a torus: diamond, then square")
     field = graph.input(GroupInput("Field", "float", 0.0, "The coarser plasma"))
-    points = graph.input(GroupInput("Points", "float", 1.0, "Its points along a side", 1.0))
-    deviation = graph.input(GroupInput("Deviation", "float", 1.0, "The largest deviation of a new point", 0.0))
+    level = graph.input(GroupInput("Level", "float", 0.0, "How many levels are there already", 0.0))
+    levels = graph.input(GroupInput("Levels", "float", 8.0, "How many there are to be: others pass the plasma on"))
+    smoothness = graph.input(GroupInput("Smoothness", "float", 1.7, "The root of how much weaker a level is", 1.0))
     seed = graph.input(GroupInput("Seed", "int", 0, "Another seed, another pattern"))
-    number = graph.input(GroupInput("Stream", "float", 0.0, "Another number, other deviations"))
+    key = graph.input(GroupInput("Key", "float", 0.0, "Another key, another pattern: the frame"))
+    with graph.section("Level"):
+        wanted = levels > level + 0.5
+        # Both branches of a calculated choice are calculated: a level that is not wanted is made tiny.
+        points = graph.math("POWER", 2.0, level * wanted, label="Points along a side")
+        deviation = graph.math("POWER", smoothness, level * -2.0, label="Largest deviation")
+        number = graph.math("MULTIPLY_ADD", key, float(PURPOSES), level)
     with graph.section("Finer grid"):
         twice = points * 2.0
         blank = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(twice, twice)}).out("Image", "color")
@@ -190,7 +189,8 @@ def _level_graph() -> Graph:
         around = [_shifted(graph, centred, step) for step in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))]
         # The first operand places the result, so it must not be a shifted one.
         total = random * 4.0 + around[0] + around[1] + around[2] + around[3]
-        graph.output("Field", graph.mix(centred, total * 0.25, is_edge), "float", "The finer plasma")
+        finer = graph.mix(centred, total * 0.25, is_edge)
+        graph.output("Field", graph.choose(wanted, finer, field, "float"), "float", "The finer plasma")
     return graph
 
 

@@ -84,7 +84,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         inputs |= {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
         grey = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
     with graph.section("Tint"):
-        ice = grey * graph.math("MULTIPLY_ADD", grey, light - shadow, shadow)
+        ice = graph.math("MINIMUM", grey * graph.math("MULTIPLY_ADD", grey, light - shadow, shadow), 1.0)
     with graph.section("Over the image"):
         frosted = ice * given["influence"]
         return graph.math("MULTIPLY_ADD", canvas.image, graph.vector(*[given["intensity"]] * 3), frosted)

@@ -3,12 +3,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..core.graph import Socket, Value
+from ..core.graph import Graph, GroupInput, Socket, Value
 from ..core.groups import Canvas
 from ..core.images import rgb_bytes
 from ..core.perturbation import Frame, Perturbation
@@ -18,8 +18,9 @@ LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
 HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
 WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
 # At two blocks for five pixels every other border has a centre on it. Float64's rounding, step after step, shows there
-# the block after the border at first, and changes over at these ones.
-TURNS = (2, 4, 20, 74, 302, 1204, 4820)
+# the block after the border at first, and changes over at these ones. At other ratios it has no such order, and few or
+# no centres: the group takes the same turns there.
+TURNS = (2.5, 4.5, 20.5, 74.5, 302.5, 1204.5, 4820.5)
 
 
 @dataclass(frozen=True)
@@ -112,10 +113,12 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     """
     graph, scale = canvas.graph, canvas.scale
     with graph.section("Blocks"):
-        frame = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / graph.vector(scale, scale, 1.0))
+        size = graph.vector(canvas.width_px, canvas.height_px)
+        frame = graph.math("ROUND", size / graph.vector(scale, scale, 1.0))
         blocks = graph.math("FLOOR", graph.math("MULTIPLY_ADD", frame, given["factor"], WHOLE))
         blocks = graph.math("MAXIMUM", blocks, 1.0, label="Blocks")
-        largest = graph.math("CEIL", frame / blocks)
+        grid = graph.math("MAXIMUM", frame, size, label="Pixels to divide")
+        largest = graph.math("CEIL", grid / blocks)
         side = graph.math("MAXIMUM", largest.x, largest.y, label="Side of a square")
         squares = blocks * side
     with graph.section("A square for each block"):
@@ -123,19 +126,19 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         cell = _flipped(_pixel(blank), squares)
         block = graph.math("FLOOR", graph.math("MULTIPLY_ADD", cell, 1.0 / side, 0.5 / side))
         border = graph.math("DIVIDE", 0.25, blocks) + 0.5
-        start = _whole_part(block, frame, blocks, border)
-        pixels = _whole_part(block + 1.0, frame, blocks, border) - start
+        start, past = _whole_and_rest(block, grid, blocks, border)
+        pixels = graph.math("FLOOR", past + grid / blocks)
         place = cell - block * side
         weight = (place < pixels) * (side / pixels)
-        spread = _look_up(canvas.image, start + place + 0.5, frame, weight.x * weight.y)
+        spread = _look_up(canvas.image, start + place + 0.5, grid, weight.x * weight.y)
     with graph.section("Means"):
         node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
         means = node.out("Color", "color")
     with graph.section("Show"):
         centre = canvas.position_px + 0.5
         way = _way_at_border(centre * (blocks / frame)) * graph.math("DIVIDE", 0.25, frame)
-        shown = graph.math("MINIMUM", _whole_part(centre, blocks, frame, way), blocks - 1.0)
-        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares, 1.0)
+        shown = graph.math("MINIMUM", _whole_and_rest(centre, blocks, frame, way)[0], blocks - 1.0)
+        return _look_up(means, graph.math("MULTIPLY_ADD", shown, side, 0.5), squares, 1.0) + float(HALF_UP / 255)
 
 
 def _pixel(image: Socket) -> Socket:
@@ -148,25 +151,54 @@ def _flipped(pixel: Socket, size: Socket) -> Socket:
     return graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), graph.vector(0.0, size.y - 1.0))
 
 
-def _whole_part(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> Socket:
-    """Return floor(index x numerator / denominator + more), the ratio in two parts: float32 is not enough for it."""
-    graph = index.graph
-    coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
-    fine = (numerator - coarse * denominator) / denominator
-    product = index * coarse
-    whole = graph.math("FLOOR", product)
-    rest = graph.math("MULTIPLY_ADD", index, fine, product - whole)
-    return whole + graph.math("FLOOR", rest + more)
+def _whole_and_rest(index: Socket, numerator: Socket, denominator: Socket, more: Socket) -> tuple[Socket, Socket]:
+    """Divide index x numerator / denominator + more into a whole number and a rest from 0 to 1."""
+    inputs = {"Index": index, "Numerator": numerator, "Denominator": denominator, "More": more}
+    made = index.graph.group(_division(), inputs)
+    return made.out("Whole", "vector"), made.out("Rest", "vector")
+
+
+@cache
+def _division() -> Graph:
+    graph = Graph("NW Whole and Rest", "Divides Index x Numerator / Denominator + More into a whole number and a rest")
+    index, numerator, denominator, more = (
+        graph.input(GroupInput(name, "vector", (1.0, 1.0, 1.0), meaning))
+        for name, meaning in (
+            ("Index", "A whole or half number"),
+            ("Numerator", "Of the ratio: a whole number"),
+            ("Denominator", "Of the ratio: a whole number"),
+            ("More", "Added to the product"),
+        )
+    )
+    # In float32 one ratio is not precise enough.
+    with graph.section("The ratio in two parts"):
+        coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
+        fine = (numerator - coarse * denominator) / denominator
+    with graph.section("Product"):
+        product = index * coarse
+        whole = graph.math("FLOOR", product)
+        rest = graph.math("MULTIPLY_ADD", index, fine, product - whole) + more
+    with graph.section("Carry over"):
+        graph.output("Whole", whole + graph.math("FLOOR", rest), "vector", "A whole number")
+        graph.output("Rest", graph.math("FRACTION", rest), "vector", "From 0 to 1")
+    return graph
 
 
 def _way_at_border(border: Socket) -> Socket:
-    """Return 1 where a centre on this border shows the block after it, -1 where the one before."""
-    graph = border.graph
+    """Return 1 where a centre on this border of blocks shows the one after it, -1 where the one before."""
+    return border.graph.group(_border(), {"Border": border}).out("Way", "vector")
+
+
+@cache
+def _border() -> Graph:
+    graph = Graph("NW Border of Blocks", "Tells which block a pixel shows whose centre lies on the border of two")
+    border = graph.input(GroupInput("Border", "vector", (1.0, 1.0, 1.0), "The border's number"))
     first, *others = TURNS
     product = first - border
     for turn in others:
         product = product * (border - turn)
-    return graph.math("SIGN", product)
+    graph.output("Way", graph.math("SIGN", product), "vector", "1: the block after the border; -1: the one before")
+    return graph
 
 
 def _look_up(image: Socket, place: Socket, size: Socket, weight: Value) -> Socket:

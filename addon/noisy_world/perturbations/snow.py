@@ -98,7 +98,8 @@ def _noise(frame: Frame, cells: tuple[int, int]) -> tuple[NDArray[np.float32], f
 _ROWS = 3
 _GREY = (0.299, 0.587, 0.114)  # luma of Rec. 601, as OpenCV's grey
 _LEAN_DEG = 45.0  # of the streaks at most, from upright
-_SOFTNESS = 0.7
+# Between columns: the nearest (0) makes streaks jagged, the mix (1) soft; so much has the reference's spectrum.
+_SOFTNESS = 0.2
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
@@ -116,7 +117,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         zoom = step / graph.vector(canvas.scale, canvas.scale)
         half = graph.math("SUBTRACT", 0.5, graph.math("DIVIDE", 0.5, canvas.scale))
         first = graph.math("SUBTRACT", (0.5, 0.5, 0.0) / cells, step * graph.vector(half, half))
-        corner = first + (0.0, 0.0, 1.0)
+        corner = graph.math("ADD", first, (0.0, 0.0, 1.0), label="Where the first pixel lies")
     with graph.section("Fall"):
         lean = (canvas.random_value(1) - 0.5) * math.radians(2 * _LEAN_DEG)
         slope = graph.math("TANGENT", lean, label="Columns a row")
@@ -129,6 +130,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
             "Noise": noise,
             "Zoom": zoom,
             "Corner": corner,
+            "Whole": graph.math("COMPARE", cells.x, full_px.x, 0.5),
             "Slope": slope,
             "Stretch": stretch,
             "Mean": given["mean"],
@@ -166,13 +168,14 @@ def _normal_noise(canvas: Canvas, cells: Socket) -> Socket:
 
 def _layer_graph(radius_px: int) -> Graph:
     """Describe a layer of streaked flakes, of streaks of up to 2 radius + 1 pixels."""
-    steps = 2 * radius_px // _ROWS + 2
+    steps = (2 * radius_px + _ROWS - 1) // _ROWS + 1
     graph = Graph(f"NW Snow layer ({radius_px} px)", "Flakes out of noise, each with a streak along the fall")
     pixel = graph.input(GroupInput("Pixel", "vector", (0.0, 0.0, 0.0), "Each pixel's column and row, from below"))
     size_px = graph.input(GroupInput("Size", "vector", (1.0, 1.0, 0.0), "Width and height of the frame"))
     noise = graph.input(GroupInput("Noise", "float", 0.0, "Standard normal noise"))
     zoom = graph.input(GroupInput("Zoom", "vector", (0.0, 0.0, 0.0), "Sides of the noise that a pixel spans"))
     corner = graph.input(GroupInput("Corner", "vector", (0.0, 0.0, 1.0), "Where in the noise the first pixel lies"))
+    whole = graph.input(GroupInput("Whole", "float", 0.0, "1 where the noise is not enlarged: it is not to be mixed"))
     slope = graph.input(GroupInput("Slope", "float", 0.0, "Columns that a streak leans by in a row"))
     stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
     fallen_px = graph.input(GroupInput("Fallen", "float", 0.0, "How far all flakes have fallen"))
@@ -181,89 +184,105 @@ def _layer_graph(radius_px: int) -> Graph:
     threshold = graph.input(GroupInput("Threshold", "float", 0.9, "What is darker than this is no flake"))
     radius = graph.input(GroupInput("Radius", "float", 12.0, "A streak has 2 radius + 1 pixels"))
     sigma = graph.input(GroupInput("Sigma", "float", 8.0, "Standard deviation of its weights"))
+    packed = graph.math("CEIL", size_px.y / float(_ROWS)) + float(steps - 1)
     with graph.section("Sheared columns, three rows in the channels"):
-        width_px = graph.math("MAXIMUM", size_px.x, 1.0)
-        packed = graph.math("CEIL", size_px.y / float(_ROWS)) + float(steps - 1)
-        packed_size = graph.vector(size_px.x, packed * (size_px.x > 0.0))
-        blank = graph.node("CompositorNodeBlankImage", {"Size": packed_size}).out("Image", "color")
-        place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-        top = size_px.y - 1.0
-        rows = [place.y * float(_ROWS) + float(channel) for channel in range(_ROWS)]
-        columns = [_sheared(graph, place.x, row, slope, width_px) for row in rows]
+        places = _packed_places(graph, size_px, packed, slope, whole)
     with graph.section("Flakes"):
         shift = graph.math("MULTIPLY_ADD", graph.vector(slope * fallen_px, fallen_px), zoom, corner)
-        seen = []
-        for column, row in zip(columns, rows, strict=True):
-            at = graph.vector(column, graph.math("MINIMUM", row, top))
-            inputs = {"Image": noise, "UV": graph.math("MULTIPLY_ADD", at, zoom, shift), "Interpolation": "Bilinear"}
-            node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
-            seen.append(node.out("Image", "float"))
-        bright = graph.math(
-            "MULTIPLY_ADD",
-            graph.vector(*seen),
-            graph.vector(deviation, deviation, deviation),
-            graph.vector(mean, mean, mean),
-        )
-        flakes = graph.clamp(bright * (bright > graph.vector(threshold, threshold, threshold)))
+        rows = graph.vector(*(_noise_at(graph, noise, place, zoom, shift) for place in places))
+        bright = graph.math("MULTIPLY_ADD", rows, _thrice(graph, deviation), _thrice(graph, mean))
+        inputs = {"Factor_Float": 1.0, "A_Color": bright, "B_Color": bright > _thrice(graph, threshold)}
+        product = {"data_type": "RGBA", "blend_type": "MULTIPLY", "clamp_result": True}
+        flakes = graph.node("ShaderNodeMix", inputs, product, label="Bright enough").out("Result_Color", "color")
     with graph.section("Streaks"):
         part = _step_graph()
         fade = graph.math("DIVIDE", -0.5, sigma * sigma)
         inputs = {"Flakes": flakes, "Stretch": stretch, "Length": radius * 2.0 + 0.5, "Fade": fade}
-        total: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
-        weight: Socket | float = 0.0
+        parts = []
         for step in range(steps):
-            so_far = {"Step": float(step), "Sum": total, "Weight": weight}
-            made = graph.group(part, inputs | so_far, name=f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}")
-            total, weight = made.out("Sum", "vector"), made.out("Weight", "float")
+            before = parts[-1].out("Weights", "vector") if parts else (0.0, 0.0, 0.0)
+            name = f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}"
+            parts.append(graph.group(part, inputs | {"Step": float(step), "Weights before": before}, name=name))
+        # The first operand places the sum: it is the rows that are not shifted.
+        total = sum((part.out("Rows", "vector") for part in parts[1:]), start=parts[0].out("Rows", "vector"))
+        weight = sum((part.out("Weight", "float") for part in parts[1:]), start=parts[0].out("Weight", "float"))
     with graph.section("Upright columns leant again"):
-        back = _sheared(graph, pixel.x, pixel.y, -slope, width_px)
-        nearest = graph.math("ROUND", back)
-        nearly = graph.math("MULTIPLY_ADD", back - nearest, _SOFTNESS, nearest)
-        packed_row = graph.math("FLOOR", pixel.y / float(_ROWS))
-        channel = pixel.y - packed_row * float(_ROWS)
-        size = graph.vector(width_px, packed, 1.0)
-        at = graph.math("DIVIDE", graph.vector(nearly + 0.5, packed_row + 0.5, 1.0), size)
-        inputs = {"Image": total, "UV": at, "Interpolation": "Bilinear", "Extension X": "Repeat"}
-        shown = graph.node("CompositorNodeMapUV", inputs | {"Extension Y": "Extend"}).out("Image", "vector")
-        chosen = graph.vector(*(graph.math("COMPARE", channel, float(k), 0.1) for k in range(_ROWS)))
-        flakes = graph.math("DOT_PRODUCT", shown, chosen) / weight
-        graph.output("Flakes", flakes, "float", "The layer")
+        softness = graph.math("MULTIPLY_ADD", whole, -_SOFTNESS, _SOFTNESS)
+        size = graph.vector(size_px.x, packed, 1.0)
+        layer = _leant(graph, total / _thrice(graph, weight), pixel, slope=slope, softness=softness, size=size)
+        graph.output("Flakes", layer, "float", "The layer")
     return graph
 
 
-def _sheared(graph: Graph, column: Socket, row: Socket, slope: Socket, width_px: Socket) -> Socket:
-    """Return the column that a row's shear puts there, around the frame."""
-    return graph.math("FLOORED_MODULO", graph.math("MULTIPLY_ADD", row, slope, column), width_px)
+def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket, whole: Socket) -> list[Socket]:
+    """Return for each channel which pixel of the frame it shows: row by row further along the streaks.
+
+    Beyond the frame's upper border its last row goes on, as in the reference; its sides are joined.
+    """
+    packed_size = graph.vector(size_px.x, packed * (size_px.x > 0.0))
+    blank = graph.node("CompositorNodeBlankImage", {"Size": packed_size}).out("Image", "color")
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+    rows = graph.math("MULTIPLY_ADD", _thrice(graph, place.y), (float(_ROWS),) * 3, (0.0, 1.0, 2.0))
+    leant = rows * _thrice(graph, slope)
+    rounded = graph.math("FLOOR", graph.math("ADD", leant, (0.5, 0.5, 0.5)))
+    columns = _thrice(graph, place.x) + graph.math("MULTIPLY_ADD", rounded - leant, _thrice(graph, whole), leant)
+    width_px = _thrice(graph, graph.math("MAXIMUM", size_px.x, 1.0))
+    columns = graph.math("WRAP", columns, width_px, (0.0, 0.0, 0.0), label="Columns of the frame")
+    rows = graph.math("MINIMUM", rows, _thrice(graph, size_px.y - 1.0), label="Rows of the frame")
+    return [graph.vector(getattr(columns, axis), getattr(rows, axis)) for axis in "xyz"]
+
+
+def _noise_at(graph: Graph, noise: Socket, place: Socket, zoom: Socket, shift: Socket) -> Socket:
+    inputs = {"Image": noise, "UV": graph.math("MULTIPLY_ADD", place, zoom, shift), "Interpolation": "Bilinear"}
+    node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
+    return node.out("Image", "float")
+
+
+def _thrice(graph: Graph, value: Socket) -> Socket:
+    return graph.vector(value, value, value)
+
+
+def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softness: Socket, size: Socket) -> Socket:
+    """Return the rows in the channels as an image again, each moved back to where it was."""
+    row = pixel.y
+    back = graph.math("MULTIPLY_ADD", graph.vector(row, row), graph.vector(-slope, 1 / _ROWS - 1), pixel)
+    # Rows come in whole thirds, which a float does not hold.
+    whole = graph.math("FLOOR", graph.math("ADD", back, (0.5, 0.1, 0.0)), label="Nearest column, packed row")
+    rest = back - whole
+    at = graph.math("MULTIPLY_ADD", rest, graph.vector(softness, 0.0), whole)
+    where = graph.math("DIVIDE", graph.math("ADD", at, (0.5, 0.5, 1.0)), size)
+    inputs = {"Image": packed, "UV": where, "Interpolation": "Bilinear"}
+    node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Extend"})
+    third = rest.y
+    chosen = graph.vector(*(graph.math("COMPARE", third, k / _ROWS, 0.1) for k in range(_ROWS)))
+    return graph.math("DOT_PRODUCT", node.out("Image", "color"), chosen)
 
 
 def _step_graph() -> Graph:
-    """Describe three rows' part in a streak: the sum of three channels, each with its weight, for three pixels."""
-    graph = Graph("NW Snow step", "Adds three rows, weighted by a one-sided Gaussian")
-    flakes = graph.input(GroupInput("Flakes", "vector", (0.0, 0.0, 0.0), "Three rows in the channels"))
-    total = graph.input(GroupInput("Sum", "vector", (0.0, 0.0, 0.0), "What is there so far"))
-    weight = graph.input(GroupInput("Weight", "float", 0.0, "Of what is there so far"))
+    """Describe three rows' part in the streaks of three rows, in the channels."""
+    graph = Graph("NW Snow step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
+    flakes = graph.input(GroupInput("Flakes", "color", (0.0, 0.0, 0.0, 1.0), "Three rows in the channels"))
     step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))
+    before = graph.input(GroupInput("Weights before", "vector", (0.0, 0.0, 0.0), "Of the three rows before"))
     stretch = graph.input(GroupInput("Stretch", "float", 1.0, "Length of a streak in a row"))
     length = graph.input(GroupInput("Length", "float", 24.5, "Length of the streak"))
     fade = graph.input(GroupInput("Fade", "float", -0.01, "-1 / (2 sigma^2)"))
     with graph.section("Rows further up"):
         inputs = {"Image": flakes, "Displacement": graph.vector(0.0, -step), "Interpolation": "Nearest"}
         node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Extend", "Extension Y": "Extend"})
-        further = node.out("Image", "vector")
-    sums = []
-    for channel in range(_ROWS):
-        with graph.section(f"Weights for row {channel}"):
-            row = step * float(_ROWS)
-            rows = graph.math("ADD", graph.vector(row, row, row), tuple(float(k - channel) for k in range(_ROWS)))
-            way = rows * graph.vector(stretch, stretch, stretch)
-            power = graph.math("POWER", (math.e,) * 3, way * way * graph.vector(fade, fade, fade))
-            within = (way > (-0.5, -0.5, -0.5)) * (way < graph.vector(length, length, length))
-            weights = power * within
-            sums.append(graph.math("DOT_PRODUCT", further, weights))
-            if channel == 0:
-                weight = weight + graph.math("DOT_PRODUCT", weights, (1.0, 1.0, 1.0))
-    graph.output("Sum", graph.math("ADD", total, graph.vector(*sums)), "vector", "With these rows")
-    graph.output("Weight", weight, "float", "With these rows")
+        further = node.out("Image", "color")
+    with graph.section("Weights"):
+        rows = graph.math("MULTIPLY_ADD", _thrice(graph, step), (3.0, 3.0, 3.0), (0.0, 1.0, 2.0))
+        way = rows * _thrice(graph, stretch)
+        power = graph.math("POWER", (math.e,) * 3, way * way * _thrice(graph, fade))
+        weights = power * (way < _thrice(graph, length))
+        graph.output("Weights", weights, "vector", "Of these rows")
+        graph.output("Weight", graph.math("DOT_PRODUCT", weights, (1.0, 1.0, 1.0)), "float", "All of them")
+    with graph.section("Seen from each of three rows"):
+        first = graph.math("DOT_PRODUCT", further, weights)
+        second = graph.math("DOT_PRODUCT", further, graph.vector(before.z, weights.x, weights.y))
+        third = graph.math("DOT_PRODUCT", further, graph.vector(before.y, before.z, weights.x))
+        graph.output("Rows", graph.vector(first, second, third), "vector", "Their part")
     return graph
 
 

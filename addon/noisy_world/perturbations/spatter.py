@@ -21,6 +21,7 @@ _FAR_PX = 20  # the rim's glint reaches no further
 _RIM = np.array([[-2, -1, 0], [-1, 1, 1], [0, 1, 2]], dtype=np.float32)
 
 _SMALLEST_SCALE = 0.25  # a preview smaller than this has drops of its own
+_OVERLOOKED_AREA = 660.0  # px: fitted, as small drops have it by Rice's formula
 
 
 @dataclass(frozen=True)
@@ -120,23 +121,30 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         finest = graph.math("MAXIMUM", canvas.scale, _SMALLEST_SCALE)
         sigma_px = given["sigma_px"] / finest
         run_px = canvas.drift_frames * given["run_px"] / finest
-        noise = _smooth_noise(canvas, _lattice(canvas, finest), run_px, given, sigma_px)
+        size_px = _lattice_size(canvas, finest)
+        noise = _smooth_noise(canvas, size_px, run_px, given, sigma_px)
         above = noise - given["threshold"]
         inside = graph.math("GREATER_THAN", above, 0.0)
     with graph.section("Mud"):
-        mud = _mud_cover(inside, given["scaling"])
+        blurred = _blurred(inside, given["scaling"] * (canvas.scale / finest))
+        mud = blurred * graph.math("GREATER_THAN", blurred, 0.8)
     with graph.section("Water: distance to the rim"):
-        distance_px = _distance(noise, above, given["mean"], sigma_px)
+        distance = _distance(noise, above, given["mean"], sigma_px) / sigma_px
     with graph.section("Water: relief"):
-        relief = _relief(_share_nearer(distance_px, given, sigma_px))
-        drops = graph.math("MINIMUM", noise, 1.0) * inside * graph.math("MAXIMUM", relief, _overlooked(inside))
-        water = _brightness(canvas, drops, given, sigma_px, finest)
-    with graph.section("To the image's size"):
-        cover = graph.choose(given["complexity"] > 0.5, mud, water, "float")
-        cover = _placed(canvas, cover, run_px, finest)
+        height = _height(given, sigma_px)
+        # How long the rims are, of what they are at the mean (Rice's formula).
+        crossed = graph.math("EXPONENT", height * height * -0.5)
+        glint = graph.math("MAXIMUM", _relief(_share_nearer(distance, crossed)), _overlooked(inside))
+        drops = graph.math("MINIMUM", noise, 1.0) * inside * glint
+    with graph.section("Water: brightness"):
+        expected = size_px.x * size_px.y * crossed * height**3.0 / (sigma_px**4.0 * _OVERLOOKED_AREA)
+        water = drops * (given["scaling"] / _brightest(canvas, drops, given["threshold"], expected))
     with graph.section("Over the image"):
-        wet = graph.math("MULTIPLY_ADD", graph.vector(cover, cover, cover), _encoded(_WATER_RGB), canvas.image)
-        muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), graph.vector(cover, cover, cover))
+        cover = graph.choose(given["complexity"] > 0.5, mud, water, "float")
+        cover = _placed(canvas, cover, run_px, size_px)
+        cover = graph.vector(cover, cover, cover)
+        wet = graph.math("MULTIPLY_ADD", cover, _encoded(_WATER_RGB), canvas.image)
+        muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), cover)
         return graph.choose(given["complexity"] > 0.5, muddy, wet)
 
 
@@ -144,58 +152,51 @@ def _encoded(rgb: tuple[int, int, int]) -> tuple[float, ...]:
     return tuple(value / 255 for value in rgb)
 
 
-def _lattice(canvas: Canvas, finest: Socket) -> Socket:
-    """Return an image of as many pixels as the frame has at the reference width."""
+def _lattice_size(canvas: Canvas, finest: Socket) -> Socket:
+    """Return the frame's width and height at the reference width, whole numbers."""
     graph = canvas.graph
-    sides = [
-        graph.math("MAXIMUM", graph.math("ROUND", side / finest), 1.0) for side in (canvas.width_px, canvas.height_px)
-    ]
-    return graph.node("CompositorNodeBlankImage", {"Size": graph.vector(*sides)}).out("Image", "color")
+    size = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(finest, finest, 1.0)
+    return graph.math("MAXIMUM", graph.math("FLOOR", size + 0.5), 1.0)
 
 
 def _smooth_noise(
-    canvas: Canvas, lattice: Socket, run_px: Socket, given: Mapping[str, Socket], sigma_px: Socket
+    canvas: Canvas, size_px: Socket, run_px: Socket, given: Mapping[str, Socket], sigma_px: Socket
 ) -> Socket:
     """Return the noise, blurred; it comes from further and further above as the drops run down."""
     graph = canvas.graph
+    lattice = graph.node("CompositorNodeBlankImage", {"Size": size_px}).out("Image", "color")
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": lattice}).out("Pixel", "vector")
-    height_px = graph.node("CompositorNodeImageInfo", {"Image": lattice}).out("Resolution", "vector").y
-    # Counted from the top, as rows of the frame are, so that frames of other heights begin alike.
-    start = graph.vector(0.0, height_px - 1.0 - graph.math("FLOOR", run_px))
+    # Counted from the top, as rows of the frame are.
+    start = graph.vector(0.0, size_px.y - 1.0 - graph.math("FLOOR", run_px))
     place = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), start)
     # Uniform numbers of the same variance: blurred over a dozen pixels and more, they are normal all the same.
-    size = given["std"] * math.sqrt(12.0)
-    noise = graph.math("MULTIPLY_ADD", canvas.random_value(0, place), size, given["mean"] - size * 0.5)
+    span = given["std"] * math.sqrt(12.0)
+    return _blurred(
+        graph.math("MULTIPLY_ADD", canvas.random_value(0, place), span, given["mean"] - span * 0.5), sigma_px
+    )
+
+
+def _blurred(value: Socket, sigma_px: Socket) -> Socket:
     width = sigma_px * 3.0
-    inputs = {"Image": noise, "Size": graph.vector(width, width), "Type": "Gaussian", "Separable": True}
-    return _grey(graph.node("CompositorNodeBlur", inputs).out("Image", "color"))
-
-
-def _grey(image: Socket) -> Socket:
-    return image.graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Red", "float")
+    inputs = {"Image": value, "Size": value.graph.vector(width, width), "Type": "Gaussian", "Separable": True}
+    return value.graph.node("CompositorNodeBlur", inputs).out("Image", "float")
 
 
 def _boxed(value: Socket, reach_px: int = 1) -> Socket:
     """Return the mean of 3 x 3, or of what is no further than `reach_px`."""
     inputs = {"Image": value, "Size": (float(reach_px),) * 2, "Type": "Flat", "Separable": True}
-    return _grey(value.graph.node("CompositorNodeBlur", inputs).out("Image", "color"))
-
-
-def _mud_cover(inside: Socket, sigma_px: Socket) -> Socket:
-    graph, width = inside.graph, sigma_px * 3.0
-    inputs = {"Image": inside, "Size": graph.vector(width, width), "Type": "Gaussian", "Separable": True}
-    cover = _grey(graph.node("CompositorNodeBlur", inputs).out("Image", "color"))
-    return cover * graph.math("GREATER_THAN", cover, 0.8)
+    return value.graph.node("CompositorNodeBlur", inputs).out("Image", "float")
 
 
 def _distance(noise: Socket, above: Socket, mean: Socket, sigma_px: Socket) -> Socket:
     """Return the distance to the drops' rims, some 20 px at most, its 3 x 3 means cut to whole pixels.
 
     From the noise itself: how far above the threshold it is, by its slope, along a parabola as curved as smooth normal
-    noise of that height is on average. An exact distance transform would take longer than all the rest.
+    noise of that height is on average. An exact distance transform takes longer than all the rest together.
     """
     graph = noise.graph
-    slope = _grey(graph.node("CompositorNodeFilter", {"Image": noise, "Type": "Sobel"}).out("Image", "color")) * 0.1
+    # Sobel's is eight times the slope; a fifth less makes up for what the parabola leaves out.
+    slope = graph.node("CompositorNodeFilter", {"Image": noise, "Type": "Sobel"}).out("Image", "float") * 0.1
     bend = graph.math("MAXIMUM", (noise - mean) * above, 0.0) / (sigma_px * sigma_px)
     steepness = slope + graph.math("SQRT", graph.math("MULTIPLY_ADD", slope, slope, bend))
     # Canny's edge lies on the drop's outermost pixels.
@@ -203,48 +204,40 @@ def _distance(noise: Socket, above: Socket, mean: Socket, sigma_px: Socket) -> S
     return graph.math("FLOOR", _boxed(graph.math("MINIMUM", from_rim, float(_FAR_PX))))
 
 
-def _share_nearer(distance_px: Socket, given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
-    """Return the share of the frame that lies nearer to a rim: what equalising the histogram gives.
-
-    1 - exp(-(a x + b x^2)) for x = distance / sigma, as discs that meet no rim have it; fitted to the reference.
-    """
-    graph = distance_px.graph
-    crossed = _crossed(given, sigma_px)
-    across = graph.math("MULTIPLY_ADD", crossed * crossed, 0.5, 0.58)
-    x = distance_px / sigma_px
-    exponent = graph.math("MULTIPLY_ADD", x, 0.2, across) * x * crossed
-    return 1.0 - graph.math("EXPONENT", -exponent)
-
-
 def _height(given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
     """Return the threshold's height above the mean, in standard deviations of the blurred noise."""
     return (given["threshold"] - given["mean"]) * (sigma_px * (2.0 * math.sqrt(math.pi))) / given["std"]
 
 
-def _crossed(given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
-    """Return how long the rims are, of what they are at the mean (Rice's formula)."""
-    height = _height(given, sigma_px)
-    return given["std"].graph.math("EXPONENT", height * height * -0.5)
+def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
+    """Return the share of the frame that lies nearer to a rim: what equalising the histogram gives.
+
+    1 - exp(-(a x + b x^2)), as discs of radius x that meet no rim have it; x in sigmas. Fitted to the reference.
+    """
+    graph = distance.graph
+    across = graph.math("MULTIPLY_ADD", crossed * crossed, 0.5, 0.58)
+    exponent = graph.math("MULTIPLY_ADD", distance, 0.2, across) * distance * (crossed * -1.0)
+    return 1.0 - graph.math("EXPONENT", exponent)
 
 
 def _relief(share: Socket) -> Socket:
-    """Return the share, embossed from the upper left as by _RIM, blurred by 3 x 3."""
+    """Return the share, embossed as by _RIM, blurred by 3 x 3."""
     graph = share.graph
     # Bilinear, 2/3 of a pixel aslant: weights as 2 to 1 to 1, so that their difference is _RIM without its middle.
-    lower, upper = (
+    sides = [
         graph.node(
             "CompositorNodeDisplace",
             {
                 "Image": share,
-                "Displacement": (sign * 2 / 3, -sign * 2 / 3),
+                "Displacement": (-sign * 2 / 3, sign * 2 / 3),
                 "Interpolation": "Bilinear",
                 "Extension X": "Extend",
                 "Extension Y": "Extend",
             },
         ).out("Image", "float")
         for sign in (1, -1)
-    )
-    return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", lower - upper, 4.5, share)))
+    ]
+    return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", sides[0] - sides[1], 4.5, share)))
 
 
 def _overlooked(inside: Socket) -> Socket:
@@ -256,35 +249,32 @@ def _overlooked(inside: Socket) -> Socket:
     return inside.graph.math("COMPARE", _boxed(inside, 2), 4 / 25, 0.5 / 25, label="Four pixels of 5 x 5") * 0.45
 
 
-def _brightness(canvas: Canvas, drops: Socket, given: Mapping[str, Socket], sigma_px: Socket, finest: Socket) -> Socket:
-    """Return the drops so that the brightest place of the frame has the strength `scaling`.
+def _brightest(canvas: Canvas, drops: Socket, threshold: Socket, expected: Socket) -> Socket:
+    """Return the brightness of the frame's brightest place, which gets the strength `scaling`.
 
-    The reference's brightest place is often a drop that Canny overlooks, far from any rim that it knows. There the
-    equalised distance is any number in [0, 1]: the largest of n is U^(1 / n), and its emboss is some more.
+    That is often a drop that Canny overlooks, far from any rim that it knows, where the equalised distance is any
+    number in [0, 1]: the largest of n is U^(1 / n), and its emboss some more. expected: how many such drops there are.
     """
     graph = canvas.graph
-    brightest = graph.node("CompositorNodeLevels", {"Image": drops, "Channel": "Red"}).out("Maximum", "float")
-    brightest = brightest * 1.03  # the reference's normal numbers reach further than ours
-    pixels = canvas.width_px * canvas.height_px / (finest * finest)
-    height = graph.math("MAXIMUM", _height(given, sigma_px), 1e-3)
-    overlooked = pixels * _crossed(given, sigma_px) * height**3.0 / (sigma_px**4.0 * 660.0)
-    largest = canvas.random_value(1) ** (1.0 / graph.math("MAXIMUM", overlooked, 1e-3))
-    small = given["threshold"] * graph.math("MINIMUM", largest * 1.25, 1.0)
-    return drops * (given["scaling"] / graph.math("MAXIMUM", brightest, small))
+    seen = graph.node("CompositorNodeLevels", {"Image": drops, "Channel": "Red"}).out("Maximum", "float")
+    largest = canvas.random_value(1) ** (1.0 / graph.math("MAXIMUM", expected, 1e-3))
+    overlooked = threshold * graph.math("MINIMUM", largest * 1.25, 1.0)
+    # The reference's normal numbers reach a little further than ours.
+    return graph.math("MAXIMUM", seen * 1.03, overlooked)
 
 
-def _placed(canvas: Canvas, cover: Socket, run_px: Socket, finest: Socket) -> Socket:
+def _placed(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> Socket:
     """Return the drops at the image's size, moved by what is left of a whole pixel."""
     graph = canvas.graph
     share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
-    rest = graph.math("FRACT", run_px) * finest / canvas.height_px
+    rest = graph.math("FRACT", run_px)
     # The third number is the share of the picture that shows.
-    place = graph.math("ADD", share, graph.vector(0.0, rest, 1.0))
+    place = graph.math("ADD", share, graph.vector(0.0, rest / size_px.y, 1.0))
     inputs = {"Image": cover, "UV": place, "Interpolation": "Bilinear"}
     inputs |= {"Extension X": "Extend", "Extension Y": "Extend"}
     moved = graph.node("CompositorNodeMapUV", inputs).out("Image", "float")
-    same = graph.math("ABSOLUTE", canvas.scale - 1.0) + graph.math("FRACT", run_px) < 1e-6
-    return graph.choose(same, cover, moved, "float")
+    unmoved = graph.math("ABSOLUTE", canvas.scale - 1.0) + rest < 1e-6
+    return graph.choose(unmoved, cover, moved, "float")
 
 
 PERTURBATION = Perturbation(

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What JPEG does to an image between encoding and decoding, as nodes.
+
+After ITU-T T.81 and JFIF 1.02, and libjpeg where they leave a choice: every step rounds where and as libjpeg's
+default ("slow integer") transforms do. What is left is single precision, which now and then rounds a tie to the other
+side; and the chroma of frames less than five pixels wide, which libjpeg enlarges without interpolation.
+
+All is done to three planes, the channels of one image: the upper half of luma, the lower half, and both chromas at half
+size side by side. They have equal sizes, so each node works for all of them. Rows go downwards in them, as blocks are
+counted; in Blender's images they go upwards.
+"""
+
+import math
+from dataclasses import dataclass
+
+from ..core.graph import Graph, GroupInput, Socket, Value
+from ..core.groups import Canvas
+from ._block_dct import BUNDLES, RUN, cosines, frequencies, pixels, sample
+
+# The standard's tables for quality 50 (K.1 and K.2): a row for each vertical frequency.
+LUMA = (
+    (16, 11, 10, 16, 24, 40, 51, 61),
+    (12, 12, 14, 19, 26, 58, 60, 55),
+    (14, 13, 16, 24, 40, 57, 69, 56),
+    (14, 17, 22, 29, 51, 87, 80, 62),
+    (18, 22, 37, 56, 68, 109, 103, 77),
+    (24, 35, 55, 64, 81, 104, 113, 92),
+    (49, 64, 78, 87, 103, 121, 120, 101),
+    (72, 92, 95, 98, 112, 100, 103, 99),
+)
+CHROMA = (
+    (17, 18, 24, 47, 99, 99, 99, 99),
+    (18, 21, 26, 66, 99, 99, 99, 99),
+    (24, 26, 56, 99, 99, 99, 99, 99),
+    (47, 66, 99, 99, 99, 99, 99, 99),
+    *(((99,) * 8),) * 4,
+)
+CENTRE = 128.0  # of a byte: the transform is of differences from it
+AWAY_FROM_ZERO = 1 + 2e-5  # so that what lies halfway between two steps goes where libjpeg rounds it
+BETWEEN_PASSES = 1 / (4 * math.sqrt(8))  # what libjpeg's transforms keep between rows and columns
+PIXEL_CENTRE = (0.5, 0.5, 1.0)  # from a column, a row and 0 to a place
+TOP = (0.0, 1.0, 0.0)
+
+
+def compressed(canvas: Canvas, quality: Socket) -> Socket:
+    """Return the canvas's image after JPEG at libjpeg's `quality`, 4:2:0."""
+    with canvas.graph.section("Sizes"):
+        frame = _frame(canvas)
+    with canvas.graph.section("Bytes of YCbCr in three planes"):
+        place = _places(frame.planes, "Planes")
+        planes = _planes(frame, _ycc(canvas), place)
+    decoded = _decoded(frame, planes, place, quality)
+    with canvas.graph.section("Back to RGB"):
+        return _rgb(canvas, frame, decoded)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Sizes in pixels, (width, height, 1), and how many of the image's pixels are one of the frame's.
+
+    frame: what is compressed. planes: each of the three. chroma: of the frame.
+    """
+
+    scale: Socket
+    frame: Socket
+    planes: Socket
+    chroma: Socket
+
+
+def _frame(canvas: Canvas) -> _Frame:
+    graph = canvas.graph
+    scale = graph.math("MINIMUM", canvas.scale, 1.0, label="No block larger than 8 pixels")
+    size = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / scale)
+    blocks, pairs = graph.math("CEIL", size / 16.0), graph.math("CEIL", size / 2.0)
+    frame = graph.math("ADD", size, (0.0, 0.0, 1.0), label="Frame")
+    planes = graph.math("MULTIPLY_ADD", blocks, (16.0, 8.0, 0.0), (0.0, 0.0, 1.0), label="Planes")
+    return _Frame(scale, frame, planes, graph.math("ADD", pairs, (0.0, 0.0, 1.0), label="Chroma"))
+
+
+def _places(size: Socket, label: str) -> Socket:
+    """Return an image of this size of its pixels' columns and rows, and 0."""
+    blank = size.graph.node("CompositorNodeBlankImage", {"Size": size}, label=label).out("Image", "color")
+    return size.graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+
+
+def _ycc(canvas: Canvas) -> Socket:
+    """Return bytes of Y, Cb and Cr (JFIF: ITU-R BT.601, full range)."""
+    graph = canvas.graph
+    levels = graph.math("FLOOR", graph.math("MULTIPLY_ADD", canvas.image, 255.0, 0.5), label="Bytes")
+    # A half of luma is rounded up, of chroma down.
+    ycc: Value = _fixed(0.5, CENTRE + 0.499985, CENTRE + 0.499985)
+    ycc = graph.math("MULTIPLY_ADD", levels.r, _fixed(0.299, -0.16874, 0.5), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.g, _fixed(0.587, -0.33126, -0.41869), ycc)
+    ycc = graph.math("MULTIPLY_ADD", levels.b, _fixed(0.114, 0.5, -0.08131), ycc)
+    return graph.math("FLOOR", ycc, label="Y, Cb, Cr")
+
+
+def _fixed(*values: float) -> tuple[float, ...]:
+    """Return the values as libjpeg's fixed-point numbers hold them."""
+    return tuple(round(value * 65536) / 65536 for value in values)
+
+
+def _planes(frame: _Frame, ycc: Socket, place: Socket) -> Socket:
+    """Return the three planes, less the centre of a byte. The frame's border is replicated, as libjpeg does."""
+    graph = ycc.graph
+    per_pixel = graph.math("DIVIDE", (1.0, -1.0, 1.0), frame.frame)
+    upper = graph.math("MULTIPLY_ADD", place + PIXEL_CENTRE, per_pixel, TOP)
+    lower = upper - frame.planes * TOP / frame.frame
+    luma = [sample(graph, ycc, where).r for where in (upper, lower)]
+
+    pair = graph.math("MODULO", place, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
+    last = graph.math("MULTIPLY_ADD", frame.chroma, TOP, (1e6, -1.0, 0.0), label="Last row")
+    corner = graph.math("MULTIPLY_ADD", graph.math("MINIMUM", pair, last), 2.0, 1.0, label="Between four pixels")
+    mean = sample(graph, ycc, graph.math("MULTIPLY_ADD", corner, per_pixel, TOP), "Bilinear")
+    # libjpeg rounds the mean of four down and up in turns; an eighth keeps clear of the quarters.
+    is_odd = graph.math("FLOORED_MODULO", pair.x, 2.0)
+    rounding = graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
+    chroma = graph.mix(mean.g, mean.b, place.x > pair.x) + rounding
+    return graph.math("FLOOR", graph.vector(*luma, chroma)) - CENTRE
+
+
+def _decoded(frame: _Frame, planes: Socket, place: Socket, quality: Socket) -> Socket:
+    """Return the planes as bytes, out of their quantised coefficients."""
+    graph = planes.graph
+    with graph.section("Rows to frequencies"):
+        starts = _places(frame.planes * (1 / 8, 1.0, 1.0), "Runs of a row")
+        first = graph.math("MULTIPLY_ADD", starts, (8.0, 1.0, 1.0), PIXEL_CENTRE) / frame.planes
+        inputs = {"Image": planes, "First": first, "Step": graph.math("DIVIDE", (1.0, 0.0, 0.0), frame.planes)}
+        rows = graph.group(frequencies(), inputs, name="Rows to frequencies")
+    with graph.section("Columns of coefficients"):
+        runs = frame.planes * (1 / 8, 1.0, 1.0)
+        starts = _places(frame.planes * (1 / 8, 1 / 8, 1.0), "Blocks")
+        shared = {
+            "First": graph.math("MULTIPLY_ADD", starts, (1.0, 8.0, 1.0), PIXEL_CENTRE) / runs,
+            "Step": graph.math("DIVIDE", TOP, runs),
+            "Percent": _percent(quality),
+        }
+        tall = _places(runs, "Runs of a row")
+        shared |= _weights(tall, tall.y)
+        column, columns = _column(), {}
+        for u in RUN:
+            entries = {f"Entry {v}": (LUMA[v][u], LUMA[v][u], CHROMA[v][u]) for v in RUN}
+            inputs = {"Image": rows.out(f"{u}", "vector")} | entries | shared
+            columns[f"{u}"] = graph.group(column, inputs, name=f"Horizontal frequency {u}").out("Image", "color")
+    with graph.section("Frequencies to rows"):
+        values = graph.group(pixels(), columns | _weights(place, place.x), name="Frequencies to rows")
+        rounded = graph.math("FLOOR", values.out("Image", "color") + (CENTRE + 0.5))
+        return graph.clamp(rounded, 0.0, 255.0)
+
+
+def _weights(place: Socket, along: Socket) -> dict[str, Socket]:
+    """Return what the group of pixels asks for: where they are, and their cosines along an axis."""
+    graph = place.graph
+    made = graph.group(cosines(), {"Place": along}, name="Cosines")
+    normalised = graph.node("CompositorNodeImageCoordinates", {"Image": place}).out("Normalized", "vector")
+    return {name: made.out(name, "vector") for name in BUNDLES} | {"Place": normalised + (0.0, 0.0, 1.0)}
+
+
+def _percent(quality: Socket) -> Socket:
+    """Return libjpeg's scale of the tables (jpeg_quality_scaling)."""
+    graph = quality.graph
+    coarse, fine = graph.math("FLOOR", 5000.0 / quality), 200.0 - 2.0 * quality
+    return graph.mix(fine, coarse, graph.math("LESS_THAN", quality, 50.0))
+
+
+def _column() -> Graph:
+    """Describe the group that quantises a horizontal frequency: a column of the tables."""
+    graph = Graph("NW JPEG column", "One horizontal frequency, quantised at its eight vertical frequencies")
+    nothing = (0.0, 0.0, 0.0)
+    image = graph.input(GroupInput("Image", "color", (*nothing, 1.0), "Its coefficient of each row of eight pixels"))
+    first = graph.input(GroupInput("First", "vector", nothing, "Where each block's first row is, from 0 to 1"))
+    step = graph.input(GroupInput("Step", "vector", nothing, "From one row of a block to the next"))
+    weights = {
+        name: graph.input(GroupInput(name, "vector", nothing, "For the way back")) for name in ("Place", *BUNDLES)
+    }
+    percent = graph.input(GroupInput("Percent", "float", 100.0, "How coarse: 100 is quality 50"))
+    meaning = "The tables' entry at quality 50: luma, luma, chroma"
+    entries = [graph.input(GroupInput(f"Entry {v}", "vector", (16.0, 16.0, 17.0), meaning)) for v in RUN]
+    with graph.section("Columns to frequencies"):
+        split = graph.group(frequencies(), {"Image": _between_passes(image), "First": first, "Step": step})
+    with graph.section("Quantise"):
+        quantise, rounded = _quantise(), {}
+        for v in RUN:
+            inputs = {"Coefficient": split.out(f"{v}", "vector"), "Entry": entries[v], "Percent": percent}
+            rounded[f"{v}"] = graph.group(quantise, inputs).out("Coefficient", "vector")
+    with graph.section("Frequencies to columns"):
+        joined = graph.group(pixels(), weights | rounded).out("Image", "color")
+        graph.output("Image", _between_passes(joined))
+    return graph
+
+
+def _between_passes(image: Socket) -> Socket:
+    """Round as libjpeg's transforms do between rows and columns."""
+    return image.graph.math("SNAP", image + BETWEEN_PASSES / 2, BETWEEN_PASSES)
+
+
+def _quantise() -> Graph:
+    """Describe the group that rounds a coefficient of every block to a multiple of the table's entry."""
+    graph = Graph("NW JPEG quantise", "A coefficient of every block, rounded to a multiple of its step")
+    value = graph.input(GroupInput("Coefficient", "vector", (0.0, 0.0, 0.0), "Of every block"))
+    entry = graph.input(GroupInput("Entry", "vector", (16.0, 16.0, 17.0), "The tables' entry at quality 50"))
+    percent = graph.input(GroupInput("Percent", "float", 100.0, "How coarse: 100 is quality 50"))
+    with graph.section("Step"):
+        scaled = graph.math("FLOOR", graph.math("MULTIPLY_ADD", entry, percent, 50.0) / 100.0)
+        step = graph.clamp(scaled, 1.0, 255.0)
+    with graph.section("Round"):
+        eighths = graph.math("SNAP", value + 1 / 16, 1 / 8, label="libjpeg's precision")
+        nearest = graph.math("MULTIPLY_ADD", eighths, AWAY_FROM_ZERO, step * 0.5)
+        graph.output("Coefficient", graph.math("SNAP", nearest, step), "vector")
+    return graph
+
+
+def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
+    """Unpack the planes, enlarge the chroma as libjpeg does, and convert (JFIF)."""
+    graph = canvas.graph
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
+    corner = graph.vector(0.5, canvas.height_px - 0.5, frame.scale)
+    centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), corner) / frame.scale
+    where = centre / frame.planes
+    within = graph.math("MODULO", where, (2.0, 1.0, 2.0), label="Lower half under upper half")
+    halves = sample(graph, decoded, within, "Bilinear")
+    luma = graph.mix(halves.r, halves.g, where.y > within.y)
+
+    blue = (_places(frame.chroma, "Chroma") + PIXEL_CENTRE) / frame.planes
+    red = blue + (0.5, 0.0, 0.0)
+    small = graph.vector(*(sample(graph, decoded, half).b for half in (blue, red)))
+    wide = sample(graph, small, centre / (frame.chroma * (2.0, 2.0, 1.0)), "Bilinear")
+    # libjpeg rounds the weighted mean up and down in turns; half a sixteenth keeps clear of the sixteenths.
+    is_odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
+    rounding = graph.math("MULTIPLY_ADD", is_odd, -1 / 16, 0.5 + 1 / 32)
+    chroma = graph.math("FLOOR", wide + rounding) - CENTRE
+    rgb = graph.math("MULTIPLY_ADD", chroma.x, _fixed(0.0, -0.34414, 1.772), luma + 0.5, label="With Cb")
+    rgb = graph.math("MULTIPLY_ADD", chroma.y, _fixed(1.402, -0.71414, 0.0), rgb, label="With Cr")
+    return graph.math("FLOOR", rgb) / 255.0
