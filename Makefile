@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture ice test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery screenshots assets ice test bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -28,6 +28,15 @@ picture: demo ## draw the README's picture anew
 
 ice: venv ## draw frost's pictures of ice anew
 	$(PY) headless/draw_ice.py
+
+gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
+	$(PY) headless/gallery.py docs/gallery.jpg
+
+screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
+	$(BLENDER) --factory-startup -P headless/screenshots.py -- docs
+
+assets: venv ## write the asset library of node groups for Blender's asset browser
+	$(PY) headless/assets.py
 
 test: venv ## run the tests
 	$(PY) -m pytest

@@ -33,7 +33,9 @@ MIXED = [
 
 
 def test_the_taxonomy_is_whole():
-    assert len(RGB) == 16
+    of_depth = {name for name in RGB if registry()[name].needs_depth}
+    assert of_depth == {"fog_depth", "defocus_depth"}  # ours, beside the paper's
+    assert len(set(RGB) - of_depth) == 16
     assert len(DEPTH) == 4
     assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"}
 
@@ -47,14 +49,19 @@ def picture():
 @pytest.mark.parametrize("name", RGB)
 def test_bytes_and_floats_agree(name, picture):
     before = picture.copy()
-    low = apply(picture, name, severity=3, seed=5, frame=7)
-    high = apply((picture / np.float32(255)).astype(np.float32), name, severity=3, seed=5, frame=7)
+    seen = {}
+    if registry()[name].needs_depth:
+        with pytest.raises(TypeError, match="needs the frame's depth"):
+            apply(picture, name, severity=3)
+        seen["depth_m"] = np.linspace(0, 6, 60 * 90, dtype=np.float32).reshape(60, 90)
+    low = apply(picture, name, severity=3, seed=5, frame=7, **seen)
+    high = apply((picture / np.float32(255)).astype(np.float32), name, severity=3, seed=5, frame=7, **seen)
     assert (low.dtype, low.shape) == (np.uint8, picture.shape)
     assert (high.dtype, high.shape) == (np.float32, picture.shape)
     assert 0 <= high.min() <= high.max() <= 1
     assert np.array_equal(low, rgb_bytes(high))
     assert np.array_equal(picture, before)
-    assert np.array_equal(apply(picture, name, severity=3, seed=5, frame=7), low)
+    assert np.array_equal(apply(picture, name, severity=3, seed=5, frame=7, **seen), low)
     assert not np.array_equal(low, picture)
     assert np.array_equal(apply(picture, name, severity=0), picture)
     if registry()[name].temporals:

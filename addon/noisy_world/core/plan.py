@@ -25,6 +25,7 @@ SECONDS_PER_SAMPLE = 3.5e-7
 SECONDS_PER_PIXEL = 1.0e-7
 SECONDS_PER_RENDER = 4.0
 SECONDS_PER_PERTURBED_PIXEL = 6e-8
+SECONDS_PER_COMPOSITED_PIXEL = 1.6e-7
 BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
 
 
@@ -227,6 +228,9 @@ def estimate(plan: Plan) -> Estimate:
     ]
     written = pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
     seconds = sum(count for _, count in perturbed) * pixels * SECONDS_PER_PERTURBED_PIXEL
+    if plan.composites:
+        composited = sum(len(sequence.frames) for sequence in plan.sequences if sequence.setting.composited)
+        seconds += composited * pixels * SECONDS_PER_COMPOSITED_PIXEL
     for render in plan.renders:
         if render.scene.existing is None:
             per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
