@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Socket
+from ..core.graph import Kind, Socket
 from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
@@ -140,12 +140,19 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         expected = size_px.x * size_px.y * crossed * height**3.0 / (sigma_px**4.0 * _OVERLOOKED_AREA)
         water = drops * (given["scaling"] / _brightest(canvas, drops, given["threshold"], expected))
     with graph.section("Over the image"):
-        cover = graph.choose(given["complexity"] > 0.5, mud, water, "float")
+        cover = _either(given["complexity"], water, mud, "float")
         cover = _placed(canvas, cover, run_px, size_px)
         cover = graph.vector(cover, cover, cover)
         wet = graph.math("MULTIPLY_ADD", cover, _encoded(_WATER_RGB), canvas.image)
         muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), cover)
-        return graph.choose(given["complexity"] > 0.5, muddy, wet)
+        return _either(given["complexity"], wet, muddy, "color")
+
+
+def _either(complexity: Socket, water: Socket, mud: Socket, kind: Kind) -> Socket:
+    """Return one of two; the other is not calculated, as the index is the group's own input."""
+    types = {"float": "FLOAT", "color": "RGBA"}
+    inputs = {"Index": complexity, "Item_0": water, "Item_1": mud}
+    return water.graph.node("GeometryNodeIndexSwitch", inputs, {"data_type": types[kind]}).out("Output", kind)
 
 
 def _encoded(rgb: tuple[int, int, int]) -> tuple[float, ...]:
