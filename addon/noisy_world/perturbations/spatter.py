@@ -273,15 +273,19 @@ def _brightest(canvas: Canvas, drops: Socket, threshold: Socket, expected: Socke
 def _placed(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> Socket:
     """Return the drops at the image's size, moved by what is left of a whole pixel."""
     graph = canvas.graph
-    share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     rest = graph.math("FRACT", run_px)
+    moving = graph.math("GREATER_THAN", graph.math("ABSOLUTE", canvas.scale - 1.0) + rest, 1e-6)
+    # Where nothing moves, what a switch would calculate all the same is one pixel.
+    sides = {"Width": canvas.width_px * moving, "Height": canvas.height_px * moving}
+    inputs = {"Image": canvas.image} | {name: graph.math("MAXIMUM", side, 1.0) for name, side in sides.items()}
+    image = graph.node("CompositorNodeCrop", inputs).out("Image", "color")
+    share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
     # The third number is the share of the picture that shows.
     place = graph.math("ADD", share, graph.vector(0.0, rest / size_px.y, 1.0))
     inputs = {"Image": cover, "UV": place, "Interpolation": "Bilinear"}
     inputs |= {"Extension X": "Extend", "Extension Y": "Extend"}
     moved = graph.node("CompositorNodeMapUV", inputs).out("Image", "float")
-    unmoved = graph.math("ABSOLUTE", canvas.scale - 1.0) + rest < 1e-6
-    return graph.choose(unmoved, cover, moved, "float")
+    return graph.choose(moving, moved, cover, "float")
 
 
 PERTURBATION = Perturbation(
