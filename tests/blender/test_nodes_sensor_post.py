@@ -192,11 +192,18 @@ def test_pixelate_is_the_references_at_full_size(severity):
     assert levels_apart(made, expected)[0] < 0.1
 
 
-@pytest.mark.parametrize("factor", [1.0, 0.37, 0.05, 0.001])
+@pytest.mark.parametrize("factor", [1.0, 0.77, 0.37, 0.05])
 def test_any_factor_pixelates(factor):
     image = colours(60, 100)
     made, expected = (make("pixelate", image, factor=factor)[0] for make in (by_nodes, by_reference))
     assert levels_apart(made, expected)[0] < 0.1
+
+
+def test_blocks_of_any_size_are_meaned_about():
+    image = colours(300, 500)
+    made = by_nodes("pixelate", image, factor=0.001)[0]
+    assert np.ptp(made, axis=(0, 1)).max() < 1e-6
+    np.testing.assert_allclose(made[0, 0], image.mean(axis=(0, 1)), atol=5 * 0.29 / 20)
 
 
 def test_a_centre_on_a_border_shows_one_of_its_two_blocks():

@@ -96,7 +96,7 @@ def _packed(item: _ice.Ice) -> Picture:
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
-    """Return the item that a uniform number in [0, 1] falls to; the others are not looked at."""
+    """Return the item that a uniform number in [0, 1] falls to."""
     shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(_ice.EQUALLY_OFTEN)
     ordered = reversed(list(zip(items[:-1], shares, strict=False)))
     return reduce(lambda rest, pair: uniform.graph.choose(uniform < pair[1], pair[0], rest, kind), ordered, items[-1])

@@ -16,6 +16,7 @@ from ..core.schema import key
 
 LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
 HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
+LARGEST_SIDE = 20.0  # cells: the Pixelate node takes a square's time for each; of larger blocks the group takes samples
 WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
 # At two blocks for five pixels every other border has a centre on it. Float64's rounding, step after step, shows there
 # the block after the border at first, and changes over at these ones. At other ratios it has no such order, and few or
@@ -119,7 +120,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         blocks = graph.math("MAXIMUM", blocks, 1.0, label="Blocks")
         grid = graph.math("MAXIMUM", frame, size, label="Pixels to divide")
         largest = graph.math("CEIL", grid / blocks)
-        side = graph.math("MAXIMUM", largest.x, largest.y, label="Side of a square")
+        side = graph.math("MAXIMUM", largest.x, largest.y)
+        side = graph.math("MINIMUM", side, LARGEST_SIDE, label="Side of a square")
         squares = blocks * side
     with graph.section("A square for each block"):
         blank = graph.node("CompositorNodeBlankImage", {"Size": squares}).out("Image", "color")
@@ -129,8 +131,10 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         start, past = _whole_and_rest(block, grid, blocks, border)
         pixels = graph.math("FLOOR", past + grid / blocks)
         place = cell - block * side
-        weight = (place < pixels) * (side / pixels)
-        spread = _look_up(canvas.image, start + place + 0.5, grid, weight.x * weight.y)
+        filled = pixels / side
+        weight = (place < pixels) / graph.math("MINIMUM", filled, 1.0)
+        where = graph.math("MULTIPLY_ADD", place + 0.5, graph.math("MAXIMUM", filled, 1.0), start)
+        spread = _look_up(canvas.image, where, grid, weight.x * weight.y)
     with graph.section("Means"):
         node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
         means = node.out("Color", "color")

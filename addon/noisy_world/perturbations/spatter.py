@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Socket
+from ..core.graph import Kind, Socket
 from ..core.groups import Canvas
 from ..core.perturbation import Frame, Perturbation
 from ..core.schema import key
@@ -140,12 +140,19 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         expected = size_px.x * size_px.y * crossed * height**3.0 / (sigma_px**4.0 * _OVERLOOKED_AREA)
         water = drops * (given["scaling"] / _brightest(canvas, drops, given["threshold"], expected))
     with graph.section("Over the image"):
-        cover = graph.choose(given["complexity"] > 0.5, mud, water, "float")
+        cover = _either(given["complexity"], water, mud, "float")
         cover = _placed(canvas, cover, run_px, size_px)
         cover = graph.vector(cover, cover, cover)
         wet = graph.math("MULTIPLY_ADD", cover, _encoded(_WATER_RGB), canvas.image)
         muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), cover)
-        return graph.choose(given["complexity"] > 0.5, muddy, wet)
+        return _either(given["complexity"], wet, muddy, "color")
+
+
+def _either(complexity: Socket, water: Socket, mud: Socket, kind: Kind) -> Socket:
+    """Return one of two; the other is not calculated, as the index is the group's own input."""
+    types = {"float": "FLOAT", "color": "RGBA"}
+    inputs = {"Index": complexity, "Item_0": water, "Item_1": mud}
+    return water.graph.node("GeometryNodeIndexSwitch", inputs, {"data_type": types[kind]}).out("Output", kind)
 
 
 def _encoded(rgb: tuple[int, int, int]) -> tuple[float, ...]:
@@ -266,15 +273,19 @@ def _brightest(canvas: Canvas, drops: Socket, threshold: Socket, expected: Socke
 def _placed(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> Socket:
     """Return the drops at the image's size, moved by what is left of a whole pixel."""
     graph = canvas.graph
-    share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     rest = graph.math("FRACT", run_px)
+    moving = graph.math("GREATER_THAN", graph.math("ABSOLUTE", canvas.scale - 1.0) + rest, 1e-6)
+    # Where nothing moves, what a switch would calculate all the same is one pixel.
+    sides = {"Width": canvas.width_px * moving, "Height": canvas.height_px * moving}
+    inputs = {"Image": canvas.image} | {name: graph.math("MAXIMUM", side, 1.0) for name, side in sides.items()}
+    image = graph.node("CompositorNodeCrop", inputs).out("Image", "color")
+    share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
     # The third number is the share of the picture that shows.
     place = graph.math("ADD", share, graph.vector(0.0, rest / size_px.y, 1.0))
     inputs = {"Image": cover, "UV": place, "Interpolation": "Bilinear"}
     inputs |= {"Extension X": "Extend", "Extension Y": "Extend"}
     moved = graph.node("CompositorNodeMapUV", inputs).out("Image", "float")
-    unmoved = graph.math("ABSOLUTE", canvas.scale - 1.0) + rest < 1e-6
-    return graph.choose(unmoved, cover, moved, "float")
+    return graph.choose(moving, moved, cover, "float")
 
 
 PERTURBATION = Perturbation(
