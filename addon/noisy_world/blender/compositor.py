@@ -125,6 +125,8 @@ class Compositor:
                 images[name] = None
                 if works:
                     active.append(name)
+            if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
+                raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
             if active:
                 if not uploaded:
                     self._upload(rgb, depth_m)
@@ -153,9 +155,7 @@ class Compositor:
         else:
             self._rgba[..., :3] = values
         _fill(self._image, self._rgba)
-        if self._depth_image is not None:
-            if depth_m is None:
-                raise ValueError("a chain asks for depth, and there is none")
+        if self._depth_image is not None and depth_m is not None:
             rgba = np.ones_like(self._rgba)
             rgba[..., :3] = depth_m[::-1, :, None]
             _fill(self._depth_image, rgba)
