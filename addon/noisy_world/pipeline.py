@@ -323,7 +323,8 @@ def _composited(compositor: "Compositor | None", render: Render, source: int, im
         return {}
     shown = [item for item in render.sequences if item.setting.composited and source in item.rgb_shown_by]
     frames = {item.folder: (item.rgb_shown_by[source], item.identifiers) for item in shown}
-    return compositor.perturb(image.rgb, frames, image.depth_m)
+    needs_depth = any(item.setting.needs_depth for item in render.sequences)
+    return compositor.perturb(image.rgb, frames, image.depth_m if needs_depth else None)
 
 
 def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
