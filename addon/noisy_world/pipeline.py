@@ -14,7 +14,7 @@ import numpy as np
 
 from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord
 from .core.errors import InterruptedRunError
-from .core.machine import available_threads, peak_memory_bytes
+from .core.machine import available_threads, keep_freed_memory, peak_memory_bytes
 from .core.mesh import Mesh
 from .core.overview import draw_overview
 from .core.plan import Plan, Render, Sequence, estimate, load_trajectory, render_trajectories, written_trajectories
@@ -251,6 +251,7 @@ class Run:
             return nullcontext()
         from .blender.compositor import Compositor
 
+        keep_freed_memory()
         camera = self._plan.camera
         return Compositor((camera.width_px, camera.height_px), chains, camera.width_px)
 

@@ -17,8 +17,9 @@ from .nodes import ensure_group, remove_group
 from .render import muted_output, scratch_folder
 
 SCENE = "Noisy World compositor"
-LAYERS_PER_CALL = 16  # of float colour, so that memory does not grow with the number of settings
+FILES_PER_CALL = 16  # of float colour, so that memory does not grow with the number of settings
 BYTES_PER_PIXEL = 12
+LAYER = "s"
 
 
 class Compositor:
@@ -38,8 +39,8 @@ class Compositor:
         self._size_px = size_px = (2, 1) if self._one_pixel else size_px
         self._chains = {name: tuple(steps) for name, steps in chains.items()}
         self._needs_depth = any(step.perturbation.needs_depth for steps in chains.values() for step in steps)
-        self._scratch = scratch_folder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), LAYERS_PER_CALL))
-        self._path = Path(self._scratch.name) / "settings.exr"
+        self._scratch = scratch_folder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), FILES_PER_CALL))
+        self._folder = Path(self._scratch.name)
         self._scene = bpy.data.scenes.new(SCENE)
         self._tree = bpy.data.node_groups.new(SCENE, "CompositorNodeTree")
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
@@ -47,9 +48,8 @@ class Compositor:
         self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
         self._configure()
         self._nodes: dict[str, bpy.types.Node] = {}
-        names = list(self._chains)
-        self._batches = [names[k : k + LAYERS_PER_CALL] for k in range(0, len(names), LAYERS_PER_CALL)]
-        self._files = self._wire(reference_width_px)
+        self._files: dict[str, bpy.types.Node] = {}
+        self._wire(reference_width_px)
 
     def _configure(self) -> None:
         scene = self._scene
@@ -62,35 +62,23 @@ class Compositor:
         render.compositor_device = "CPU"
         render.compositor_precision = "FULL"
 
-    def _wire(self, reference_width_px: int) -> list[bpy.types.Node]:
-        """Link the frame through every chain to a layer of its batch's file."""
+    def _wire(self, reference_width_px: int) -> None:
+        """Link the frame through every chain to a file of its own: an unlinked layer would be written all the same."""
         tree = self._tree
         frame = _image_node(tree, self._image)
         depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
-        files = []
-        for batch in self._batches:
-            file = tree.nodes.new("CompositorNodeOutputFile")
-            file.directory = str(self._path.parent)
-            file.file_name = self._path.stem
-            file.format.media_type = "MULTI_LAYER_IMAGE"
-            file.format.file_format = "OPEN_EXR_MULTILAYER"
-            file.format.color_depth = "32"
-            file.format.exr_codec = "NONE"
-            file.format.use_exr_interleave = True
-            file.save_as_render = False
-            for place, name in enumerate(batch):
-                node = tree.nodes.new("CompositorNodeGroup")
-                node.node_tree = ensure_group(build_chain(f"NW chain {name}", self._chains[name]))
-                node.inputs["Reference Width"].default_value = reference_width_px
-                node.inputs["Encoded"].default_value = True
-                tree.links.new(frame.outputs["Image"], node.inputs["Image"])
-                if depth is not None and "Depth" in node.inputs:
-                    tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
-                file.file_output_items.new("VECTOR", f"s{place}")
-                tree.links.new(node.outputs["Image"], file.inputs[place])
-                self._nodes[name] = node
-            files.append(file)
-        return files
+        for place, (name, steps) in enumerate(self._chains.items()):
+            node = tree.nodes.new("CompositorNodeGroup")
+            node.node_tree = ensure_group(build_chain(f"NW chain {name}", steps))
+            node.inputs["Reference Width"].default_value = reference_width_px
+            node.inputs["Encoded"].default_value = True
+            tree.links.new(frame.outputs["Image"], node.inputs["Image"])
+            if depth is not None and "Depth" in node.inputs:
+                tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
+            file = _file_node(tree, self._folder, f"{place}")
+            tree.links.new(node.outputs["Image"], file.inputs[0])
+            self._nodes[name] = node
+            self._files[name] = file
 
     def perturb(
         self,
@@ -115,23 +103,19 @@ class Compositor:
         depth_m: NDArray[np.float32] | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
         """Do what `perturb` does, without rounding."""
-        images: dict[str, NDArray[np.float32] | None] = {}
+        images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
         notes: dict[str, list[dict[str, Any]]] = {}
-        uploaded = False
-        for batch, file in zip(self._batches, self._files, strict=True):
-            active = []
-            for name in (name for name in batch if name in frames):
-                works, notes[name] = self._set_sockets(name, *frames[name])
-                images[name] = None
-                if works:
-                    active.append(name)
-            if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
-                raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
-            if active:
-                if not uploaded:
-                    self._upload(rgb, depth_m)
-                    uploaded = True
-                images |= self._run(file, batch, active)
+        active = []
+        for name, (index, identifiers) in frames.items():
+            works, notes[name] = self._set_sockets(name, index, identifiers)
+            if works:
+                active.append(name)
+        if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
+            raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
+        if active:
+            self._upload(rgb, depth_m)
+        for first in range(0, len(active), FILES_PER_CALL):
+            images |= self._run(active[first : first + FILES_PER_CALL])
         return images, notes
 
     def _set_sockets(self, name: str, index: int, identifiers: Identifiers) -> tuple[bool, list[dict[str, Any]]]:
@@ -160,14 +144,9 @@ class Compositor:
             rgba[..., :3] = depth_m[::-1, :, None]
             _fill(self._depth_image, rgba)
 
-    def _run(self, file: bpy.types.Node, batch: Sequence[str], active: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-        import OpenEXR
-
-        for other in self._files:
-            other.mute = other != file
-        for place, name in enumerate(batch):
-            self._link(file, place, name if name in active else None)
-        self._path.unlink(missing_ok=True)
+    def _run(self, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
+        for name, file in self._files.items():
+            file.mute = name not in names
         problem = ""
         try:
             # Not by the operator's own argument: that would move the scene to the active scene's frame.
@@ -175,24 +154,21 @@ class Compositor:
                 bpy.ops.render.render()
         except RuntimeError as error:  # how Blender reports that it could not write
             problem = str(error).strip().splitlines()[-1]
-        if problem or not self._path.exists():
-            raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
-        with OpenEXR.File(str(self._path), separate_channels=True) as layers:
-            channels = {name: item.pixels for name, item in layers.channels().items()}
-        shown = slice(1) if self._one_pixel else slice(None)
-        return {
-            name: np.stack([channels[f"s{batch.index(name)}.{axis}"][:, shown] for axis in "XYZ"], axis=-1)
-            for name in active
-        }
+        return {name: self._take(self._folder / f"{self._files[name].file_name}.exr", problem) for name in names}
 
-    def _link(self, file: bpy.types.Node, place: int, name: str | None) -> None:
-        """Link a chain to its layer, or unlink the layer: what nothing asks for is not calculated."""
-        socket = file.inputs[place]
-        if name is None:
-            for link in list(socket.links):
-                self._tree.links.remove(link)
-        elif not socket.is_linked:
-            self._tree.links.new(self._nodes[name].outputs["Image"], socket)
+    def _take(self, path: Path, problem: str) -> NDArray[np.float32]:
+        """Read a picture and remove its file."""
+        import cv2
+        import OpenEXR
+
+        if problem or not path.exists():
+            raise StorageError(f"{path}: Blender could not write its scratch file: {problem or 'no file came'}")
+        with OpenEXR.File(str(path), separate_channels=True) as layers:
+            channels = layers.channels()
+            axes = [np.ascontiguousarray(channels[f"{LAYER}.{axis}"].pixels) for axis in "XYZ"]
+        path.unlink()
+        image = cv2.merge(axes).reshape(*axes[0].shape, 3)
+        return image[:, :1] if self._one_pixel else image
 
     def close(self) -> None:
         """Remove everything that was made."""
@@ -225,6 +201,21 @@ def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.N
     node = tree.nodes.new("CompositorNodeImage")
     node.image = image
     return node
+
+
+def _file_node(tree: bpy.types.NodeTree, folder: Path, name: str) -> bpy.types.Node:
+    """Add a node that writes an image as it is: float, no colour management, no compression."""
+    file = tree.nodes.new("CompositorNodeOutputFile")
+    file.directory = str(folder)
+    file.file_name = name
+    file.save_as_render = False
+    file.format.media_type = "MULTI_LAYER_IMAGE"
+    file.format.file_format = "OPEN_EXR_MULTILAYER"
+    file.format.color_depth = "32"
+    file.format.exr_codec = "NONE"
+    file.format.use_exr_interleave = True
+    file.file_output_items.new("VECTOR", LAYER)
+    return file
 
 
 def _fill(image: bpy.types.Image, rgba: NDArray[np.float32]) -> None:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What there is to know of the machine and of this process."""
 
+import ctypes
 import os
 import sys
 from pathlib import Path
+
+_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of glibc
 
 
 def processor_features() -> list[str]:
@@ -30,3 +33,15 @@ def peak_memory_bytes() -> int | None:
 def available_threads() -> int:
     """Return how many threads this process may run at once."""
     return os.process_cpu_count() or 1
+
+
+def keep_freed_memory() -> None:
+    """Let the C library keep the memory of freed images for the next ones, where it is glibc.
+
+    Otherwise each image is given back to the system, and its pages are made anew and cleared: a fifth of the time of
+    Blender's compositor. Peak memory stays what it is.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
+    if mallopt is not None:
+        for option, value in ((_M_MMAP_THRESHOLD, 2**30), (_M_TRIM_THRESHOLD, 2**31 - 1), (_M_TOP_PAD, 2**28)):
+            mallopt(option, value)
