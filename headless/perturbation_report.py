@@ -26,6 +26,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench import node_groups, tables
 from bench.contestant import Contestant
+from noisy_world.core.machine import keep_freed_memory
 from noisy_world.core.perturbation import RGB_CATEGORIES, SEVERITIES
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
@@ -53,6 +54,7 @@ def main(arguments: list[str]) -> int:
         parser.error(f"{options.frames}: no .jpg or .png there")
     options.out.mkdir(parents=True, exist_ok=True)
     cv2.setNumThreads(2)
+    keep_freed_memory()  # as the generator does
     images = [cv2.resize(cv2.imread(str(path))[..., ::-1], SIZE_PX, interpolation=cv2.INTER_CUBIC) for path in paths]
     frames = np.stack(images)
     coloured = [item for item in registry().values() if item.category in RGB_CATEGORIES]
@@ -65,7 +67,9 @@ def main(arguments: list[str]) -> int:
             peer = Contestant("peer", [PEER_PYTHON, ROOT / "headless/bench/corruptions_peer.py", clean])
         text, reference_ms = times(names, frames, peer)
         parts = ["# The perturbations", text, depth_times()]
-        parts += ["## Node groups", node_groups.errors(frames), node_groups.times(names, frames, reference_ms)]
+        everything = [item.name for item in coloured]
+        parts += ["## Node groups", node_groups.errors(frames)]
+        parts += [node_groups.times(names, frames, reference_ms), node_groups.previews(everything, frames)]
         if options.targets and peer:
             parts += ["## Severities", fidelity(names, frames, peer, options.targets, seeds=options.seeds)]
         if peer:

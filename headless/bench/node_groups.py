@@ -4,10 +4,12 @@
 import time
 from collections.abc import Mapping, Sequence
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
+from noisy_world.core.images import rgb_bytes
 from noisy_world.core.mixture import Step, parse_steps, perturb_colour
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
@@ -90,11 +92,13 @@ def times(names: Sequence[str], frames: NDArray[np.uint8], reference_ms: Mapping
         nets.append(net["3"])
         rows.append((name, 1e3 * net["3"], 1e3 * net["5"], reference_ms.get(name, "-")))
     together = timed(size_px, rgb, depth_m, {"none": (), **{name: (step_of(name, 3),) for name in names}}, at_once=True)
-    ratio = together["all"] / (sum(nets) + len(names) * together["none"])
+    net_s, pass_s = sum(nets), together["none"]
     text = (
-        f"Net of a pass-through of {1e3 * together['none']:.0f} ms (upload, evaluation, reading). "
+        f"Net of a pass-through of {1e3 * pass_s:.0f} ms (upload, evaluation, reading, rounding). "
         f"Median at severity 3: {1e3 * float(np.median(nets)):.0f} ms. "
-        f"All {len(names)} in one call: {together['all']:.2f} s, {ratio:.2f} times one after the other."
+        f"All {len(names)} in one call: {together['all']:.2f} s, which is "
+        f"{together['all'] / (net_s + len(names) * pass_s):.2f} times a call for each, "
+        f"and {together['all'] / (net_s + pass_s):.2f} times their net times with one pass-through."
     )
     head = ("perturbation", "nodes, severity 3, ms", "severity 5, ms", "reference, severity 3, ms")
     return "\n\n".join([text, tables.table(head, rows)])
@@ -121,3 +125,29 @@ def timed(
                 if turn:
                     found[name].append(time.perf_counter() - start_s)
     return {name: float(np.median(values)) for name, values in found.items()}
+
+
+def previews(names: Sequence[str], frames: NDArray[np.uint8]) -> str:
+    """Compare a preview at half size, scaled up, with the frame; and the frame itself, scaled down and up."""
+    size_px = frames.shape[2], frames.shape[1]
+    half_px = size_px[0] // 2, size_px[1] // 2
+    rgb, depth_m = frames[0] / np.float32(255), slope(size_px)
+    small, small_depth_m = cv2.resize(rgb, half_px, interpolation=cv2.INTER_AREA), slope(half_px)
+    rows = []
+    for name in names:
+        step, frame = step_of(name, 3), {"x": (0, (SEED, "", ""))}
+        with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
+            whole = compositor.evaluate(rgb, frame, depth_m)[0]["x"]
+        with Compositor(half_px, {"x": [step]}, size_px[0]) as compositor:
+            preview = compositor.evaluate(small, frame, small_depth_m)[0]["x"]
+        resampled = cv2.resize(whole, half_px, interpolation=cv2.INTER_AREA)
+        rows.append((name, *(f"{similarity(whole, item, size_px):.3f}" for item in (preview, resampled))))
+    text = f"SSIM with the frame at severity 3, of what is {half_px[0]} x {half_px[1]}, scaled up."
+    return "\n\n".join([text, tables.table(("perturbation", "preview", "frame, resampled"), rows)])
+
+
+def similarity(whole: NDArray[np.float32], small: NDArray[np.float32], size_px: tuple[int, int]) -> float:
+    """Return the SSIM of a frame and of a small picture, scaled up, as bytes, the mean of the channels."""
+    large = cv2.resize(small, size_px, interpolation=cv2.INTER_LINEAR)
+    values, _ = cv2.quality.QualitySSIM_compute(rgb_bytes(whole), rgb_bytes(large))
+    return float(np.mean(values[:3]))
