@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noisy World: clean 3D scenes in, noisy RGB-D worlds out.
 
-As a Blender extension it has nothing to register: scenes, trajectories and presets are used through the library and
-through headless/generate.py.
+As a Blender extension it adds a tab to the 3D view's sidebar; scenes, trajectories and presets are used through the
+library and through headless/generate.py as well, and none of them needs the tab.
 """
 
 
 def register() -> None:
-    """Register nothing."""
+    """Show the tab."""
+    from . import ui
+
+    ui.register()
 
 
 def unregister() -> None:
-    """Unregister nothing."""
+    """Take the tab away."""
+    from . import ui
+
+    ui.unregister()

@@ -217,6 +217,11 @@ def read_preset(path: Path, overrides: Sequence[str] = ()) -> Preset:
     document = _load_yaml(path)
     for text in overrides:
         _override(document, text, path)
+    return check_document(document, path)
+
+
+def check_document(document: dict[str, Any], path: Path) -> Preset:
+    """Check a preset's document, as if it stood in the file `path`. Raises InputError naming the key."""
     spec = parse(PresetSpec, document, Place(path))
     _check(spec, Place(path))
     return Preset(path, document, spec)

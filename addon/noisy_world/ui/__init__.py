@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's windows: thin, over the functions that the generator calls."""
+
+import importlib
+import importlib.util
+from types import ModuleType
+
+MODULES = ("properties", "operators", "paths", "preview", "generate", "panels")
+"""In the order of registration; panels last, because they show what the others own."""
+
+
+def modules() -> list[ModuleType]:
+    """Return the modules that register something, in order."""
+    there = [name for name in MODULES if importlib.util.find_spec(f"{__name__}.{name}") is not None]
+    return [importlib.import_module(f"{__name__}.{name}") for name in there]
+
+
+def register() -> None:
+    """Register everything, or nothing where something fails."""
+    done: list[ModuleType] = []
+    try:
+        for module in modules():
+            module.register()
+            done.append(module)
+    except Exception:
+        for module in reversed(done):
+            module.unregister()
+        raise
+
+
+def unregister() -> None:
+    """Take back everything, the last first."""
+    for module in reversed(modules()):
+        module.unregister()

@@ -1,0 +1,375 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel holds, as properties of a scene: derived from the dataclasses that presets are checked against."""
+
+import types
+from collections.abc import Callable
+from dataclasses import MISSING, Field, fields
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import bpy
+
+from ..core.perturbation import SEVERITIES, Perturbation
+from ..core.preset import (
+    REPLICA_CAMERA,
+    CameraSpec,
+    HandheldSpec,
+    OutputSpec,
+    PresetSpec,
+    RenderSpec,
+    SceneSpec,
+    SettingSpec,
+    TrajectorySpec,
+)
+from ..core.schema import KeyInfo
+from ..perturbations import registry
+from ..perturbations.faster_motion import FasterMotion
+from ..perturbations.motion_deviation import MotionDeviation
+
+type Listener = Callable[[bpy.types.Scene, str], None]
+"""Is told the scene and the name of the property that changed; "steps" for anything inside a perturbation."""
+
+LISTENERS: list[Listener] = []
+OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
+LARGEST_INT = 2**31 - 1
+_LEAST_ABOVE = 1e-6
+_SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
+_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
+_ACRONYMS = {
+    "opencv": "OpenCV", "opengl": "OpenGL", "eevee": "EEVEE", "tum": "TUM", "jpg": "JPEG", "png": "PNG",
+    "c2w": "Camera to World", "w2c": "World to Camera",
+}  # fmt: skip
+_SMALL_WORDS = ("by", "of", "to", "and")
+
+
+def title(text: str) -> str:
+    """Return a label as Blender writes them: "fog by depth" -> "Fog by Depth"."""
+    words = text.replace("_", " ").split()
+    return " ".join(
+        word if (place and word in _SMALL_WORDS) or not word[0].islower() else word[0].upper() + word[1:]
+        for place, word in enumerate(words)
+    )
+
+
+def parameter_label(name: str) -> str:
+    """Return a parameter's name without its unit, which the slider shows."""
+    for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
+        name = name.removesuffix(suffix)
+    return title(name)
+
+
+# --- properties out of dataclasses ---
+
+
+def described(cls: type, name: str, *, label: str = "", update: str = "", **other: Any) -> Any:
+    """Make the property of a dataclass's field: its meaning as the tooltip, its range, its unit, its default.
+
+    label: instead of the field's name. update: what listeners are told. other: stands over what the field says.
+    """
+    item: Field[Any] = next(field for field in fields(cls) if field.name == name)
+    info: KeyInfo = item.metadata["key"]
+    hint = _plain(get_type_hints(cls)[name])
+    label = label or parameter_label(name)
+    if info.unit in _SPOKEN_UNITS:
+        label += f" ({_SPOKEN_UNITS[info.unit]})"
+    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": tell(update or name)}
+    if item.default is not MISSING and item.default is not None:
+        common["default"] = item.default
+    if get_origin(hint) is Literal:
+        common["items"] = [(value, _ACRONYMS.get(value, title(value)), "") for value in get_args(hint)]
+        return bpy.props.EnumProperty(**(common | other))
+    if hint is bool:
+        return bpy.props.BoolProperty(**(common | other))
+    if hint is str:
+        return bpy.props.StringProperty(**(common | other))
+    return _number(hint, info, common | other)
+
+
+def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
+    if info.minimum is not None:
+        common.setdefault("min", hint(info.minimum))
+    if info.above is not None:
+        common.setdefault("min", hint(info.above) + (1 if hint is int else _LEAST_ABOVE))
+    if info.maximum is not None:
+        common.setdefault("max", min(hint(info.maximum), LARGEST_INT) if hint is int else info.maximum)
+    if hint is int:
+        return bpy.props.IntProperty(**({"subtype": "PIXEL"} if info.unit == "px" else {}), **common)
+    factor = (common.get("min"), common.get("max")) == (0.0, 1.0) and not info.unit
+    common.setdefault("subtype", "FACTOR" if factor else _SUBTYPES.get(info.unit, "NONE"))
+    return bpy.props.FloatProperty(**({"precision": 3, "step": 1} | common))
+
+
+def _plain(hint: Any) -> Any:
+    if get_origin(hint) in (Union, types.UnionType):
+        return next(option for option in get_args(hint) if option is not type(None))
+    return hint
+
+
+def sentence(text: str) -> str:
+    """Return a tooltip: a capital first, no full stop last."""
+    return text[:1].upper() + text[1:].rstrip(".")
+
+
+def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
+    """Make an update function that tells the listeners what changed in which scene."""
+
+    def update(group: Any, _: bpy.types.Context) -> None:
+        for listener in LISTENERS:
+            listener(group.id_data, name)
+
+    return update
+
+
+def from_name(spec: type, **names: str) -> dict[str, Any]:
+    """Make properties of a dataclass's fields: property = field."""
+    return {name: described(spec, field, update=name) for name, field in names.items()}
+
+
+# --- perturbations ---
+
+
+def _parameters_class(perturbation: Perturbation) -> type:
+    """Make the group that holds a perturbation's parameters, and which of them stand over the severity's."""
+    members: dict[str, Any] = {}
+    for item in fields(perturbation.parameters):
+        members[item.name] = described(perturbation.parameters, item.name, update="steps")
+        if perturbation.severities:
+            members[OVERRIDE + item.name] = bpy.props.BoolProperty(
+                name=f"Override {parameter_label(item.name)}",
+                description="Set this parameter by hand instead of taking the severity's value",
+                update=_take_severity(perturbation, item.name),
+                default=False,
+            )
+    name = "NoisyWorld" + "".join(word.capitalize() for word in perturbation.name.split("_")) + "Parameters"
+    return type(name, (bpy.types.PropertyGroup,), {"__annotations__": members, "__module__": __name__})
+
+
+def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any, bpy.types.Context], None]:
+    """Make an update function: a parameter that is set by hand from now on starts at the severity's value."""
+    told = tell("steps")
+
+    def update(group: Any, context: bpy.types.Context) -> None:
+        step = group.path_from_id().rpartition(".")[0]
+        severity = group.id_data.path_resolve(step).severity
+        if getattr(group, OVERRIDE + parameter) and severity >= SEVERITIES[0] and group.follow_severity:
+            setattr(group, parameter, getattr(perturbation.at_severity(severity), parameter))
+        told(group, context)
+
+    return update
+
+
+def _snap_severity(step: Any, context: bpy.types.Context) -> None:
+    """Keep to what a severity may be: 0, 1 to 5; whole in dynamic mode, which draws from 0 to it."""
+    severity = step.severity
+    if step.mode == "dynamic" or severity < SEVERITIES[0]:
+        severity = float(int(severity + 0.5))
+    if severity != step.severity:
+        step.severity = severity  # calls this again
+        return
+    tell("steps")(step, context)
+
+
+def _step_members() -> dict[str, Any]:
+    lowest, highest = SEVERITIES[0], SEVERITIES[-1]
+    members: dict[str, Any] = {
+        "perturbation": bpy.props.StringProperty(
+            name="Perturbation", description="Its name, as in presets", update=tell("steps")
+        ),
+        "enabled": bpy.props.BoolProperty(
+            name="Enabled", description="Whether this perturbation acts", default=True, update=tell("steps")
+        ),
+        "use_severity": bpy.props.BoolProperty(
+            name="By Severity",
+            description="Take the parameters from the severity's table; off: set all of them by hand",
+            default=True,
+            update=tell("steps"),
+        ),
+        "severity": bpy.props.FloatProperty(
+            name="Severity",
+            description=f"How strong: {lowest} to {highest}, between which parameters are interpolated; 0 does nothing",
+            default=3.0,
+            min=0.0,
+            max=float(highest),
+            step=10,
+            precision=1,
+            update=_snap_severity,
+        ),
+        "mode": bpy.props.EnumProperty(
+            name="Mode",
+            items=[
+                ("static", "Static", "The same severity for every frame"),
+                ("dynamic", "Dynamic", "A severity drawn for each frame, from 0 to the one given"),
+            ],
+            update=_snap_severity,
+        ),
+        "temporal": bpy.props.EnumProperty(
+            name="Pattern",
+            items=[
+                ("fresh", "Fresh", "A new random pattern for each frame"),
+                ("fixed", "Fixed", "One random pattern for all frames"),
+                ("drift", "Drift", "One random pattern that moves smoothly"),
+            ],
+            update=tell("steps"),
+        ),
+        "exact": bpy.props.StringProperty(options={"HIDDEN"}),
+    }
+    for name, cls in PARAMETERS.items():
+        members[name] = bpy.props.PointerProperty(type=cls, name=title(registry()[name].label))
+    return members
+
+
+PARAMETERS: dict[str, type] = {item.name: _parameters_class(item) for item in registry().values()}
+for _cls in PARAMETERS.values():
+    _cls.__annotations__["follow_severity"] = bpy.props.BoolProperty(default=True, options={"HIDDEN"})
+
+NoisyWorldStep: type = type(
+    "NoisyWorldStep", (bpy.types.PropertyGroup,), {"__annotations__": _step_members(), "__module__": __name__}
+)
+
+
+def perturbation_of(step: Any) -> Perturbation:
+    """Return the perturbation that an entry of the list stands for."""
+    return registry()[step.perturbation]
+
+
+def parameters_of(step: Any) -> Any:
+    """Return the group of an entry's own parameters."""
+    return getattr(step, step.perturbation)
+
+
+def active_step(settings: Any) -> Any | None:
+    """Return the selected entry of the list of perturbations, where there is one."""
+    return settings.steps[settings.active_step] if 0 <= settings.active_step < len(settings.steps) else None
+
+
+# --- the scene's ---
+
+
+def _settings_members() -> dict[str, Any]:
+    replica = REPLICA_CAMERA
+    enum, text, flag = bpy.props.EnumProperty, bpy.props.StringProperty, bpy.props.BoolProperty
+    path_options = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    camera = {"width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy"}
+    members: dict[str, Any] = {
+        "mesh_source": enum(
+            name="Mesh",
+            items=[
+                ("ROOM", "Embedded Room", "The room that comes with Noisy World"),
+                ("FILE", "PLY File", "A mesh with vertex colours, as in Replica"),
+            ],
+            update=tell("mesh_source"),
+        ),
+        "mesh_path": described(
+            SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
+            description="Mesh with vertex colours: PLY, ASCII or binary",
+        ),
+        "scene_name": described(SceneSpec, "name", label="Scene Name", update="scene_name", default="room"),
+        "trajectory_source": enum(
+            name="Trajectory",
+            items=[
+                ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
+                ("FILE", "File", "A trajectory of Replica, TUM or KITTI, told apart by content"),
+            ],
+            update=tell("trajectory_source"),
+        ),
+        "trajectory_path": described(
+            TrajectorySpec, "file", label="File", update="trajectory_path", subtype="FILE_PATH", options=path_options,
+            description="Trajectory of Replica, TUM or KITTI, told apart by content",
+        ),
+        "trajectory_rate_hz": described(TrajectorySpec, "rate_hz", label="Rate", update="trajectory_rate_hz"),
+        "trajectory_pose": described(TrajectorySpec, "pose", update="trajectory_pose"),
+        "trajectory_axes": described(TrajectorySpec, "axes", update="trajectory_axes"),
+        "handheld_frames": described(HandheldSpec, "frames", label="Length", update="handheld_frames", default=40),
+        "handheld_rate_hz": described(HandheldSpec, "rate_hz", update="handheld_rate_hz"),
+        "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
+        "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
+        "every": described(TrajectorySpec, "every", label="Every n-th Pose", update="every"),
+        "deviation_rotation_deg": described(
+            MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation_deg", default=0.0,
+            description="Standard deviation of a random rotation of each pose, about each of the camera's axes",
+        ),
+        "deviation_translation_m": described(
+            MotionDeviation, "translation_m", label="Translation", update="deviation_translation_m", default=0.0,
+            precision=4, description="Standard deviation of a random shift of each pose, along the world's axes",
+        ),
+        "speed_factor": described(
+            FasterMotion, "factor", label="Speed", update="speed_factor", default=1,
+            description="Times the speed along the path: the frames between are left out",
+        ),
+        **{
+            name: described(
+                CameraSpec, field, label=field if len(field) == 2 else title(field), update=name,
+                default=getattr(replica, field),
+            )
+            for name, field in camera.items()
+        },
+        "near_m": described(CameraSpec, "near_m", update="near_m", precision=4),
+        "far_m": described(CameraSpec, "far_m", update="far_m"),
+        "steps": bpy.props.CollectionProperty(type=NoisyWorldStep, name="Perturbations"),
+        "active_step": bpy.props.IntProperty(
+            name="Active Perturbation", description="The perturbation whose parameters are shown", min=0
+        ),
+        "seed": described(PresetSpec, "seed", update="seed", max=LARGEST_INT),
+        **{
+            name: described(RenderSpec, name, update=name) for name in ("engine", "backend", "samples")
+        },
+        "layout": described(OutputSpec, "layout", update="layout"),
+        "image": described(OutputSpec, "image", label="Colour Images", update="image"),
+        "overview": described(OutputSpec, "overview", update="overview"),
+        "use_rgb": flag(name="Colour", description="Render and write colour", default=True, update=tell("use_rgb")),
+        "use_depth": flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),
+        "output_folder": text(
+            name="Output",
+            description="Folder of the dataset",
+            default="//noisy_world",
+            subtype="DIR_PATH",
+            options=path_options,
+            update=tell("output_folder"),
+        ),
+        "setting_name": described(
+            SettingSpec, "name", label="Setting Name", update="setting_name", default="perturbed"
+        ),
+        "preview": flag(
+            name="Preview",
+            description="Show the perturbations of colour live in the viewport and on the render",
+            update=tell("preview"),
+        ),
+        "preview_split": bpy.props.FloatProperty(
+            name="Before / After",
+            description="Share of the frame, from the left, that is shown as it was before",
+            subtype="FACTOR",
+            min=0.0,
+            max=1.0,
+            default=0.0,
+            update=tell("preview_split"),
+        ),
+        "preset_path": text(name="Preset", description="The preset that was opened or saved", subtype="FILE_PATH"),
+        "preset_settings": text(options={"HIDDEN"}),
+        "exact": text(options={"HIDDEN"}),
+    }  # fmt: skip
+    return members
+
+
+NoisyWorldSettings: type = type(
+    "NoisyWorldSettings", (bpy.types.PropertyGroup,), {"__annotations__": _settings_members(), "__module__": __name__}
+)
+CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldSettings)
+
+
+def settings_of(context: bpy.types.Context) -> Any:
+    """Return the settings of the context's scene."""
+    return context.scene.noisy_world
+
+
+def register() -> None:
+    """Give every scene its settings."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.noisy_world = bpy.props.PointerProperty(type=NoisyWorldSettings, name="Noisy World")
+
+
+def unregister() -> None:
+    """Take them away; what a file holds stays in it."""
+    del bpy.types.Scene.noisy_world
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    LISTENERS.clear()
