@@ -16,7 +16,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import IO, TYPE_CHECKING
@@ -36,7 +36,7 @@ KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a pre
 
 if TYPE_CHECKING:
     from noisy_world.core.plan import Plan
-    from noisy_world.core.progress import Progress
+    from noisy_world.core.progress import JsonProgress, Progress
     from noisy_world.pipeline import Report
 
 
@@ -45,7 +45,7 @@ def main(arguments: list[str]) -> int:
     prepare_imports()
     options = parse_arguments(arguments)
     if problem := missing_package([name for name in NEEDED if name != "bpy"]):
-        return fail(problem)
+        return fail(problem, options)
     from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415 - found just now
 
     try:
@@ -54,7 +54,7 @@ def main(arguments: list[str]) -> int:
         say(f"stopped; what is finished stays, and the same command goes on from there:\n  {own_command(options)}")
         return INTERRUPTED
     except NoisyWorldError as error:
-        return fail(str(error))
+        return fail(str(error), options)
 
 
 def prepare_imports() -> None:
@@ -138,6 +138,13 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         "(those shipped), or this preset's scenes, settings or sequences (default), and do nothing",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    parser.add_argument(
+        "--progress",
+        choices=["text", "json"],
+        default="text",
+        help="how a run tells that it goes on: text on standard error for people (default), or for programs lines of "
+        "JSON on standard output, each behind '@noisy-world '",
+    )
     parser.add_argument("--worker", metavar="K", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
@@ -263,20 +270,14 @@ def duration(seconds: float) -> str:
 
 def generate(plan: "Plan", options: argparse.Namespace) -> int:
     """Make the dataset, and say what came of it."""
-    from noisy_world.core.progress import PlainProgress, TerminalProgress  # noqa: PLC0415
     from noisy_world.pipeline import Run  # noqa: PLC0415
     from workers import run_workers  # noqa: PLC0415
 
     if plan.needs_blender and (problem := missing_package(["bpy"]) or blender_problem()):
         other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
-        return fail(problem + other)
+        return fail(problem + other, options)
     out = out_folder(options)
-    # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
-    stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
-    # A terminal that does not know its size shows no bar.
-    watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
-    progress: Progress = TerminalProgress(stream) if watched else PlainProgress(stream)
-    stop = stop_on_signal(stream)
+    progress, stop = listener(options)
     make = Run(
         plan,
         out,
@@ -294,7 +295,31 @@ def generate(plan: "Plan", options: argparse.Namespace) -> int:
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")
     print(figures(report))
+    if options.progress == "json":
+        machine_listener().tell({"result": figures(report)})
     return 0
+
+
+def listener(options: argparse.Namespace) -> "tuple[Progress, threading.Event]":
+    """Return who hears how the run goes on, and what stops it."""
+    from noisy_world.core.progress import PlainProgress, TerminalProgress  # noqa: PLC0415
+
+    if options.progress == "json":
+        stop = stop_on_signal(None)
+        return machine_listener(stop.set), stop
+    # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
+    stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
+    # A terminal that does not know its size shows no bar.
+    watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
+    return (TerminalProgress(stream) if watched else PlainProgress(stream)), stop_on_signal(stream)
+
+
+def machine_listener(lost: Callable[[], object] = lambda: None) -> "JsonProgress":
+    """Return the program that started this one, as a listener; `lost` is called when it is gone."""
+    from noisy_world.core.progress import JsonProgress  # noqa: PLC0415
+
+    sys.stdout.flush()
+    return JsonProgress(os.fdopen(os.dup(1), "w", buffering=1), lost=lost)
 
 
 def take_part(plan: "Plan", options: argparse.Namespace) -> int:
@@ -365,9 +390,11 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def fail(text: str) -> int:
-    """Print what is wrong; return the exit status of a user's error."""
+def fail(text: str, options: argparse.Namespace) -> int:
+    """Say what is wrong; return the exit status of a user's error."""
     say(f"generate.py: {text}")
+    if options.progress == "json":
+        machine_listener().tell({"error": text})
     return 1
 
 

@@ -16,10 +16,9 @@ from typing import Any
 
 from noisy_world.core.errors import InterruptedRunError, NoisyWorldError
 from noisy_world.core.machine import peak_memory_bytes
-from noisy_world.core.progress import Progress
+from noisy_world.core.progress import JsonProgress, Progress, read_message
 from noisy_world.pipeline import Report, Run, Work
 
-MARK = "@noisy-world "
 INTERRUPTED = 130
 
 
@@ -85,35 +84,20 @@ def listen(process: subprocess.Popen[str], piece: Work, messages: queue.Queue[di
         process.stdin.write(json.dumps(piece))
         process.stdin.close()
     for line in process.stdout:
-        if line.startswith(MARK):
-            messages.put(json.loads(line.removeprefix(MARK)))
+        if (message := read_message(line)) is not None:
+            messages.put(message)
     messages.put({"end": process.wait()})
 
 
-class Parent:
-    """The process that started this one, as a listener to progress."""
+class Parent(JsonProgress):
+    """The process that started this one, as a listener to progress; without it this process ends."""
 
     def __init__(self) -> None:
         # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
-        self._stream = os.fdopen(os.dup(1), "w", buffering=1)
-
-    def tell(self, message: dict[str, Any]) -> None:
-        """Send a message; end this process where the parent is gone."""
-        try:
-            print(MARK + json.dumps(message), file=self._stream, flush=True)
-        except BrokenPipeError:
-            os._exit(INTERRUPTED)
+        super().__init__(os.fdopen(os.dup(1), "w", buffering=1), lost=lambda: os._exit(INTERRUPTED))
 
     def start(self, label: str, total: int, done: int = 0) -> None:
         """Say nothing: the parent has a bar for all."""
-
-    def advance(self, count: int = 1) -> None:
-        """Tell that frames are done."""
-        self.tell({"advance": count})
-
-    def note(self, text: str) -> None:
-        """Pass a sentence on."""
-        self.tell({"note": text})
 
     def finish(self) -> None:
         """Say nothing."""

@@ -18,6 +18,7 @@ from analytic import box_depth
 from worlds import HIGH, LOW, ROOT, content, generate, path_poses, start_generate, write_world
 
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.progress import read_message
 
 pytest.importorskip("bpy", reason="bpy is not installed")
 
@@ -295,3 +296,34 @@ def test_a_depth_only_preset_writes_the_same_depth(world, whole, tmp_path):
         name = f"clean/box/results/depth{k:06d}.png"
         assert (tmp_path / "out" / name).read_bytes() == (whole / name).read_bytes()
     assert not list((tmp_path / "out").rglob("frame0*"))
+
+
+def test_progress_for_programs(world, tmp_path):
+    result = generate(world, "--out", tmp_path / "out", "--frames", "0:3", "--progress", "json")
+    told = [message for line in result.stdout.splitlines() if (message := read_message(line))]
+    assert told[0] == {"start": {"label": "rendering", "total": 3, "done": 0}}
+    assert sum(message.get("advance", 0) for message in told) == 3
+    assert {"finish": True} in told
+    assert told[-1]["result"].startswith("3 frames rendered")
+    assert f"wrote {tmp_path / 'out/clean/box'}" in result.stdout
+    assert result.stderr == ""
+
+
+def test_errors_for_programs_are_the_same_sentence(world, tmp_path):
+    wrong = (world, "--out", tmp_path / "out", "--set", "render.sampels=1", "--progress", "json")
+    result = generate(*wrong, check=False)
+    assert result.returncode == 1
+    (told,) = [message for line in result.stdout.splitlines() if (message := read_message(line))]
+    assert result.stderr == f"generate.py: {told['error']}\n"
+    assert "did you mean 'samples'" in told["error"]
+
+
+def test_a_run_whose_listener_is_gone_stops(killing_world, tmp_path):
+    out = tmp_path / "out"
+    process = start_generate(killing_world, "--out", out, "--progress", "json")
+    while "start" not in (read_message(process.stdout.readline()) or {}):
+        assert process.poll() is None
+    process.stdout.close()
+    assert process.wait(timeout=120) == 130
+    assert 0 < len(list(out.glob("clean/box/results/depth*"))) < 30
+    process.stderr.close()

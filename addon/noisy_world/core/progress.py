@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How work tells that it goes on, whoever listens: a terminal, a log, a Blender window or a test."""
 
+import json
 import time
 from collections.abc import Callable
-from typing import Protocol, TextIO
+from typing import Any, Protocol, TextIO
+
+MARK = (
+    "@noisy-world "  # before each message to another process; whatever else comes on the stream (Blender talks) is not
+)
 
 
 class Progress(Protocol):
@@ -102,3 +107,54 @@ class PlainProgress:
         if self._open:
             self._open = False
             self._say()
+
+
+class JsonProgress:
+    """Messages for another process: lines of a mark and JSON, one key each.
+
+    {"start": {"label": text, "total": frames, "done": frames}}, {"advance": frames}, {"note": sentence},
+    {"finish": true}; whoever runs the work adds {"error": sentence} or {"result": sentence}.
+    """
+
+    def __init__(self, stream: TextIO, *, lost: Callable[[], object]) -> None:
+        """Write to a stream; `lost` is called when nobody reads it any more."""
+        self._stream = stream
+        self._lost = lost
+
+    def tell(self, message: dict[str, Any]) -> None:
+        """Send a message."""
+        try:
+            print(MARK + json.dumps(message), file=self._stream, flush=True)
+        except BrokenPipeError:
+            self._lost()
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Tell what begins."""
+        self.tell({"start": {"label": label, "total": total, "done": done}})
+
+    def advance(self, count: int = 1) -> None:
+        """Tell that frames are done."""
+        self.tell({"advance": count})
+
+    def note(self, text: str) -> None:
+        """Pass a sentence on."""
+        self.tell({"note": text})
+
+    def finish(self) -> None:
+        """Tell that the stretch is over."""
+        self.tell({"finish": True})
+
+
+def read_message(line: str) -> dict[str, Any] | None:
+    """Return the message in a line of another process's output; None where there is none.
+
+    Something without an end of line may stand before it: other libraries' output is buffered by the block.
+    """
+    _, mark, text = line.partition(MARK)
+    if not mark:
+        return None
+    try:
+        message = json.loads(text)
+    except ValueError:  # cut off, or what looks like the mark
+        return None
+    return message if isinstance(message, dict) else None
