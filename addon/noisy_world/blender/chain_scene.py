@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A chain where a person sees it: keyed on the timeline, and put behind what a scene renders or before an image."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -12,27 +13,72 @@ from ..core.mixture import Identifiers, Step
 from .nodes import ensure_group, remove_group
 
 PREVIOUS = "noisy_world_previous_compositing"
+DEPTH_ADDED = "noisy_world_depth_pass_added"
+SHOWN = "noisy_world_shows"
+GROUP, SPLIT, SOURCE, OWN = "Perturbations", "Before and after", "Frame", "Own compositing"
 
 
-def make_chain(name: str, steps: Sequence[Step], frames: Sequence[int], identifiers: Identifiers) -> bpy.types.NodeTree:
+def make_chain(
+    name: str,
+    steps: Sequence[Step],
+    frames: Sequence[int],
+    identifiers: Identifiers,
+    *,
+    every: int = 1,
+    now: int | None = None,
+) -> bpy.types.NodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
-    A scene at frame k then shows what the generator writes as frame k of the sequence that `identifiers` names.
+    A scene at frame k then shows what the generator writes as frame k / every of the sequence that `identifiers` names.
+    A chain that is there stays where it is used; where it has the same groups only its sockets change, which is quick.
+    now: the frame that the scene stands at, by default the first.
     """
+    old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
+    children = [] if old is None else _groups_in(old)
     tree = ensure_group(build_chain(name, steps))
-    tree.animation_data_clear()
+    _clear_keys(tree)
     for step in steps:
-        node = tree.nodes[step_node(step)]
-        each = [socket_values(step, k, identifiers, scene_frame=k)[0] for k in frames]
-        names = dict.fromkeys(name for values in each for name in values)
-        for socket_name in names:
-            socket = node.inputs[socket_name]
-            # Where a step does nothing its parameters stay as they were.
-            known = [(k, values[socket_name]) for k, values in zip(frames, each, strict=True) if socket_name in values]
-            socket.default_value = known[0][1]
-            if len({value for _, value in known}) > 1:
-                _key(tree, socket, known)
+        _set_step(tree, step, _values(step, frames, identifiers, every), now)
+    if tree != old:
+        _remove_unused(children)
     return tree
+
+
+def _values(step: Step, frames: Sequence[int], identifiers: Identifiers, every: int) -> Iterator[tuple[int, Any]]:
+    """Yield frame of the scene and socket values: each frame's, or the first one's where all are alike."""
+    by_severity: dict[float | None, dict[str, Any]] = {}
+    for k in frames if step.levels is not None or every != 1 else frames[:1]:
+        index = k // every
+        severity = step.severity_of(step.frame(index, identifiers))
+        if severity not in by_severity:
+            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index)[0]
+        values = by_severity[severity]
+        yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
+
+
+def _set_step(
+    tree: bpy.types.NodeTree, step: Step, values: Iterator[tuple[int, dict[str, Any]]], now: int | None
+) -> None:
+    node = tree.nodes[step_node(step)]
+    each = list(values)
+    for name in dict.fromkeys(name for _, sockets in each for name in sockets):
+        socket = node.inputs[name]
+        # Where a step does nothing its parameters stay as they were.
+        known = [(k, sockets[name]) for k, sockets in each if name in sockets]
+        past = [value for k, value in known if now is not None and k <= now]
+        value = past[-1] if past else known[0][1]
+        # Each assignment makes Blender look at all that uses the group.
+        if socket.default_value != (np.float32(value) if isinstance(value, float) else value):
+            socket.default_value = value
+        if len({value for _, value in known}) > 1:
+            _key(tree, socket, known)
+
+
+def _clear_keys(tree: bpy.types.NodeTree) -> None:
+    action = None if tree.animation_data is None else tree.animation_data.action
+    tree.animation_data_clear()
+    if action is not None and action.users == 0:
+        bpy.data.actions.remove(action)
 
 
 def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
@@ -50,6 +96,17 @@ def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tu
     curve.update()
 
 
+def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    groups = [getattr(node, "node_tree", None) for node in tree.nodes]
+    return list(dict.fromkeys(item for item in groups if item is not None))
+
+
+def _remove_unused(groups: Sequence[bpy.types.NodeTree]) -> None:
+    for group in groups:
+        if group.users == 0:
+            remove_group(group)
+
+
 def show_chain(
     scene: bpy.types.Scene,
     chain: bpy.types.NodeTree,
@@ -57,43 +114,164 @@ def show_chain(
     image: bpy.types.Image | None = None,
     encoded: bool = False,
     reference_width_px: int | None = None,
+    split: float = 0.0,
 ) -> bpy.types.NodeTree:
     """Let a scene's compositor show a chain, behind its render or before an image; `hide_chain` takes it back.
 
-    encoded: what comes in is sRGB-encoded and is to stay so. reference_width_px: by default the scene's full width.
+    What the scene composites by itself stays in effect, before the chain; not so before an image. encoded: what comes
+    in is sRGB-encoded and is to stay so. reference_width_px: by default the scene's full width. split: how much of the
+    picture, from the left, shows what it was before.
     """
+    own = None if image is not None else own_compositing(scene)
     tree = bpy.data.node_groups.new(f"{scene.name} with {chain.name}", "CompositorNodeTree")
+    tree[SHOWN] = scene
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    source = _source(tree, scene, image)
+    before = source.outputs["Image"]
+    if own is not None:
+        before = _behind(tree, own, before)
+    group = tree.nodes.new("CompositorNodeGroup")
+    group.name, group.node_tree, group.width = GROUP, chain, 240
+    group.inputs["Encoded"].default_value = encoded
+    group.inputs["Reference Width"].default_value = reference_width_px or scene.render.resolution_x
+    end = tree.nodes.new("NodeGroupOutput")
+    for node, left in ((source, -660), (group, 0), (end, 640)):
+        node.location = (left, 0)
+    tree.links.new(before, group.inputs["Image"])
+    after = group.outputs["Image"]
+    if split > 0:
+        after = _beside(tree, before, after, split)
+    tree.links.new(after, end.inputs["Image"])
+    previous = own_compositing(scene)
+    scene.compositing_node_group = tree
+    scene[PREVIOUS] = previous
+    needs_depth = "Depth" in group.inputs and image is None
+    _set_depth_pass(scene, needed=needs_depth)
+    if needs_depth:
+        tree.links.new(source.outputs["Depth"], group.inputs["Depth"])
+    _remove_left(scene)  # only now: the chain that goes may be this one
+    return tree
+
+
+def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene, image: bpy.types.Image | None) -> bpy.types.Node:
     source = tree.nodes.new("CompositorNodeImage" if image is not None else "CompositorNodeRLayers")
+    source.name = SOURCE
     if image is not None:
         source.image = image
     else:
         source.scene = scene
-    group = tree.nodes.new("CompositorNodeGroup")
-    group.node_tree = chain
-    group.width = 240
-    group.inputs["Encoded"].default_value = encoded
-    group.inputs["Reference Width"].default_value = reference_width_px or scene.render.resolution_x
-    end = tree.nodes.new("NodeGroupOutput")
-    for node, left in ((source, -360), (group, 0), (end, 340)):
-        node.location = (left, 0)
-    tree.links.new(source.outputs["Image"], group.inputs["Image"])
-    if "Depth" in group.inputs and image is None:
-        scene.view_layers[0].use_pass_z = True
-        tree.links.new(source.outputs["Depth"], group.inputs["Depth"])
-    tree.links.new(group.outputs["Image"], end.inputs["Image"])
-    hide_chain(scene)  # only now: the chain that goes may be this one
-    scene[PREVIOUS] = scene.compositing_node_group
-    scene.compositing_node_group = tree
-    return tree
+    return source
+
+
+def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """Put the scene's own compositing between the render and the chain; return its picture, if it has one."""
+    node = tree.nodes.new("CompositorNodeGroup")
+    node.name, node.node_tree, node.width = OWN, own, 240
+    node.location = (-340, 0)
+    entry = next((socket for socket in node.inputs if socket.type == "RGBA"), None)
+    if entry is not None:
+        tree.links.new(image, entry)
+    return next((socket for socket in node.outputs if socket.type == "RGBA"), image)
+
+
+def _beside(
+    tree: bpy.types.NodeTree, before: bpy.types.NodeSocket, after: bpy.types.NodeSocket, split: float
+) -> bpy.types.NodeSocket:
+    node = tree.nodes.new("CompositorNodeSplit")
+    node.name = SPLIT
+    node.location = (340, 0)
+    node.inputs["Position"].default_value = (split, 0.5)
+    node.inputs["Rotation"].default_value = math.pi / 2
+    first, second = (socket for socket in node.inputs if socket.type == "RGBA")
+    tree.links.new(before, first)
+    tree.links.new(after, second)
+    return node.outputs["Image"]
+
+
+def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
+    """Have the scene render depth; where it is not needed any more, only if it did before."""
+    layer = scene.view_layers[0]
+    if needed and not layer.use_pass_z:
+        layer.use_pass_z = True
+        scene[DEPTH_ADDED] = True
+    if not needed and scene.pop(DEPTH_ADDED, False):
+        layer.use_pass_z = False
+
+
+def _remove_left(scene: bpy.types.Scene) -> None:
+    for tree in [item for item in bpy.data.node_groups if item.users == 0 and item.get(SHOWN) == scene]:
+        remove_group(tree)
+
+
+def own_compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """Return what a scene composites by itself, whether or not a chain is shown behind it."""
+    tree = scene.compositing_node_group
+    return scene.get(PREVIOUS) if tree is not None and SHOWN in tree else tree
+
+
+def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
+    """Return the chain that is shown in a scene; None where none is, or only that of the scene it was copied from."""
+    tree = scene.compositing_node_group
+    if tree is None or tree.get(SHOWN) != scene or GROUP not in tree.nodes:
+        return None
+    return tree.nodes[GROUP].node_tree
 
 
 def hide_chain(scene: bpy.types.Scene) -> None:
-    """Give a scene back the compositing that it had before `show_chain`; a chain that nothing else uses goes too."""
+    """Give a scene back the compositing that it had before `show_chain`; a chain that nothing else uses goes too.
+
+    Another compositing that the scene was given meanwhile stays.
+    """
     if PREVIOUS not in scene:
         return
-    shown = scene.compositing_node_group
-    scene.compositing_node_group = scene[PREVIOUS]
+    tree = scene.compositing_node_group
+    if tree is not None and SHOWN in tree:
+        scene.compositing_node_group = scene[PREVIOUS]
     del scene[PREVIOUS]
-    if shown is not None and shown.users == 0:
-        remove_group(shown)
+    _set_depth_pass(scene, needed=False)
+    _remove_left(scene)
+
+
+def refresh_chain(
+    scene: bpy.types.Scene,
+    steps: Sequence[Step],
+    identifiers: Identifiers,
+    *,
+    every: int = 1,
+    reference_width_px: int | None = None,
+    split: float = 0.0,
+) -> bpy.types.NodeTree:
+    """Let a scene's compositor show steps of colour behind its render, by as few changes as it takes; return the chain.
+
+    every: the sequence has every n-th frame of the scene.
+    """
+    chain = shown_chain(scene)
+    name = chain.name if chain is not None else _free_name(f"NW preview {scene.name}")
+    frames = range(scene.frame_start, scene.frame_end + 1)
+    needed_depth = chain is not None and _takes_depth(chain)
+    chain = make_chain(name, steps, frames, identifiers, every=every, now=scene.frame_current)
+    tree = scene.compositing_node_group
+    if shown_chain(scene) != chain or (split > 0) != (SPLIT in tree.nodes) or needed_depth != _takes_depth(chain):
+        show_chain(scene, chain, reference_width_px=reference_width_px, split=split)
+        return chain
+    _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
+    if split > 0:
+        tree.nodes[SPLIT].inputs["Position"].default_value = (split, 0.5)
+    return chain
+
+
+def _takes_depth(chain: bpy.types.NodeTree) -> bool:
+    return any(item.name == "Depth" for item in chain.interface.items_tree)
+
+
+def _set(socket: bpy.types.NodeSocket, value: int) -> None:
+    if socket.default_value != value:
+        socket.default_value = value
+
+
+def _free_name(name: str) -> str:
+    names = {tree.name for tree in bpy.data.node_groups}
+    number = 1
+    while (found := name if number == 1 else f"{name} {number}") in names:
+        number += 1
+    return found
