@@ -54,7 +54,7 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
         if same.get((folder, "rgb")) is False:
             rows.append(_row([_read_rgb(out / folder / layout.rgb_name(frame)) for frame in numbers]))
         if folder in depths_m:
-            rows.append(_row([_coloured(depth_m, near_m, far_m) for depth_m in depths_m[folder]]))
+            rows.append(_row([colour_depth(depth_m, near_m, far_m) for depth_m in depths_m[folder]]))
     if len(frames) > MAX_SEQUENCES:
         rows.append(_label(f"and {len(frames) - MAX_SEQUENCES} more sequences"))
     _, data = cv2.imencode(".png", np.concatenate(rows)[..., ::-1])
@@ -95,7 +95,8 @@ def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
     return TILE_WIDTH_PX, max(1, round(TILE_WIDTH_PX * shape[0] / shape[1]))
 
 
-def _coloured(depth_m: NDArray[np.float64], near_m: float, far_m: float) -> NDArray[np.uint8]:
+def colour_depth(depth_m: NDArray[np.floating], near_m: float, far_m: float) -> NDArray[np.uint8]:
+    """Return planar depth (H, W) in metres, 0 = void, as colours (H, W, 3): from near_m, warm, to far_m; void grey."""
     import cv2
 
     level = np.clip((far_m - depth_m) / max(far_m - near_m, 1e-9), 0, 1)  # near is warm
@@ -121,7 +122,7 @@ def _legend(near_m: float, far_m: float) -> NDArray[np.uint8]:
     bar_px = 200
     ramp_m = np.broadcast_to(np.linspace(near_m, far_m, bar_px), (LABEL_PX - 12, bar_px))
     left = GAP_PX + 190
-    row[8 : 8 + ramp_m.shape[0], left : left + bar_px] = _coloured(ramp_m + 1e-12, near_m, far_m)
+    row[8 : 8 + ramp_m.shape[0], left : left + bar_px] = colour_depth(ramp_m + 1e-12, near_m, far_m)
     _write(row, f"planar depth  {near_m:.2f} m", GAP_PX)
     return _write(row, f"{far_m:.2f} m   (grey: void)", left + bar_px + GAP_PX)
 

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Single frames of a scene that somebody works on, as the generator would render them; the scene stays as it is."""
+
+from collections.abc import Sequence
+
+import bpy
+
+from .engines import ENGINES, configure
+from .render import FrameRenderer, RenderedFrame
+
+SCENE = "Noisy World still"
+
+
+def render_stills(scene: bpy.types.Scene, frames: Sequence[int], *, rgb: bool) -> list[RenderedFrame]:
+    """Render frames of a scene through its camera with Cycles and one sample: depth and, where asked for, colour.
+
+    Settings are changed in a copy of the scene only, which shares its objects and goes again. rgb: colours are those
+    of unlit materials, encoded. Raises StorageError where no scratch file can be written.
+    """
+    stand_in = scene.copy()
+    stand_in.name = SCENE
+    try:
+        _configure(stand_in)
+        size_px = stand_in.render.resolution_x, stand_in.render.resolution_y
+        renderer = FrameRenderer(stand_in, size_px, rgb=rgb, depth=True, encoded_colours=False)
+        try:
+            return [_render(renderer, stand_in, frame) for frame in frames]
+        finally:
+            renderer.close()
+    finally:
+        bpy.data.scenes.remove(stand_in)
+
+
+def _configure(scene: bpy.types.Scene) -> None:
+    scene.compositing_node_group = None
+    configure(scene, ENGINES["cycles"], seed=0, samples=1, threads=0)
+    ENGINES["cycles"].set_samples(scene, 1)
+    scene.render.use_persistent_data = False
+    scene.render.resolution_percentage = 100
+    scene.render.use_border = False
+    for layer in list(scene.view_layers)[1:]:
+        layer.use = False
+
+
+def _render(renderer: FrameRenderer, scene: bpy.types.Scene, frame: int) -> RenderedFrame:
+    # By the operator's own argument it would be rendered at the active scene's frame.
+    with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        scene.frame_set(frame)
+        return renderer.render()

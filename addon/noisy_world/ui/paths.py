@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The clean path and the deviated one in the 3D views, in two colours that differ for every eye."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from numpy.typing import NDArray
+
+from ..blender.scene import get_origin
+from ..core.errors import NoisyWorldError
+from ..core.mixture import Step, perturb_motion
+from ..core.trajectory import Trajectory
+from .document import identifiers_of, steps_of
+
+CLEAN_C2W = "noisy_world_clean_c2w"
+"""A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
+
+CLEAN_RGBA = (0.34, 0.71, 0.91, 1.0)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
+DEVIATED_RGBA = (0.90, 0.62, 0.0, 1.0)
+CLEAN_ICON, DEVIATED_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02"
+WIDTH_PX = 2.0
+TICKS = 60  # short lines along the path that show where the camera looks
+TICK_SHARE = 0.02  # of the path's extent
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is drawn for a scene, and what it was made from."""
+
+    made_from: tuple[Any, ...]
+    clean: Any
+    deviated: Any | None
+
+
+_drawn: dict[int, Drawn] = {}  # by scene
+_handles: list[Any] = []
+
+
+def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
+    """Return the clean poses (N, 4, 4) that the scene's camera was keyed from, OpenCV axes, metres; None without."""
+    values = None if scene.camera is None else scene.camera.get(CLEAN_C2W)
+    if values is None or len(values) == 0 or len(values) % 16:
+        return None
+    return np.array(values, dtype=np.float64).reshape(-1, 4, 4)
+
+
+def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the poses (N, 4, 4) that the settings make of the clean ones; None where they leave them alone."""
+    step = _deviation(scene)
+    return None if step is None else _deviate(step, c2w, identifiers_of(scene.noisy_world))
+
+
+def _deviate(step: Step, c2w: NDArray[np.float64], identifiers: tuple[str | int, ...]) -> NDArray[np.float64]:
+    path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
+    return perturb_motion(step, path, identifiers).c2w
+
+
+def _deviation(scene: bpy.types.Scene) -> Step | None:
+    try:
+        steps = steps_of(scene.noisy_world)
+    except NoisyWorldError:
+        return None
+    return next((step for step in steps if step.perturbation.name == "motion_deviation"), None)
+
+
+# --- drawing ---
+
+
+def path_lines(c2w: NDArray[np.float64], origin_m: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the ends (2 M, 3) of the lines that show a path: between its places, and ticks where the camera looks."""
+    places_m = c2w[:, :3, 3] - origin_m
+    along_m = np.repeat(places_m, 2, axis=0)[1:-1]
+    chosen = np.unique(np.linspace(0, len(c2w) - 1, min(TICKS, len(c2w))).round().astype(int))
+    length_m = max(0.05, TICK_SHARE * float(np.ptp(places_m, axis=0).max()))
+    ticks_m = np.stack([places_m[chosen], places_m[chosen] + length_m * c2w[chosen, :3, 2]], axis=1)
+    return np.concatenate([along_m, ticks_m.reshape(-1, 3)]).astype(np.float32)
+
+
+def _batches(scene: bpy.types.Scene) -> Drawn | None:
+    """Return what is drawn for a scene, made anew only where the path or what is done to it has changed."""
+    camera = scene.camera
+    values = None if camera is None else camera.get(CLEAN_C2W)
+    if values is None:
+        _drawn.pop(scene.session_uid, None)
+        return None
+    settings = scene.noisy_world
+    deviation = (settings.deviation_rotation_deg, settings.deviation_translation_m)
+    origin_m = get_origin(scene)
+    made_from = (hash(bytes(memoryview(values))), deviation, identifiers_of(settings), tuple(origin_m))
+    found = _drawn.get(scene.session_uid)
+    if found is None or found.made_from != made_from:
+        found = _drawn[scene.session_uid] = _make(scene, made_from, origin_m)
+    return found
+
+
+def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[np.float64]) -> Drawn:
+    c2w = clean_poses(scene)
+    if c2w is None:
+        return Drawn(made_from, None, None)
+    deviated = deviated_poses(scene, c2w)
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    lines = [None if item is None else path_lines(item, origin_m) for item in (c2w, deviated)]
+    return Drawn(
+        made_from, *(None if item is None else batch_for_shader(shader, "LINES", {"pos": item}) for item in lines)
+    )
+
+
+def _draw() -> None:
+    context = bpy.context
+    space = context.space_data
+    if not space.overlay.show_overlays:
+        return
+    drawn = _batches(context.scene)
+    if drawn is None:
+        return
+    shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.blend_set("ALPHA")
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", WIDTH_PX * context.preferences.system.ui_scale)
+    for batch, rgba in ((drawn.clean, CLEAN_RGBA), (drawn.deviated, DEVIATED_RGBA)):
+        if batch is not None:
+            shader.uniform_float("color", rgba)
+            batch.draw(shader)
+    gpu.state.blend_set("NONE")
+    gpu.state.depth_test_set("NONE")
+
+
+# --- the panel's part ---
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the legend, where paths are drawn."""
+    scene = context.scene
+    if scene.camera is None or CLEAN_C2W not in scene.camera:
+        return
+    settings = scene.noisy_world
+    row = layout.row(align=True)
+    row.label(text="Clean Path", icon=CLEAN_ICON)
+    if settings.deviation_rotation_deg or settings.deviation_translation_m:
+        row.label(text="Deviated Path", icon=DEVIATED_ICON)
+
+
+def register() -> None:
+    """Draw in all 3D views."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+
+
+def unregister() -> None:
+    """Draw no more."""
+    while _handles:
+        bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+    _drawn.clear()

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel says, seen at once: the chain behind the view and the last render, following every slider."""
+
+import textwrap
+import time
+from typing import Any
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ..blender.chain_scene import hide_chain, refresh_chain
+from ..core.errors import NoisyWorldError
+from ..core.perturbation import RGB_CATEGORIES
+from . import depth_preview, properties, views
+from .document import identifiers_of, steps_of
+
+COSTLY_S = 0.5
+PAUSE_S = 0.3
+POLL_S = 0.05
+SHOWN_BY = {"preview", "preview_split", "seed", "scene_name", "setting_name", "steps", "speed_factor", "width_px"}
+"""What a preview depends on, by the names that listeners are told."""
+
+_changed_s: dict[int, float] = {}  # by scene: when it last changed and was not shown yet
+_took_s: dict[int, float] = {}  # by scene: how long the chain itself took to follow
+_errors: dict[int, str] = {}  # by scene
+
+
+# --- following ---
+
+
+def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
+    """Have the preview of a scene follow soon: at once where that is quick, in a pause where it is not."""
+    if what not in SHOWN_BY or not (scene.noisy_world.preview or what == "preview"):
+        return
+    _changed_s[scene.session_uid] = time.perf_counter()
+    if not bpy.app.timers.is_registered(_follow):
+        bpy.app.timers.register(_follow, first_interval=0.0)
+
+
+def _follow() -> float | None:
+    """Apply what is due; run again while something waits."""
+    now_s = time.perf_counter()
+    for scene in bpy.data.scenes:
+        changed_s = _changed_s.get(scene.session_uid)
+        if changed_s is not None and (not is_costly(scene) or now_s - changed_s >= PAUSE_S):
+            del _changed_s[scene.session_uid]
+            apply(scene)
+    known = {scene.session_uid for scene in bpy.data.scenes}
+    for gone in _changed_s.keys() - known:
+        del _changed_s[gone]
+    return POLL_S if _changed_s else None
+
+
+def flush() -> None:
+    """Apply at once what waits."""
+    for scene in bpy.data.scenes:
+        if _changed_s.pop(scene.session_uid, None) is not None:
+            apply(scene)
+
+
+def is_costly(scene: bpy.types.Scene) -> bool:
+    """Tell whether a change takes so long to show that it waits for a pause."""
+    return _took_s.get(scene.session_uid, 0.0) + views.seconds_taken(scene) > COSTLY_S
+
+
+def apply(scene: bpy.types.Scene) -> None:
+    """Make what a scene shows what its settings say; what is wrong with them is kept for the panel."""
+    if scene.library is not None:
+        return
+    settings = scene.noisy_world
+    began_s = time.perf_counter()
+    _errors.pop(scene.session_uid, None)
+    try:
+        if settings.preview:
+            show(scene)
+        else:
+            hide_chain(scene)
+    except NoisyWorldError as error:
+        _errors[scene.session_uid] = str(error)
+    views.sync_views()
+    _took_s[scene.session_uid] = time.perf_counter() - began_s
+
+
+def show(scene: bpy.types.Scene) -> None:
+    """Show a scene's perturbations of colour behind its render. Raises NoisyWorldError where the settings are wrong."""
+    settings = scene.noisy_world
+    refresh_chain(
+        scene,
+        [step for step in steps_of(settings) if step.perturbation.category in RGB_CATEGORIES],
+        identifiers_of(settings),
+        every=settings.speed_factor,
+        reference_width_px=settings.width_px,
+        split=settings.preview_split,
+    )
+
+
+@persistent
+def _touch_all(*_: Any) -> None:
+    """After undo and loading, the properties are right and what was made of them may not be."""
+    for scene in bpy.data.scenes:
+        touch(scene, "preview")
+
+
+def _touch_view(scene: bpy.types.Scene) -> None:
+    touch(scene, "preview")
+
+
+def _resume() -> None:
+    _touch_all()
+
+
+# --- what would falsify it ---
+
+
+def falsified_by(scene: bpy.types.Scene) -> list[str]:
+    """Say what in a scene's colour management makes the preview another picture than the one that is written."""
+    view, found = scene.view_settings, []
+    if scene.display_settings.display_device != "sRGB":
+        found.append(f"the display is {scene.display_settings.display_device}, not sRGB")
+    if view.view_transform != "Standard":
+        found.append(f"the view transform is {view.view_transform}, not Standard")
+    if view.look != "None":
+        found.append(f"there is a look, {view.look}")
+    if view.exposure != 0:
+        found.append(f"exposure is {view.exposure:.2f}, not 0")
+    if view.gamma != 1:
+        found.append(f"gamma is {view.gamma:.2f}, not 1")
+    if view.use_curve_mapping:
+        found.append("curves are used")
+    if view.use_white_balance:
+        found.append("white balance is used")
+    return found
+
+
+def is_working_space_wrong() -> bool:
+    """Tell whether the file's colours are in another space than the groups convert from."""
+    return bpy.data.colorspace.working_space != "Linear Rec.709"
+
+
+class UseStandardView(bpy.types.Operator):
+    """Show colours as they are written: the Standard view transform without look, exposure, gamma or curves"""
+
+    bl_idname = "noisy_world.use_standard_view"
+    bl_label = "Use Standard View"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Where something is to be mended."""
+        if context.scene is None or context.scene.library is not None:
+            cls.poll_message_set("The scene is linked from another file")
+            return False
+        if not falsified_by(context.scene):
+            cls.poll_message_set("The view is Standard already")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Set the view."""
+        use_standard_view(context.scene)
+        return {"FINISHED"}
+
+
+def use_standard_view(scene: bpy.types.Scene) -> None:
+    """Set a scene's colour management so that it shows colours as they are written."""
+    scene.display_settings.display_device = "sRGB"
+    view = scene.view_settings
+    view.view_transform = "Standard"
+    view.look = "None"
+    view.exposure = 0.0
+    view.gamma = 1.0
+    view.use_curve_mapping = False
+    view.use_white_balance = False
+
+
+# --- the panel's part ---
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the section: the switch, the split, and what stands in the way of a true picture."""
+    scene = context.scene
+    settings = scene.noisy_world
+    layout.prop(settings, "preview", toggle=True, icon="HIDE_OFF" if settings.preview else "HIDE_ON")
+    row = layout.row()
+    row.active = settings.preview
+    row.prop(settings, "preview_split", slider=True)
+    if settings.preview:
+        _draw_state(layout, context)
+    depth_preview.draw(layout, context)
+
+
+def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    scene = context.scene
+    if error := _errors.get(scene.session_uid):
+        write(layout, context, error, "ERROR")
+    space = context.space_data
+    if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
+        write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
+        layout.row().prop(space.shading, "type", expand=True)
+    if problems := falsified_by(scene):
+        write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
+        layout.operator(UseStandardView.bl_idname)
+    if is_working_space_wrong():
+        text = f"Not what is written: the file's working space is {bpy.data.colorspace.working_space}"
+        write(layout, context, text, "ERROR")
+        row = layout.row()
+        row.operator_context = "INVOKE_DEFAULT"
+        row.operator("wm.set_working_color_space", text="Use Linear Rec.709").working_space = "Linear Rec.709"
+    if is_costly(scene):
+        taken_s = views.seconds_taken(scene) + _took_s.get(scene.session_uid, 0.0)
+        waits = ", waiting" if scene.session_uid in _changed_s else ""
+        write(layout, context, f"A picture takes {taken_s:.1f} s: it follows when the slider rests{waits}", "TIME")
+
+
+def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """Write a text on as many lines as the region is narrow."""
+    scale = context.preferences.system.ui_scale
+    width = 220 * scale if context.region is None else context.region.width
+    letters = max(16, int((width / scale - 60) / 6.2))
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if number == 0 else "BLANK1")
+
+
+# --- registration ---
+
+CLASSES = (UseStandardView,)
+_HANDLERS = ("undo_post", "redo_post", "load_post")
+
+
+def register() -> None:
+    """Follow the properties, undo and files that are opened."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    views.register(_touch_view)
+    depth_preview.register()
+    properties.LISTENERS.append(touch)
+    for name in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(_touch_all)
+    # Blender's data cannot be seen while add-ons are registered.
+    bpy.app.timers.register(_resume, first_interval=0.0)
+
+
+def unregister() -> None:
+    """Leave nothing behind: no timer, no handler, and no chain that nobody could switch off."""
+    for timer in (_follow, _resume):
+        if bpy.app.timers.is_registered(timer):
+            bpy.app.timers.unregister(timer)
+    for name in _HANDLERS:
+        getattr(bpy.app.handlers, name).remove(_touch_all)
+    if touch in properties.LISTENERS:
+        properties.LISTENERS.remove(touch)
+    for scene in bpy.data.scenes:
+        if scene.library is None:
+            hide_chain(scene)
+    views.give_back_all()
+    depth_preview.unregister()
+    views.unregister()
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    for cache in (_changed_s, _took_s, _errors):
+        cache.clear()

@@ -1,0 +1,413 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview, without a window: what it shows is what the generator writes, and it leaves nothing behind."""
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+from group_tools import picture
+from test_compositor import evaluate_scene, image_of, scene_of
+
+from noisy_world.blender.chain_scene import (
+    PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
+)  # fmt: skip
+from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.scene import add_mesh
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.mixture import parse_steps, perturb_depth, perturb_motion
+from noisy_world.core.overview import colour_depth
+from noisy_world.core.room import build_room
+from noisy_world.core.schema import Place
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.perturbations import registry
+from noisy_world.ui import depth_preview, paths, preview, properties, views
+
+SIZE = (60, 40)
+IDENTIFIERS = (7, "room", "setting")
+
+
+@pytest.fixture(autouse=True)
+def _registered():
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    for module in (properties, paths, preview):
+        module.register()
+    yield
+    for module in (preview, paths, properties):
+        module.unregister()
+
+
+@pytest.fixture
+def scene():
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.compositor_precision = "FULL"
+    scene.render.compositor_device = "CPU"
+    scene.frame_start, scene.frame_end = 0, 9
+    settings = scene.noisy_world
+    settings.width_px = SIZE[0]
+    settings.seed, settings.scene_name, settings.setting_name = IDENTIFIERS
+    return scene
+
+
+def steps_of(*items):
+    return parse_steps(items, Place("test"), registry())
+
+
+def add(scene, name, **values):
+    step = scene.noisy_world.steps.add()
+    step.perturbation = name
+    for key, value in values.items():
+        setattr(step, key, value)
+    return step
+
+
+def shown(scene, rgb, folder):
+    """What the scene's chain makes of an image at the scene's frame."""
+    show_chain(scene, shown_chain(scene), image=image_of(rgb), encoded=True, reference_width_px=SIZE[0])
+    return evaluate_scene(scene, folder)
+
+
+def written(rgb, steps, index, identifiers=IDENTIFIERS):
+    with Compositor(SIZE, {"x": steps}, SIZE[0]) as compositor:
+        made = compositor.evaluate(rgb, {"x": (index, identifiers)})[0]["x"]
+    return rgb if made is None else made
+
+
+# --- the chain ---
+
+
+def test_the_panels_preview_is_what_the_generator_writes(scene, tmp_path):
+    rgb = picture(SIZE[1], SIZE[0])
+    fog = add(scene, "fog", severity=2.0, mode="dynamic", temporal="drift")
+    add(scene, "gaussian_noise", severity=3.0)
+    scene.noisy_world.preview = True
+    preview.flush()
+    fog.severity = 5.0
+    preview.flush()
+    steps = steps_of({"fog": {"severity": 5, "mode": "dynamic", "temporal": "drift"}}, {"gaussian_noise": {}})
+    for k in (6, 0, 9):
+        scene.frame_set(k)
+        assert np.array_equal(shown(scene, rgb, tmp_path), written(rgb, steps, k))
+
+
+def test_faster_motion_keeps_the_numbers_of_its_own_frames(scene, tmp_path):
+    rgb = picture(SIZE[1], SIZE[0])
+    add(scene, "gaussian_noise")
+    scene.noisy_world.speed_factor = 3
+    scene.noisy_world.preview = True
+    preview.flush()
+    for k in (6, 3):
+        scene.frame_set(k)
+        assert np.array_equal(shown(scene, rgb, tmp_path), written(rgb, steps_of({"gaussian_noise": {}}), k // 3))
+
+
+def test_a_slider_changes_sockets_alone_and_a_step_the_chain(scene):
+    fog = add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    chain = shown_chain(scene)
+    tree, amount = scene.compositing_node_group, chain.nodes["Fog"].inputs[1].default_value
+    groups = len(bpy.data.node_groups)
+    fog.severity = 4.5
+    preview.flush()
+    assert scene.compositing_node_group == tree
+    assert shown_chain(scene) == chain
+    assert chain.nodes["Fog"].inputs[1].default_value != amount
+    noise = add(scene, "gaussian_noise")
+    preview.flush()
+    assert [node.name for node in shown_chain(scene).nodes if node.bl_idname == "CompositorNodeGroup"] == [
+        "Fog",
+        "Gaussian noise",
+    ]
+    noise.enabled = False
+    preview.flush()
+    assert len(bpy.data.node_groups) == groups
+
+
+def test_following_in_place_is_quick(scene):
+    steps = [steps_of({"fog": {"severity": s, "mode": "dynamic"}}, {"gaussian_noise": {"severity": s}}) for s in (3, 4)]
+    scene.frame_end = 1999
+    refresh_chain(scene, steps[0], IDENTIFIERS)
+    start = time.perf_counter()
+    refresh_chain(scene, steps[1], IDENTIFIERS)
+    assert time.perf_counter() - start < 0.5
+    assert len(bpy.data.actions) == 1
+
+
+def test_switching_off_gives_everything_back(scene):
+    before = {tree.name for tree in bpy.data.node_groups}
+    add(scene, "fog_depth")
+    scene.noisy_world.preview = True
+    preview.flush()
+    assert scene.view_layers[0].use_pass_z
+    scene.noisy_world.preview = False
+    preview.flush()
+    assert scene.compositing_node_group is None
+    assert not scene.view_layers[0].use_pass_z
+    assert {tree.name for tree in bpy.data.node_groups} == before
+    assert len(bpy.data.actions) == 0
+    assert {key for key in scene.keys() if key != "noisy_world"} == set()  # noqa: SIM118
+
+
+def test_what_a_user_chose_meanwhile_stays(scene):
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
+    scene.compositing_node_group = own
+    scene.noisy_world.preview = False
+    preview.flush()
+    assert scene.compositing_node_group == own
+    assert [tree.name for tree in bpy.data.node_groups] == ["Own"]
+
+
+def cycles_scene(colour):
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.cycles.use_denoising = False
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.node_tree.nodes["Background"].inputs[0].default_value = (*colour, 1)
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(scene.camera)
+    return scene
+
+
+@pytest.mark.parametrize("entry", ["render layers", "group input"])
+def test_a_users_own_compositing_stays_in_effect_before_the_chain(scene, tmp_path, entry):
+    cycles_scene((0.1, 0.2, 0.05))
+    own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
+    own.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    if entry == "group input":
+        own.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
+    source = own.nodes.new("CompositorNodeRLayers" if entry == "render layers" else "NodeGroupInput")
+    exposure, end = own.nodes.new("CompositorNodeExposure"), own.nodes.new("NodeGroupOutput")
+    exposure.inputs["Exposure"].default_value = 1.0
+    own.links.new(source.outputs[0], exposure.inputs["Image"])
+    own.links.new(exposure.outputs[0], end.inputs[0])
+    scene.compositing_node_group = own
+    refresh_chain(scene, steps_of({"contrast": {"severity": 0}}), IDENTIFIERS)
+    assert own_compositing(scene) == own
+    assert np.allclose(evaluate_scene(scene, tmp_path)[5, 5], (0.2, 0.4, 0.1), atol=2e-3)
+    hide_chain(scene)
+    assert scene.compositing_node_group == own
+
+
+def test_the_split_shows_the_left_as_it_was(scene, tmp_path):
+    cycles_scene((0.1, 0.2, 0.05))
+    steps = steps_of({"gaussian_noise": {"severity": 5}})
+    refresh_chain(scene, steps, IDENTIFIERS)
+    whole = evaluate_scene(scene, tmp_path)
+    chain = refresh_chain(scene, steps, IDENTIFIERS, split=0.25)
+    half = evaluate_scene(scene, tmp_path)
+    edge = SIZE[0] // 4
+    assert np.allclose(half[:, : edge - 1], (0.1, 0.2, 0.05), atol=1e-3)
+    assert np.array_equal(half[:, edge + 2 :], whole[:, edge + 2 :])
+    refresh_chain(scene, steps, IDENTIFIERS, split=0.0)
+    assert SPLIT not in scene.compositing_node_group.nodes
+    assert shown_chain(scene) == chain
+
+
+def test_two_scenes_do_not_disturb_each_other(scene):
+    other = bpy.data.scenes.new("Other")
+    other.frame_start, other.frame_end = 0, 3
+    for item, name in ((scene, "fog"), (other, "frost")):
+        add(item, name)
+        item.noisy_world.preview = True
+    preview.flush()
+    assert "Fog" in shown_chain(scene).nodes
+    assert "Frost" in shown_chain(other).nodes
+    other.noisy_world.preview = False
+    preview.flush()
+    assert other.compositing_node_group is None
+    assert "Fog" in shown_chain(scene).nodes
+
+
+def test_a_copied_scene_gets_a_chain_of_its_own(scene):
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    copy = scene.copy()
+    assert shown_chain(copy) is None
+    preview.apply(copy)
+    assert shown_chain(copy) not in (None, shown_chain(scene))
+    assert OWN not in copy.compositing_node_group.nodes
+    copy.noisy_world.preview = False
+    preview.flush()
+    preview.apply(copy)
+    assert copy.compositing_node_group is None
+    assert shown_chain(scene) is not None
+
+
+def test_wrong_settings_are_kept_for_the_panel(scene):
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    chain = shown_chain(scene)
+    add(scene, "desync")
+    add(scene, "desync")
+    preview.flush()
+    assert "twice" in preview._errors[scene.session_uid]
+    assert shown_chain(scene) == chain
+
+
+def test_reference_width_follows_the_camera(scene):
+    add(scene, "gaussian_blur")
+    scene.noisy_world.preview = True
+    preview.flush()
+    scene.noisy_world.width_px = 640
+    preview.flush()
+    assert scene.compositing_node_group.nodes[GROUP].inputs["Reference Width"].default_value == 640
+
+
+# --- the views, the transform, what stays behind ---
+
+
+def test_views_get_their_compositor_back():
+    bpy.ops.wm.read_factory_settings()
+    scene = bpy.context.scene
+    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+    space.shading.use_compositor = "CAMERA"
+    scene.noisy_world.preview = True
+    preview.flush()
+    assert space.shading.use_compositor == "ALWAYS"
+    space.shading.use_compositor = "DISABLED"  # by hand: left alone
+    scene.noisy_world.preview_split = 0.5
+    preview.flush()
+    assert space.shading.use_compositor == "DISABLED"
+    scene.noisy_world.preview = False
+    preview.flush()
+    assert space.shading.use_compositor == "CAMERA"
+    assert views.FORMER not in bpy.context.window.screen
+
+
+def test_what_falsifies_a_preview_is_said_and_mended(scene):
+    view = scene.view_settings
+    view.view_transform = "AgX"
+    view.exposure, view.gamma, view.use_curve_mapping = 0.5, 1.2, True
+    assert len(preview.falsified_by(scene)) == 4
+    assert bpy.ops.noisy_world.use_standard_view() == {"FINISHED"}
+    assert preview.falsified_by(scene) == []
+    assert not bpy.ops.noisy_world.use_standard_view.poll()
+
+
+def test_costly_changes_wait_for_a_pause(scene, monkeypatch):
+    fog = add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    monkeypatch.setattr(views, "seconds_taken", lambda _: 2.0)
+    before = shown_chain(scene).nodes["Fog"].inputs[1].default_value
+    fog.severity = 5.0
+    assert preview._follow() == preview.POLL_S
+    assert shown_chain(scene).nodes["Fog"].inputs[1].default_value == before
+    time.sleep(preview.PAUSE_S)
+    assert preview._follow() is None
+    assert shown_chain(scene).nodes["Fog"].inputs[1].default_value != before
+
+
+def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):
+    preview._resume()
+    preview._follow()
+    bpy.app.timers.unregister(preview._follow)
+    add(scene, "fog").severity = 4.0
+    assert not bpy.app.timers.is_registered(preview._follow)
+    scene.noisy_world.preview = True
+    assert bpy.app.timers.is_registered(preview._follow)
+    preview.flush()
+    preview.unregister()
+    try:
+        assert not bpy.app.timers.is_registered(preview._follow)
+        assert not bpy.app.timers.is_registered(preview._resume)
+        assert scene.compositing_node_group is None
+        assert PREVIOUS not in scene
+        assert properties.LISTENERS == []
+        assert preview._touch_all not in bpy.app.handlers.undo_post[:]
+    finally:
+        preview.register()
+
+
+# --- depth ---
+
+
+@pytest.fixture
+def room(scene):
+    cycles_scene((0, 0, 0))
+    add_mesh(scene, build_room(), "Room", decoding="shader")
+    scene.camera.location = (0, 0, 1.5)
+    scene.camera.rotation_euler = (1.5, 0, 0.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=0)
+    scene.camera.rotation_euler = (1.5, 0, 1.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=9)
+    return scene
+
+
+def test_depth_is_shown_as_the_generator_perturbs_it(room):
+    from noisy_world.blender.still import render_stills
+
+    add(room, "depth_random_missing", severity=3.0)
+    room.frame_set(4)
+    image, about = depth_preview.draw_picture(room)
+    assert bpy.data.scenes[:] == [room]
+    (still,) = render_stills(room, [4], rgb=False)
+    depth_m, _ = perturb_depth(steps_of({"depth_random_missing": {"severity": 3}}), still.depth_m, 4, IDENTIFIERS)
+    seen_m = depth_m[depth_m > 0]
+    assert np.array_equal(image, colour_depth(depth_m, seen_m.min(), seen_m.max()))
+    assert about.startswith("Frame 4: depth from")
+    assert (room.frame_current, room.render.engine, room.cycles.samples) == (4, "CYCLES", 1)
+    assert room.world is not None
+
+
+def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room):
+    from noisy_world.blender.still import render_stills
+
+    step = add(room, "desync")
+    step.desync.offset = 5
+    room.frame_set(2)
+    image, about = depth_preview.draw_picture(room)
+    assert image.shape == (SIZE[1], 2 * SIZE[0], 3)
+    depth_m = render_stills(room, [7], rgb=False)[0].depth_m
+    seen_m = depth_m[depth_m > 0]
+    assert np.array_equal(image[:, SIZE[0] :], colour_depth(depth_m, seen_m.min(), seen_m.max()))
+    assert "Colour of frame 2, depth of frame 7" in about
+    step.desync.edge = "drop"
+    room.frame_set(8)
+    with pytest.raises(NoisyWorldError, match="left out"):
+        depth_preview.draw_picture(room)
+
+
+def test_the_operator_makes_the_picture(room):
+    add(room, "depth_gaussian_noise")
+    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
+    assert tuple(bpy.data.images[depth_preview.PICTURE].size) == SIZE
+    room.noisy_world.steps[0].perturbation = "desync"
+    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
+    assert tuple(bpy.data.images[depth_preview.PICTURE].size) == (2 * SIZE[0], SIZE[1])
+    room.camera = None
+    assert not bpy.ops.noisy_world.preview_depth.poll()
+
+
+# --- paths ---
+
+
+def test_paths_are_those_that_are_rendered(scene):
+    cycles_scene((0, 0, 0))
+    assert paths.clean_poses(scene) is None
+    c2w = np.repeat(np.eye(4)[None], 30, axis=0)
+    c2w[:, 0, 3] = np.linspace(0, 3, 30)
+    scene.camera[paths.CLEAN_C2W] = c2w.ravel().tolist()
+    assert np.array_equal(paths.clean_poses(scene), c2w)
+    assert paths.deviated_poses(scene, c2w) is None
+    scene.noisy_world.deviation_translation_m = 0.05
+    step = steps_of({"motion_deviation": {"rotation_deg": 0.0, "translation_m": 0.05}})[0]
+    expected = perturb_motion(step, Trajectory(c2w, np.arange(30.0)), IDENTIFIERS).c2w
+    assert np.array_equal(paths.deviated_poses(scene, c2w), expected)
+
+
+def test_lines_go_along_the_path_and_where_the_camera_looks():
+    c2w = np.repeat(np.eye(4)[None], 3, axis=0)
+    c2w[:, 0, 3] = (0, 1, 2)
+    lines = paths.path_lines(c2w, np.array([0.0, 0.0, 1.0]))
+    assert lines[:4, 0].tolist() == [0, 1, 1, 2]
+    assert lines[4:, 2].tolist() == pytest.approx([-1, -0.95] * 3)
+    assert len(paths.path_lines(c2w[:1], np.zeros(3))) == 2
