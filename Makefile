@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery screenshots assets ice test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery screenshots assets extension ice test bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -37,6 +37,9 @@ screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path
 
 assets: venv ## write the asset library of node groups for Blender's asset browser
 	$(PY) headless/assets.py
+
+extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
+	$(PY) headless/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
 
 test: venv ## run the tests
 	$(PY) -m pytest

@@ -8,7 +8,6 @@ Both take the same options and write the same dataset; the second runs inside a 
 """
 
 import argparse
-import importlib.util
 import json
 import os
 import shlex
@@ -16,21 +15,17 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import FrameType
 from typing import IO, TYPE_CHECKING
 
-ROOT = Path(__file__).resolve().parents[1]
+# A Blender program does not look beside the script.
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from installation import INSTALLED, ROOT, inside_blender, prepare_imports
+
 SCRIPT = Path(__file__).resolve()
-NEEDED = {
-    "numpy": "numpy",
-    "yaml": "pyyaml",
-    "cv2": "opencv-contrib-python-headless",
-    "OpenEXR": "OpenEXR",
-    "tqdm": "tqdm",
-    "bpy": "bpy",
-}
 INTERRUPTED = 130
 KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
 
@@ -43,10 +38,12 @@ if TYPE_CHECKING:
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     prepare_imports()
+    from noisy_world.core.requirements import NEEDED  # noqa: PLC0415 - found just now
+
     options = parse_arguments(arguments)
-    if problem := missing_package([name for name in NEEDED if name != "bpy"]):
+    if problem := missing_package(NEEDED):
         return fail(problem, options)
-    from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415 - found just now
+    from noisy_world.core.errors import InterruptedRunError, NoisyWorldError  # noqa: PLC0415
 
     try:
         return run(options)
@@ -57,33 +54,20 @@ def main(arguments: list[str]) -> int:
         return fail(str(error), options)
 
 
-def prepare_imports() -> None:
-    """Find the add-on's package and, in a Blender program, the packages that `make blender-env` installed for it."""
-    sys.path[:0] = [str(ROOT / "addon"), str(SCRIPT.parent)]
-    side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)
-    # Last, so that what Blender brings (numpy above all) stays its own.
-    if inside_blender() and side.is_dir():
-        sys.path.append(str(side))
-
-
-def inside_blender() -> bool:
-    """Tell whether this is a Blender program, not a Python with the bpy package."""
-    bpy = sys.modules.get("bpy")
-    return bpy is not None and bool(bpy.app.binary_path)
-
-
-def missing_package(names: Sequence[str]) -> str:
+def missing_package(names: Iterable[str]) -> str:
     """Say which package cannot be had and the command that gets it; nothing where all are there."""
-    missing = [name for name in names if name not in sys.modules and importlib.util.find_spec(name) is None]
-    if missing:
-        packages = ", ".join(NEEDED[name] for name in missing)
-        python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
-        if inside_blender():
-            binary = sys.modules["bpy"].app.binary_path
-            return f"{packages}: missing in this Blender's {python}; run: make -C {ROOT} blender-env BLENDER={binary}"
-        remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
-        return f"{packages}: missing in this {python}; {remedy}"
-    return ""
+    from noisy_world.core.requirements import install_remedy, missing_packages, missing_sentence  # noqa: PLC0415
+
+    missing = missing_packages(names)
+    if not missing:
+        return ""
+    where = "this Blender's " if inside_blender() else ""
+    if INSTALLED:
+        return missing_sentence(missing, where, install_remedy(ROOT))
+    if where:
+        binary = sys.modules["bpy"].app.binary_path
+        return missing_sentence(missing, where, f"run: make -C {ROOT} blender-env BLENDER={binary}")
+    return missing_sentence(missing, where, f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}")
 
 
 def blender_problem() -> str:

@@ -5,9 +5,21 @@ As a Blender extension it adds a tab to the 3D view's sidebar; scenes, trajector
 library and through headless/generate.py as well, and none of them needs the tab.
 """
 
+from pathlib import Path
+
 
 def register() -> None:
-    """Show the tab."""
+    """Show the tab.
+
+    Raises ImportError where packages are missing; Blender says its message without a traceback for the words it begins
+    with.
+    """
+    from .core.requirements import install_remedy, missing_packages, missing_sentence
+
+    if missing := missing_packages():
+        remedy = install_remedy(Path(__file__).parent)
+        raise ImportError("Add-on not loaded: " + missing_sentence(missing, "this Blender's ", remedy))
+
     from . import ui
 
     ui.register()

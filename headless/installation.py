@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the scripts run, in a checkout or in the installed extension, and how each finds the add-on's package there.
+
+A checkout has the package in addon/. In the extension the package is the folder above the scripts, which Blender may
+have loaded as bl_ext.<repository>.noisy_world: the scripts' name for it then leads to the modules that are there.
+"""
+
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+
+PACKAGE = "noisy_world"
+SCRIPTS = Path(__file__).resolve().parent
+ROOT = SCRIPTS.parent
+# The extension's folder is a package; a checkout's is not.
+INSTALLED = (ROOT / "__init__.py").is_file()
+
+
+def prepare_imports() -> None:
+    """Make the package importable and, in a Blender program, the packages that `make blender-env` installed for it."""
+    if INSTALLED:
+        use_extension(ROOT)
+        return
+    sys.path.insert(0, str(ROOT / "addon"))
+    side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)
+    # Last, so that what Blender brings (numpy above all) stays its own.
+    if inside_blender() and side.is_dir():
+        sys.path.append(str(side))
+
+
+def inside_blender() -> bool:
+    """Tell whether this is a Blender program, not a Python with the bpy package."""
+    bpy = sys.modules.get("bpy")
+    return bpy is not None and bool(bpy.app.binary_path)
+
+
+def use_extension(folder: Path) -> None:
+    """Let PACKAGE be the package in that folder: the one that Blender loaded or, where it has not, itself."""
+    if PACKAGE in sys.modules:
+        return
+    entry = folder / "__init__.py"
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if name.rpartition(".")[2] == PACKAGE and file is not None and Path(file).resolve() == entry:
+            sys.meta_path.insert(0, OtherName(PACKAGE, name))
+            return
+    spec = importlib.util.spec_from_file_location(PACKAGE, entry, submodule_search_locations=[str(folder)])
+    assert spec is not None
+    assert spec.loader is not None
+    package = importlib.util.module_from_spec(spec)
+    sys.modules[PACKAGE] = package
+    spec.loader.exec_module(package)
+
+
+class OtherName(MetaPathFinder, Loader):
+    """Gives a package that is loaded another name, under which its modules are the same objects, not loaded again."""
+
+    def __init__(self, alias: str, name: str) -> None:
+        self._alias = alias
+        self._name = name
+        self._specs: dict[str, ModuleSpec | None] = {}
+
+    def find_spec(
+        self,
+        fullname: str,
+        path: Sequence[str] | None = None,  # noqa: ARG002 - the protocol's
+        target: ModuleType | None = None,  # noqa: ARG002
+    ) -> ModuleSpec | None:
+        """Claim what is named after the alias."""
+        if fullname != self._alias and not fullname.startswith(f"{self._alias}."):
+            return None
+        real = importlib.util.find_spec(self._name + fullname.removeprefix(self._alias))
+        if real is None:
+            return None
+        return ModuleSpec(fullname, self, is_package=real.submodule_search_locations is not None)
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """Hand out the module under its own name; the import system is about to replace its spec."""
+        module = importlib.import_module(self._name + spec.name.removeprefix(self._alias))
+        self._specs[module.__name__] = module.__spec__
+        return module
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Give the module its spec back: it has been executed."""
+        module.__spec__ = self._specs.pop(module.__name__)
