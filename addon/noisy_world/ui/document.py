@@ -9,13 +9,16 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.mixture import Identifiers, Step, parse_steps
-from ..core.preset import EMBEDDED_ROOM, Preset, check_document
-from ..core.schema import Place
+from ..core.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
+from ..core.plan import make_plan
+from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
+from ..core.schema import Place, unknown_name
+from ..core.storage import storage_errors, write_atomic
 from ..perturbations import registry
-from .properties import OVERRIDE, parameters_of, perturbation_of
+from .properties import LARGEST_INT, OVERRIDE, parameters_of, perturbation_of, told_once
 
 CLEAN = "clean"
+HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
 PANEL = "Noisy World panel"  # stands for a file's name in messages about what the panel holds
 DEVIATION = {"deviation_rotation_deg": "rotation_deg", "deviation_translation_m": "translation_m"}
 CAMERA = {
@@ -53,10 +56,10 @@ def set_value(group: Any, name: str, value: Any) -> None:
 # --- the panel as a document ---
 
 
-def to_document(settings: Any) -> dict[str, Any]:
+def to_document(settings: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the preset that the panel describes: one scene, the settings clean and, with perturbations, one more.
 
-    Paths are absolute.
+    Paths are absolute, or relative to `folder` where they lie in it.
     """
     perturb = perturb_of(settings)
     modalities = [name for name in ("rgb", "depth") if getattr(settings, f"use_{name}")]
@@ -65,8 +68,8 @@ def to_document(settings: Any) -> dict[str, Any]:
         "scenes": [
             {
                 "name": settings.scene_name,
-                "mesh": EMBEDDED_ROOM if settings.mesh_source == "ROOM" else absolute(settings.mesh_path),
-                "trajectory": _trajectory(settings),
+                "mesh": EMBEDDED_ROOM if settings.mesh_source == "ROOM" else _path(settings.mesh_path, folder),
+                "trajectory": _trajectory(settings, folder),
             }
         ],
         "camera": {key: value_of(settings, name) for name, key in CAMERA.items()},
@@ -86,11 +89,18 @@ def absolute(path: str) -> str:
     return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""
 
 
-def _trajectory(settings: Any) -> dict[str, Any]:
+def _path(path: str, folder: Path | None) -> str:
+    whole = absolute(path)
+    if folder is None or not whole or not Path(whole).is_relative_to(folder.resolve()):
+        return whole
+    return Path(whole).relative_to(folder.resolve()).as_posix()
+
+
+def _trajectory(settings: Any, folder: Path | None) -> dict[str, Any]:
     if settings.trajectory_source == "HANDHELD":
         made: dict[str, Any] = {"handheld": {key: value_of(settings, name) for name, key in HANDHELD.items()}}
     else:
-        made = {"file": absolute(settings.trajectory_path)}
+        made = {"file": _path(settings.trajectory_path, folder)}
         made |= {key: value_of(settings, name) for name, key in TRAJECTORY.items()}
     return made | ({"every": settings.every} if settings.every > 1 else {})
 
@@ -141,4 +151,167 @@ def preset_of(settings: Any, path: Path | None = None) -> Preset:
 
     Raises InputError naming the key.
     """
-    return check_document(to_document(settings), path or Path(PANEL))
+    return check_document(to_document(settings, path and path.parent), path or Path(PANEL))
+
+
+def save_preset(settings: Any, path: Path) -> None:
+    """Write the preset that the panel describes. Raises NoisyWorldError; what was there stays then."""
+    import yaml
+
+    preset = preset_of(settings, path)
+    make_plan(preset, None, registry())  # what cannot be generated is not saved either
+    text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
+    with storage_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(path, f"{HEADING}\n{text}".encode(), path.parent)
+    settings.preset_path = str(path)
+    settings.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
+
+
+# --- a document in the panel ---
+
+
+def open_preset(settings: Any, path: Path, setting: str = "") -> None:
+    """Take a preset's file into the panel: its scene and one of its settings, by default the first that is not clean.
+
+    Raises InputError where it cannot be read, or says what the panel cannot show; the panel then stays as it was.
+    """
+    _take(settings, read_preset(path), setting)
+    settings.preset_path = str(path)
+
+
+def from_document(document: dict[str, Any], settings: Any, *, path: Path, setting: str = "") -> None:
+    """Take a preset's document into the panel, as if it stood in the file `path`: as open_preset."""
+    _take(settings, check_document(document, path), setting)
+
+
+def _take(settings: Any, preset: Preset, wanted: str) -> None:
+    spec = preset.spec
+    _refuse_unshown(preset)
+    found = parse_settings(spec.settings, preset.place("settings"), registry(), spec.render.backend)
+    chosen = next((item for item in found if item.name == wanted or (not wanted and item.steps)), None)
+    if chosen is None and wanted:
+        raise unknown_name(preset.place("settings"), "setting", wanted, [item.name for item in found])
+    chosen = chosen or found[0]
+    for step in chosen.steps:
+        if step.levels is not None and step.severity is None:
+            raise preset.place("settings").error(f"{chosen.name}: levels cannot be shown in the panel", "use severity")
+    with told_once():
+        _take_scene(settings, preset)
+        _take_rest(settings, spec, chosen)
+        _take_steps(settings, chosen)
+        settings.preset_settings = "\n".join(item.name for item in found)
+
+
+def _refuse_unshown(preset: Preset) -> None:
+    """Refuse what the panel cannot show: opened and saved again, it would be lost."""
+    spec = preset.spec
+    scene = spec.scenes[0]
+    trajectory = scene.trajectory
+    asked = {
+        "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
+        "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
+        "scenes.0.mesh": "*" in (scene.mesh or "") and "stands for several files",
+        "scenes.0.trajectory.start": trajectory is not None and trajectory.start != 0 and "chooses a part of the path",
+        "scenes.0.trajectory.stop": trajectory is not None and trajectory.stop is not None and "chooses a part",
+        "scenes.0.trajectory.resample_hz": trajectory is not None and trajectory.resample_hz is not None
+        and "resamples the path",
+        "scenes.0.trajectory.handheld.seed": trajectory is not None and trajectory.handheld is not None
+        and trajectory.handheld.seed is not None and "is another seed than the preset's",
+        "rig": spec.rig is not None and "places sensors on a robot",
+        "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
+        "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
+    }  # fmt: skip
+    for path, problem in asked.items():
+        if problem:
+            raise preset.place(path).error(f"{problem}: the panel cannot show that", "run it with generate.py")
+
+
+def _take_scene(settings: Any, preset: Preset) -> None:
+    (scene,) = preset.spec.scenes
+    assert scene.mesh is not None
+    assert scene.trajectory is not None
+    settings.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
+    if scene.mesh != EMBEDDED_ROOM:
+        settings.mesh_path = str(preset.path.parent / scene.mesh)
+    settings.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
+    handheld = scene.trajectory.handheld
+    settings.trajectory_source = "FILE" if handheld is None else "HANDHELD"
+    if handheld is None:
+        assert scene.trajectory.file is not None
+        settings.trajectory_path = str(preset.path.parent / scene.trajectory.file)
+        for name, field in TRAJECTORY.items():
+            set_value(settings, name, getattr(scene.trajectory, field))
+    else:
+        for name, field in HANDHELD.items():
+            set_value(settings, name, getattr(handheld, field))
+    settings.every = scene.trajectory.every
+
+
+def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
+    settings.seed = spec.seed
+    for name, field in CAMERA.items():
+        set_value(settings, name, getattr(spec.camera, field))
+    settings.engine, settings.samples = spec.render.engine, spec.render.samples
+    settings.backend = setting.backend
+    settings.layout = spec.output.layout
+    settings.image = spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")
+    settings.use_rgb = "rgb" in spec.output.modalities
+    settings.use_depth = "depth" in spec.output.modalities
+    settings.overview = spec.output.overview
+    if setting.name != CLEAN:
+        settings.setting_name = setting.name
+
+
+def _take_steps(settings: Any, setting: Setting) -> None:
+    deviation, faster = setting.named("motion_deviation"), setting.named("faster_motion")
+    for name, field in DEVIATION.items():
+        set_value(settings, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
+    settings.speed_factor = 1 if faster is None else faster.parameters(None).factor
+    settings.steps.clear()
+    settings.active_step = 0
+    for step in setting.steps:
+        if step.perturbation.category != "motion":
+            take_step(settings.steps.add(), step)
+
+
+def take_step(item: Any, step: Step) -> None:
+    """Fill an entry of the list from a preset's step."""
+    item.perturbation = step.perturbation.name
+    group = parameters_of(item)
+    item.mode = "static" if step.levels is None else "dynamic"
+    item.use_severity = step.severity is not None or not step.perturbation.severities
+    if step.severity is not None:
+        set_value(item, "severity", step.severity)
+    if step.perturbation.temporals:
+        item.temporal = step.temporal
+    for name, value in step.given.items():
+        if step.perturbation.severities:
+            setattr(group, OVERRIDE + name, True)  # this takes the severity's value, so it comes first
+        set_value(group, name, value)
+
+
+# --- the list, in propagation order ---
+
+
+def add_step(settings: Any, name: str) -> int:
+    """Add a perturbation where the propagation order has it, behind its equals; return its place in the list."""
+    with told_once():
+        item = settings.steps.add()
+        item.perturbation = name
+        if registry()[name].temporals:
+            item.temporal = registry()[name].temporals[0]
+    places = list(registry())
+    order = [places.index(step.perturbation) for step in settings.steps]
+    place = sum(other <= order[-1] for other in order[:-1])
+    settings.steps.move(len(order) - 1, place)
+    settings.active_step = place
+    return place
+
+
+def may_move(settings: Any, by: int) -> bool:
+    """Tell whether the selected entry may change places with the next in that direction: only with its equals."""
+    here, there = settings.active_step, settings.active_step + by
+    if not (0 <= here < len(settings.steps) and 0 <= there < len(settings.steps)):
+        return False
+    return settings.steps[here].perturbation == settings.steps[there].perturbation

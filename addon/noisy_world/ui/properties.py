@@ -2,7 +2,8 @@
 """What the panel holds, as properties of a scene: derived from the dataclasses that presets are checked against."""
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -29,6 +30,7 @@ type Listener = Callable[[bpy.types.Scene, str], None]
 """Is told the scene and the name of the property that changed; "steps" for anything inside a perturbation."""
 
 LISTENERS: list[Listener] = []
+_collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
 OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
 LARGEST_INT = 2**31 - 1
 _LEAST_ABOVE = 1e-6
@@ -113,10 +115,26 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
     """Make an update function that tells the listeners what changed in which scene."""
 
     def update(group: Any, _: bpy.types.Context) -> None:
+        if _collected:
+            _collected[-1].setdefault((group.id_data.session_uid, name), group.id_data)
+            return
         for listener in LISTENERS:
             listener(group.id_data, name)
 
     return update
+
+
+@contextmanager
+def told_once() -> Iterator[None]:
+    """Tell the listeners of everything that changes inside at the end, each property once."""
+    _collected.append({})
+    try:
+        yield
+    finally:
+        changes = _collected.pop()
+        for (_, name), scene in changes.items():
+            for listener in LISTENERS:
+                listener(scene, name)
 
 
 def from_name(spec: type, **names: str) -> dict[str, Any]:
@@ -131,7 +149,8 @@ def _parameters_class(perturbation: Perturbation) -> type:
     """Make the group that holds a perturbation's parameters, and which of them stand over the severity's."""
     members: dict[str, Any] = {}
     for item in fields(perturbation.parameters):
-        members[item.name] = described(perturbation.parameters, item.name, update="steps")
+        label = parameter_label(item.name)
+        members[item.name] = described(perturbation.parameters, item.name, label=label, update="steps")
         if perturbation.severities:
             members[OVERRIDE + item.name] = bpy.props.BoolProperty(
                 name=f"Override {parameter_label(item.name)}",
@@ -140,6 +159,7 @@ def _parameters_class(perturbation: Perturbation) -> type:
                 default=False,
             )
     name = "NoisyWorld" + "".join(word.capitalize() for word in perturbation.name.split("_")) + "Parameters"
+    members["exact"] = bpy.props.StringProperty(options={"HIDDEN"})
     return type(name, (bpy.types.PropertyGroup,), {"__annotations__": members, "__module__": __name__})
 
 
@@ -150,7 +170,7 @@ def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any,
     def update(group: Any, context: bpy.types.Context) -> None:
         step = group.path_from_id().rpartition(".")[0]
         severity = group.id_data.path_resolve(step).severity
-        if getattr(group, OVERRIDE + parameter) and severity >= SEVERITIES[0] and group.follow_severity:
+        if getattr(group, OVERRIDE + parameter) and severity >= SEVERITIES[0]:
             setattr(group, parameter, getattr(perturbation.at_severity(severity), parameter))
         told(group, context)
 
@@ -218,9 +238,6 @@ def _step_members() -> dict[str, Any]:
 
 
 PARAMETERS: dict[str, type] = {item.name: _parameters_class(item) for item in registry().values()}
-for _cls in PARAMETERS.values():
-    _cls.__annotations__["follow_severity"] = bpy.props.BoolProperty(default=True, options={"HIDDEN"})
-
 NoisyWorldStep: type = type(
     "NoisyWorldStep", (bpy.types.PropertyGroup,), {"__annotations__": _step_members(), "__module__": __name__}
 )

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
+
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..blender.camera import add_camera, key_trajectory, set_intrinsics
+from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
+from ..core.geometry import Intrinsics
+from ..core.mesh import Mesh
+from ..core.mixture import perturb_motion
+from ..core.plan import load_trajectory, make_plan
+from ..core.ply import read_ply
+from ..core.room import build_room
+from ..core.trajectory import Trajectory
+from ..perturbations import registry
+from .document import absolute, identifiers_of, preset_of, steps_of, value_of
+from .paths import CLEAN_C2W
+from .properties import LISTENERS
+
+OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
+DISPLAY_COLOURS = "Display"
+FAR_M = 1000.0  # from here on float32 resolves less than 0.1 mm, and the scene is moved
+CAMERA_PROPERTIES = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m")
+PATH_PROPERTIES = (
+    "deviation_rotation_deg", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
+)  # fmt: skip
+
+
+def is_editable(scene: bpy.types.Scene | None) -> bool:
+    """Tell whether a scene is this file's own: what is linked from another is left alone."""
+    return scene is not None and scene.library is None and scene.is_editable
+
+
+def own_object(scene: bpy.types.Scene, kind: str) -> bpy.types.Object | None:
+    """Return our object of a scene: the "mesh" or the "camera"."""
+    return next((item for item in scene.objects if item.get(OURS) == kind and item.library is None), None)
+
+
+# --- mesh ---
+
+
+def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...]]:
+    """Put the mesh that the panel names into the scene, in place of the one before.
+
+    Returns the object, and what a user should know of how the file was read. Raises InputError.
+    """
+    settings = scene.noisy_world
+    mesh = _mesh(settings)
+    while (old := own_object(scene, "mesh")) is not None:
+        _remove_mesh(old)
+    set_origin(scene, _origin_m(mesh))
+    loaded = add_mesh(scene, mesh, settings.scene_name, decoding="shader")
+    loaded[OURS] = "mesh"
+    _add_display_colours(loaded.data, mesh)
+    return loaded, mesh.notes
+
+
+def _mesh(settings: Any) -> Mesh:
+    """Read or make the mesh that the panel names."""
+    if settings.mesh_source == "ROOM":
+        return _room()
+    path = Path(absolute(settings.mesh_path))
+    return _file(path, path.stat().st_mtime_ns) if path.is_file() else read_ply(path)
+
+
+@cache
+def _room() -> Mesh:
+    return build_room()  # seconds, and the path is made in it as well
+
+
+@lru_cache(maxsize=1)
+def _file(path: Path, _changed: int) -> Mesh:
+    return read_ply(path)
+
+
+def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the point to work around: the world's own origin, unless the mesh is far from it."""
+    low_m, high_m = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+    return np.rint((low_m + high_m) / 2) if max(np.abs(low_m).max(), np.abs(high_m).max()) > FAR_M else np.zeros(3)
+
+
+def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
+    """Add the colours for Solid shading, which takes float colours for linear light; what renders stays as it is."""
+    rendered = data.color_attributes.render_color_index
+    colours = data.color_attributes.new(DISPLAY_COLOURS, "BYTE_COLOR", "POINT")
+    rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
+    rgba[:, :3] = NEUTRAL_GREY if mesh.rgb is None else mesh.rgb
+    colours.data.foreach_set("color_srgb", rgba.ravel())
+    data.color_attributes.active_color_name = DISPLAY_COLOURS
+    data.color_attributes.render_color_index = rendered
+
+
+def _remove_mesh(item: bpy.types.Object) -> None:
+    data = item.data
+    bpy.data.objects.remove(item)
+    if data is None or data.users:
+        return
+    materials = [material for material in data.materials if material is not None]
+    bpy.data.meshes.remove(data)
+    for material in materials:
+        if not material.users:
+            bpy.data.materials.remove(material)
+
+
+# --- path ---
+
+
+def load_path(scene: bpy.types.Scene) -> int:
+    """Load or make the trajectory that the panel names, key the camera along it, and return the number of poses.
+
+    Raises NoisyWorldError.
+    """
+    plan = make_plan(preset_of(scene.noisy_world), None, registry())
+    where = plan.renders[0].scene
+    nominal = load_trajectory(plan, where, _mesh(scene.noisy_world) if where.trajectory is None else None)
+    camera = set_camera(scene)
+    camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
+    key_camera(scene)
+    return len(nominal)
+
+
+def key_camera(scene: bpy.types.Scene) -> None:
+    """Key the camera along its path, deviated as the panel says, and set the timeline's range."""
+    camera = own_object(scene, "camera")
+    if camera is None or CLEAN_C2W not in camera:
+        return
+    c2w = np.array(camera[CLEAN_C2W], dtype=np.float64).reshape(-1, 4, 4)
+    deviation = next(
+        (step for step in steps_of(scene.noisy_world) if step.perturbation.name == "motion_deviation"), None
+    )
+    if deviation is not None:
+        path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
+        c2w = perturb_motion(deviation, path, identifiers_of(scene.noisy_world)).c2w
+    before = camera.animation_data.action if camera.animation_data else None
+    key_trajectory(scene, camera, c2w)
+    if before is not None and not before.users:
+        bpy.data.actions.remove(before)
+    scene.frame_step = scene.noisy_world.speed_factor  # rendered, an animation holds the frames of the sequence
+
+
+# --- camera ---
+
+
+def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
+    """Give the scene our camera with the panel's intrinsics, and make it the scene's."""
+    camera = own_object(scene, "camera")
+    if camera is None:
+        camera = add_camera(scene, "Noisy World Camera")
+        camera[OURS] = "camera"
+    scene.camera = camera
+    apply_intrinsics(scene)
+    return camera
+
+
+def apply_intrinsics(scene: bpy.types.Scene) -> None:
+    """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
+    camera = own_object(scene, "camera")
+    if camera is None:
+        return
+    width, height, fx, fy, cx, cy, near_m, far_m = (value_of(scene.noisy_world, name) for name in CAMERA_PROPERTIES)
+    set_intrinsics(scene, camera, Intrinsics(width, height, fx, fy, cx, cy), near_m=near_m, far_m=far_m)
+
+
+# --- following ---
+
+
+def follow(scene: bpy.types.Scene, name: str) -> None:
+    """Let our camera follow the panel's sliders."""
+    if not isinstance(scene, bpy.types.Scene) or not is_editable(scene):
+        return
+    if name in CAMERA_PROPERTIES:
+        apply_intrinsics(scene)
+    elif name in PATH_PROPERTIES:
+        key_camera(scene)
+
+
+def register() -> None:
+    """Follow the sliders."""
+    LISTENERS.append(follow)
+
+
+def unregister() -> None:
+    """Follow no more, and keep no mesh in memory."""
+    _room.cache_clear()
+    _file.cache_clear()
+    if follow in LISTENERS:
+        LISTENERS.remove(follow)
+
+
+def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Say what is loaded, for the panel."""
+    item = own_object(scene, "mesh")
+    return () if item is None else (f"{len(item.data.vertices):,} vertices", f"{len(item.data.polygons):,} faces")
+
+
+def poses(scene: bpy.types.Scene) -> int:
+    """Return how many poses our camera is keyed along; 0 without."""
+    camera: Any = own_object(scene, "camera")
+    return 0 if camera is None else len(camera.get(CLEAN_C2W, ())) // 16
