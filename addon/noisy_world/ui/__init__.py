@@ -5,7 +5,7 @@ import importlib
 import importlib.util
 from types import ModuleType
 
-MODULES = ("properties", "operators", "paths", "preview", "generate", "panels")
+MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "panels")
 """In the order of registration; panels last, because they show what the others own."""
 
 

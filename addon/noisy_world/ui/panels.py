@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar's tab, section after section in the order of the work."""
+
+import importlib
+import importlib.util
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+
+from ..core.perturbation import SEVERITIES, Category, Perturbation
+from ..perturbations import registry
+from . import presets, world
+from .properties import OVERRIDE, active_step, parameters_of, perturbation_of, title
+
+TAB = "Noisy World"
+STAGES: dict[Category, tuple[str, str]] = {
+    "environment": ("Environment", "WORLD"),
+    "lens": ("Lens", "CAMERA_DATA"),
+    "sensor": ("Sensor", "TEXTURE"),
+    "post": ("Post-Processing", "IMAGE_DATA"),
+    "depth": ("Depth", "IMAGE_ZDEPTH"),
+    "sync": ("Synchronisation", "TIME"),
+}
+
+
+def section(name: str) -> ModuleType | None:
+    """Return the module that draws a part of the tab."""
+    found = f"{__package__}.{name}"
+    return importlib.import_module(found) if importlib.util.find_spec(found) is not None else None
+
+
+class _Section:
+    """A section of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = TAB
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Every scene has the tab."""
+        return context.scene is not None
+
+    def fields(self, context: bpy.types.Context) -> bpy.types.UILayout:
+        """Return a layout of labelled values; linked scenes are shown and cannot be changed."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.enabled = world.is_editable(context.scene)
+        return layout
+
+
+class NOISYWORLD_PT_scene(_Section, bpy.types.Panel):
+    """The mesh."""
+
+    bl_label = "Scene"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        layout.prop(settings, "mesh_source")
+        if settings.mesh_source == "FILE":
+            layout.prop(settings, "mesh_path")
+        layout.prop(settings, "scene_name", text="Name")
+        layout.operator("noisy_world.load_scene", icon="MESH_DATA")
+        if told := world.summary(context.scene):
+            layout.label(text=", ".join(told), icon="CHECKMARK")
+
+
+class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
+    """The path."""
+
+    bl_label = "Trajectory"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        layout.prop(settings, "trajectory_source", text="Path")
+        column = layout.column(align=True)
+        if settings.trajectory_source == "FILE":
+            layout.prop(settings, "trajectory_path")
+            column = layout.column(align=True)
+            names = ("trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
+        else:
+            names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
+        for name in names:
+            column.prop(settings, name)
+        column.prop(settings, "every")
+        layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
+        if count := world.poses(context.scene):
+            layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
+        column = layout.column(align=True, heading="Deviation")
+        column.prop(settings, "deviation_rotation_deg")
+        column.prop(settings, "deviation_translation_m")
+        layout.prop(settings, "speed_factor")
+        draw_part("paths", layout, context)
+
+
+class NOISYWORLD_PT_camera(_Section, bpy.types.Panel):
+    """The intrinsics."""
+
+    bl_label = "Camera"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(settings, name)
+        if world.own_object(context.scene, "camera") is None:
+            layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
+
+
+# --- perturbations ---
+
+
+class NOISYWORLD_UL_steps(bpy.types.UIList):
+    """The perturbations in the order in which an image comes about."""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: Any,
+        item: Any,
+        _icon: int,
+        _active_data: Any,
+        _active_name: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw an entry."""
+        perturbation = registry().get(item.perturbation)
+        if perturbation is None:
+            layout.label(text=item.perturbation, icon="ERROR")
+            return
+        row = layout.row(align=True)
+        row.active = item.enabled
+        row.label(text=title(perturbation.label), icon=STAGES[perturbation.category][1])
+        if perturbation.severities and item.use_severity:
+            part = row.row(align=True)
+            part.ui_units_x = 2.6
+            part.prop(item, "severity", text="", emboss=False)
+        layout.prop(item, "enabled", text="")
+
+
+class NOISYWORLD_MT_add_step(bpy.types.Menu):
+    """All perturbations, by stage."""
+
+    bl_label = "Add Perturbation"
+
+    def draw(self, _: bpy.types.Context) -> None:
+        """Draw a menu for each stage."""
+        for category, (label, icon) in STAGES.items():
+            self.layout.menu(f"NOISYWORLD_MT_add_{category}", text=label, icon=icon)
+
+
+def _stage_menu(category: Category) -> type:
+    """Make the menu of a stage."""
+
+    def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
+        for perturbation in registry().values():
+            if perturbation.category == category:
+                label = title(perturbation.label)
+                self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+
+    return type(
+        f"NOISYWORLD_MT_add_{category}",
+        (bpy.types.Menu,),
+        {"bl_label": STAGES[category][0], "draw": draw, "__module__": __name__, "__doc__": "Perturbations of a stage."},
+    )
+
+
+class NOISYWORLD_PT_perturbations(_Section, bpy.types.Panel):
+    """What is done to the sequence."""
+
+    bl_label = "Perturbations"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list and what is selected."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        row = layout.row()
+        row.template_list("NOISYWORLD_UL_steps", "", settings, "steps", settings, "active_step", rows=4)
+        buttons = row.column(align=True)
+        buttons.menu("NOISYWORLD_MT_add_step", text="", icon="ADD")
+        buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
+        buttons.separator()
+        buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
+        buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
+        if (step := active_step(settings)) is not None and step.perturbation in registry():
+            draw_step(layout, step)
+        layout.prop(settings, "seed")
+
+
+def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
+    """Draw the severity and the parameters of the selected perturbation."""
+    perturbation = perturbation_of(step)
+    column = layout.column()
+    column.active = step.enabled
+    if perturbation.severities:
+        column.prop(step, "use_severity")
+        if step.use_severity:
+            column.prop(step, "severity", slider=True)
+            column.row().prop(step, "mode", expand=True)
+    if len(perturbation.temporals) > 1:
+        row = column.row(align=True, heading="Pattern")
+        for value in perturbation.temporals:
+            row.prop_enum(step, "temporal", value)
+    column.separator(factor=0.5)
+    for item in fields(perturbation.parameters):
+        _draw_parameter(column, step, perturbation, item.name)
+
+
+def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, name: str) -> None:
+    """Draw a parameter: by hand, or the severity's value with the toggle that takes it over."""
+    group = parameters_of(step)
+    if not perturbation.severities or not step.use_severity:
+        layout.prop(group, name)
+        return
+    row = layout.row(align=True)
+    by_hand = getattr(group, OVERRIDE + name)
+    value = row.row(align=True)
+    value.active = by_hand
+    if by_hand or name not in perturbation.severities or step.severity < SEVERITIES[0]:
+        value.enabled = by_hand
+        value.prop(group, name)
+    else:
+        shown = getattr(perturbation.at_severity(step.severity), name)
+        split = value.split(factor=0.4)
+        left = split.row()
+        left.alignment = "RIGHT"
+        left.label(text=group.bl_rna.properties[name].name)
+        split.label(text=f"{shown:.4g}{_unit(perturbation, name)}")
+    row.prop(group, OVERRIDE + name, text="", icon="DECORATE_OVERRIDE" if by_hand else "DECORATE", emboss=False)
+
+
+def _unit(perturbation: Perturbation, name: str) -> str:
+    unit = next(item for item in fields(perturbation.parameters) if item.name == name).metadata["key"].unit
+    return f" {unit}" if unit not in ("", "deg", "frames") else ""
+
+
+class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
+    """The perturbations, live."""
+
+    bl_label = "Preview"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        draw_part("preview", self.fields(context), context)
+
+
+class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
+    """How frames are rendered and written."""
+
+    bl_label = "Render and Output"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        column = layout.column(align=True)
+        for name in ("engine", "samples", "backend"):
+            column.prop(settings, name)
+        column = layout.column(align=True)
+        column.prop(settings, "layout")
+        column.prop(settings, "image", text="Images")
+        column = layout.column(heading="Write", align=True)
+        for name in ("use_rgb", "use_depth", "overview"):
+            column.prop(settings, name)
+        layout.prop(settings, "setting_name", text="Setting")
+        layout.prop(settings, "output_folder")
+        draw_part("generate", layout, context)
+
+
+# --- presets ---
+
+
+class NOISYWORLD_MT_presets(bpy.types.Menu):
+    """The presets shipped, and one's own."""
+
+    bl_label = "Presets"
+
+    def draw(self, _: bpy.types.Context) -> None:
+        """Draw them: one's own first."""
+        own = presets.listed(presets.own_folder())
+        list_presets(self.layout, own)
+        if own:
+            self.layout.separator()
+        list_presets(self.layout, presets.listed(presets.shipped_folder()))
+        self.layout.menu("NOISYWORLD_MT_single_presets")
+
+
+class NOISYWORLD_MT_single_presets(bpy.types.Menu):
+    """A preset for each perturbation."""
+
+    bl_label = "Single Perturbations"
+
+    def draw(self, _: bpy.types.Context) -> None:
+        """Draw them."""
+        list_presets(self.layout, presets.listed(presets.shipped_folder() / "perturbations"))
+
+
+def list_presets(layout: bpy.types.UILayout, paths: list[Path]) -> None:
+    """Draw an entry for each preset."""
+    for path in paths:
+        layout.operator("noisy_world.use_preset", text=preset_label(path)).filepath = str(path)
+
+
+def preset_label(path: Path) -> str:
+    """Return a preset's name as a menu shows it: shipped ones are called as perturbations are."""
+    return title(path.stem) if path.is_relative_to(presets.shipped_folder()) else path.stem
+
+
+class NOISYWORLD_MT_settings(bpy.types.Menu):
+    """The settings of the preset in use; the panel shows one of them."""
+
+    bl_label = "Settings of the Preset"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw them."""
+        settings = context.scene.noisy_world
+        for name in settings.preset_settings.split("\n"):
+            entry = self.layout.operator("noisy_world.use_preset", text=name)
+            entry.filepath, entry.setting = settings.preset_path, name
+
+
+class NOISYWORLD_PT_preset(_Section, bpy.types.Panel):
+    """The panel as a file."""
+
+    bl_label = "Preset"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        row = layout.row(align=True)
+        label = preset_label(Path(settings.preset_path)) if settings.preset_path else "Presets"
+        row.menu("NOISYWORLD_MT_presets", text=label)
+        row.operator("noisy_world.add_preset", text="", icon="ADD")
+        row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
+        if settings.preset_path and settings.preset_settings.count("\n") > 0:
+            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {settings.setting_name}")
+        row = layout.row(align=True)
+        row.operator("noisy_world.open_preset", text="Open", icon="FILE_FOLDER")
+        row.operator("noisy_world.save_preset", text="Save", icon="FILE_TICK")
+
+
+def draw_part(name: str, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the part of the tab that another module owns."""
+    module = section(name)
+    draw: Callable[..., None] | None = getattr(module, "draw", None)
+    if draw is not None:
+        draw(layout, context)
+
+
+STAGE_MENUS = tuple(_stage_menu(category) for category in STAGES)
+CLASSES: tuple[Any, ...] = (
+    NOISYWORLD_UL_steps,
+    NOISYWORLD_MT_add_step,
+    *STAGE_MENUS,
+    NOISYWORLD_MT_presets,
+    NOISYWORLD_MT_single_presets,
+    NOISYWORLD_MT_settings,
+    NOISYWORLD_PT_scene,
+    NOISYWORLD_PT_trajectory,
+    NOISYWORLD_PT_camera,
+    NOISYWORLD_PT_perturbations,
+    NOISYWORLD_PT_preview,
+    NOISYWORLD_PT_output,
+    NOISYWORLD_PT_preset,
+)
+
+
+def register() -> None:
+    """Show the tab."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    """Take it away."""
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
