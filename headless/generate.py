@@ -63,7 +63,7 @@ def missing_package(names: Iterable[str]) -> str:
         return ""
     where = "this Blender's " if inside_blender() else ""
     if INSTALLED:
-        return missing_sentence(missing, where, install_remedy(ROOT))
+        return missing_sentence(missing, where, f"enable the add-on, or {install_remedy(ROOT)}")
     if where:
         binary = sys.modules["bpy"].app.binary_path
         return missing_sentence(missing, where, f"run: make -C {ROOT} blender-env BLENDER={binary}")

@@ -25,6 +25,10 @@ def prepare_imports() -> None:
     """Make the package importable and, in a Blender program, the packages that `make blender-env` installed for it."""
     if INSTALLED:
         use_extension(ROOT)
+        # Where Blender unpacks extensions' wheels; with --factory-startup it does not look there.
+        unpacked = ROOT.parents[1] / f".local/lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
+        if unpacked.is_dir() and str(unpacked) not in sys.path:
+            sys.path.append(str(unpacked))
         return
     sys.path.insert(0, str(ROOT / "addon"))
     side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)

@@ -249,8 +249,8 @@ def make_library() -> None:
 def definitions_hash() -> str:
     """Return a hash of all that decides the asset library's content."""
     package = ROOT / "addon/noisy_world"
-    sources = [path for room in ("core", "perturbations", "blender") for path in (package / room).rglob("*")]
-    sources += [ROOT / "headless" / name for name in LIBRARY_SCRIPTS]
+    sources = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
+    sources += [package / "blender/nodes.py", *(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
     total = hashlib.sha256()
     for path in sorted(path for path in sources if path.suffix in PACKAGE_FILES):
         total.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())

@@ -14,7 +14,7 @@ def register() -> None:
     Raises ImportError where packages are missing; Blender says its message without a traceback for the words it begins
     with.
     """
-    from .core.requirements import install_remedy, missing_packages, missing_sentence
+    from .core.requirements import install_remedy, missing_packages, missing_sentence  # noqa: PLC0415
 
     if missing := missing_packages():
         remedy = install_remedy(Path(__file__).parent)
