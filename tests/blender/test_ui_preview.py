@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from group_tools import picture
-from test_compositor import evaluate_scene, image_of, scene_of
+from test_compositor import evaluate_scene, image_of
 
 from noisy_world.blender.chain_scene import (
     PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,

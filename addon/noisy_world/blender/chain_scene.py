@@ -124,7 +124,7 @@ def show_chain(
     """
     own = None if image is not None else own_compositing(scene)
     tree = bpy.data.node_groups.new(f"{scene.name} with {chain.name}", "CompositorNodeTree")
-    tree[SHOWN] = scene
+    tree[SHOWN] = True
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     source = _source(tree, scene, image)
     before = source.outputs["Image"]
@@ -149,7 +149,7 @@ def show_chain(
     _set_depth_pass(scene, needed=needs_depth)
     if needs_depth:
         tree.links.new(source.outputs["Depth"], group.inputs["Depth"])
-    _remove_left(scene)  # only now: the chain that goes may be this one
+    _remove_left()  # only now: the chain that goes may be this one
     return tree
 
 
@@ -198,8 +198,8 @@ def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
         layer.use_pass_z = False
 
 
-def _remove_left(scene: bpy.types.Scene) -> None:
-    for tree in [item for item in bpy.data.node_groups if item.users == 0 and item.get(SHOWN) == scene]:
+def _remove_left() -> None:
+    for tree in [item for item in bpy.data.node_groups if item.users == 0 and SHOWN in item]:
         remove_group(tree)
 
 
@@ -212,9 +212,10 @@ def own_compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     """Return the chain that is shown in a scene; None where none is, or only that of the scene it was copied from."""
     tree = scene.compositing_node_group
-    if tree is None or tree.get(SHOWN) != scene or GROUP not in tree.nodes:
+    if tree is None or SHOWN not in tree or not {SOURCE, GROUP} <= {node.name for node in tree.nodes}:
         return None
-    return tree.nodes[GROUP].node_tree
+    of_another = getattr(tree.nodes[SOURCE], "scene", scene) != scene
+    return None if of_another else tree.nodes[GROUP].node_tree
 
 
 def hide_chain(scene: bpy.types.Scene) -> None:
@@ -229,7 +230,7 @@ def hide_chain(scene: bpy.types.Scene) -> None:
         scene.compositing_node_group = scene[PREVIOUS]
     del scene[PREVIOUS]
     _set_depth_pass(scene, needed=False)
-    _remove_left(scene)
+    _remove_left()
 
 
 def refresh_chain(

@@ -19,8 +19,9 @@ from .document import identifiers_of, steps_of
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
 
-CLEAN_RGBA = (0.34, 0.71, 0.91, 1.0)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
-DEVIATED_RGBA = (0.90, 0.62, 0.0, 1.0)
+CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
+DEVIATED_RGB = (0.90, 0.62, 0.0)
+HIDDEN_ALPHA = 0.45
 CLEAN_ICON, DEVIATED_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02"
 WIDTH_PX = 2.0
 TICKS = 60  # short lines along the path that show where the camera looks
@@ -118,14 +119,16 @@ def _draw() -> None:
     if drawn is None:
         return
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.blend_set("ALPHA")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", WIDTH_PX * context.preferences.system.ui_scale)
-    for batch, rgba in ((drawn.clean, CLEAN_RGBA), (drawn.deviated, DEVIATED_RGBA)):
-        if batch is not None:
-            shader.uniform_float("color", rgba)
-            batch.draw(shader)
+    # What walls hide shines through: paths lead through rooms, which are looked at from outside.
+    for test, alpha in (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0)):
+        gpu.state.depth_test_set(test)
+        for batch, rgb in ((drawn.clean, CLEAN_RGB), (drawn.deviated, DEVIATED_RGB)):
+            if batch is not None:
+                shader.uniform_float("color", (*rgb, alpha))
+                batch.draw(shader)
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
 

@@ -32,7 +32,7 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
     """Have the preview of a scene follow soon: at once where that is quick, in a pause where it is not."""
     if what not in SHOWN_BY or not (scene.noisy_world.preview or what == "preview"):
         return
-    _changed_s[scene.session_uid] = time.perf_counter()
+    _changed_s[scene.session_uid] = 0.0 if what == "preview" else time.perf_counter()
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=0.0)
 
