@@ -15,7 +15,7 @@ from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, rea
 from ..core.schema import Place, unknown_name
 from ..core.storage import storage_errors, write_atomic
 from ..perturbations import registry
-from .properties import LARGEST_INT, OVERRIDE, parameters_of, perturbation_of, told_once
+from .properties import LARGEST_INT, OVERRIDE, parameters_of, perturbation_of, tell, told_once
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
@@ -118,18 +118,19 @@ def perturb_of(settings: Any) -> list[dict[str, Any]]:
 def values_of(step: Any) -> dict[str, Any]:
     """Return an entry of the list as a preset has it."""
     perturbation, group = perturbation_of(step), parameters_of(step)
-    names = [item.name for item in fields(perturbation.parameters)]
+    defaults = {item.name: item.default for item in fields(perturbation.parameters)}
+    given = [name for name in defaults if value_of(group, name) != defaults[name]]
     values: dict[str, Any] = {}
     if perturbation.severities and (step.use_severity or step.mode == "dynamic"):
         values["severity"] = value_of(step, "severity")
         if step.mode == "dynamic":
             values["mode"] = "dynamic"
-        given = [name for name in names if getattr(group, OVERRIDE + name)]
-    else:
-        defaults = {item.name: item.default for item in fields(perturbation.parameters)}
-        given = [name for name in names if value_of(group, name) != defaults[name]]
-        if perturbation.severities and not given:
-            given = list(perturbation.severities)
+        by_severity = {name for name in perturbation.severities if not getattr(group, OVERRIDE + name)}
+        given = [
+            name for name in defaults if name not in by_severity and (name in perturbation.severities or name in given)
+        ]
+    elif perturbation.severities and not given:
+        given = list(perturbation.severities)  # no key at all would mean severity 3
     values |= {name: value_of(group, name) for name in given}
     if perturbation.temporals and step.temporal != perturbation.temporals[0]:
         values["temporal"] = step.temporal
@@ -273,6 +274,7 @@ def _take_steps(settings: Any, setting: Setting) -> None:
     for step in setting.steps:
         if step.perturbation.category != "motion":
             take_step(settings.steps.add(), step)
+    tell("steps")(settings, bpy.context)
 
 
 def take_step(item: Any, step: Step) -> None:
@@ -286,7 +288,7 @@ def take_step(item: Any, step: Step) -> None:
     if step.perturbation.temporals:
         item.temporal = step.temporal
     for name, value in step.given.items():
-        if step.perturbation.severities:
+        if name in step.perturbation.severities:
             setattr(group, OVERRIDE + name, True)  # this takes the severity's value, so it comes first
         set_value(group, name, value)
 

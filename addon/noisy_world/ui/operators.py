@@ -12,7 +12,7 @@ from ..core.errors import InputError, NoisyWorldError
 from ..perturbations import registry
 from . import presets, world
 from .document import add_step, may_move, open_preset, save_preset
-from .properties import active_step, title
+from .properties import active_step, tell, title
 
 UNDOABLE = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
@@ -174,7 +174,7 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
         settings = context.scene.noisy_world
         settings.steps.remove(settings.active_step)
         settings.active_step = max(0, min(settings.active_step, len(settings.steps) - 1))
-        settings.setting_name = settings.setting_name  # tells whoever follows
+        tell("steps")(settings, context)
         return DONE
 
 
@@ -198,7 +198,7 @@ class _MoveStep(_OnStep):
         settings = context.scene.noisy_world
         settings.steps.move(settings.active_step, settings.active_step + self.by)
         settings.active_step += self.by
-        settings.setting_name = settings.setting_name
+        tell("steps")(settings, context)
         return DONE
 
 

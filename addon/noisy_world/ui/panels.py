@@ -144,8 +144,8 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
         row.label(text=title(perturbation.label), icon=STAGES[perturbation.category][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
-            part.ui_units_x = 2.6
-            part.prop(item, "severity", text="", emboss=False)
+            part.ui_units_x = 1.0
+            part.label(text=f"{item.severity:.2g}")
         layout.prop(item, "enabled", text="")
 
 
@@ -208,35 +208,45 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
             column.prop(step, "severity", slider=True)
             column.row().prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
-        row = column.row(align=True, heading="Pattern")
+        label, buttons = _split_row(column)
+        label.label(text="Pattern")
         for value in perturbation.temporals:
-            row.prop_enum(step, "temporal", value)
+            buttons.prop_enum(step, "temporal", value)
     column.separator(factor=0.5)
     for item in fields(perturbation.parameters):
         _draw_parameter(column, step, perturbation, item.name)
 
 
+def _split_row(layout: bpy.types.UILayout) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:
+    """Return the two parts of a row that property split does not lay out by itself."""
+    split = layout.split(factor=0.4)
+    split.use_property_split = False
+    label = split.row()
+    label.alignment = "RIGHT"
+    return label, split.row(align=True)
+
+
 def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, name: str) -> None:
     """Draw a parameter: by hand, or the severity's value with the toggle that takes it over."""
     group = parameters_of(step)
-    if not perturbation.severities or not step.use_severity:
+    if name not in perturbation.severities or not step.use_severity:
         layout.prop(group, name)
         return
     row = layout.row(align=True)
-    by_hand = getattr(group, OVERRIDE + name)
-    value = row.row(align=True)
-    value.active = by_hand
-    if by_hand or name not in perturbation.severities or step.severity < SEVERITIES[0]:
-        value.enabled = by_hand
-        value.prop(group, name)
+    if getattr(group, OVERRIDE + name):
+        row.prop(group, name)
     else:
-        shown = getattr(perturbation.at_severity(step.severity), name)
-        split = value.split(factor=0.4)
-        left = split.row()
-        left.alignment = "RIGHT"
-        left.label(text=group.bl_rna.properties[name].name)
-        split.label(text=f"{shown:.4g}{_unit(perturbation, name)}")
-    row.prop(group, OVERRIDE + name, text="", icon="DECORATE_OVERRIDE" if by_hand else "DECORATE", emboss=False)
+        label, value = _split_row(row)
+        label.label(text=group.bl_rna.properties[name].name)
+        value.label(text=_severity_value(step, perturbation, name))
+    row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
+
+
+def _severity_value(step: Any, perturbation: Perturbation, name: str) -> str:
+    if step.severity < SEVERITIES[0]:
+        return "No effect"
+    value = getattr(perturbation.at_severity(step.severity), name)
+    return f"{value:.4g}{_unit(perturbation, name)}"
 
 
 def _unit(perturbation: Perturbation, name: str) -> str:
@@ -251,7 +261,9 @@ class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        draw_part("preview", self.fields(context), context)
+        layout = self.fields(context)
+        layout.use_property_split = False
+        draw_part("preview", layout, context)
 
 
 class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
@@ -267,7 +279,9 @@ class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
             column.prop(settings, name)
         column = layout.column(align=True)
         column.prop(settings, "layout")
-        column.prop(settings, "image", text="Images")
+        row = column.row(align=True)
+        row.enabled = settings.layout == "replica"
+        row.prop(settings, "image", text="Images")
         column = layout.column(heading="Write", align=True)
         for name in ("use_rgb", "use_depth", "overview"):
             column.prop(settings, name)

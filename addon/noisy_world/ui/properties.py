@@ -151,7 +151,7 @@ def _parameters_class(perturbation: Perturbation) -> type:
     for item in fields(perturbation.parameters):
         label = parameter_label(item.name)
         members[item.name] = described(perturbation.parameters, item.name, label=label, update="steps")
-        if perturbation.severities:
+        if item.name in perturbation.severities:
             members[OVERRIDE + item.name] = bpy.props.BoolProperty(
                 name=f"Override {parameter_label(item.name)}",
                 description="Set this parameter by hand instead of taking the severity's value",
@@ -261,6 +261,13 @@ def active_step(settings: Any) -> Any | None:
 # --- the scene's ---
 
 
+def _take_png(settings: Any, context: bpy.types.Context) -> None:
+    """Keep to the images that the layout's readers expect."""
+    if settings.layout == "tum":
+        settings.image = "png"
+    tell("layout")(settings, context)
+
+
 def _settings_members() -> dict[str, Any]:
     replica = REPLICA_CAMERA
     enum, text, flag = bpy.props.EnumProperty, bpy.props.StringProperty, bpy.props.BoolProperty
@@ -329,8 +336,19 @@ def _settings_members() -> dict[str, Any]:
         **{
             name: described(RenderSpec, name, update=name) for name in ("engine", "backend", "samples")
         },
-        "layout": described(OutputSpec, "layout", update="layout"),
-        "image": described(OutputSpec, "image", label="Colour Images", update="image"),
+        "layout": enum(
+            name="Layout",
+            description="The layout of the files",
+            items=[
+                ("replica", "Replica", "Of iMAP and NICE-SLAM; JPEG or PNG"),
+                ("tum", "TUM", "Of the TUM RGB-D benchmark, which ORB-SLAM reads; PNG"),
+            ],
+            update=_take_png,
+        ),
+        "image": described(
+            OutputSpec, "image", label="Colour Images", update="image",
+            description="Format of colour: JPEG at quality 98 without chroma subsampling, or PNG",
+        ),
         "overview": described(OutputSpec, "overview", update="overview"),
         "use_rgb": flag(name="Colour", description="Render and write colour", default=True, update=tell("use_rgb")),
         "use_depth": flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),

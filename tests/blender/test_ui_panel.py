@@ -1,0 +1,365 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tab's properties and operators: presets in and out, the list's order, the user's own file left alone."""
+
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+import noisy_world
+from noisy_world.blender.camera import read_trajectory_keys
+from noisy_world.core.errors import InputError
+from noisy_world.core.mesh import Mesh
+from noisy_world.core.mixture import parse_settings
+from noisy_world.core.perturbation import CATEGORIES
+from noisy_world.core.ply_writer import write_ply
+from noisy_world.core.preset import read_preset
+from noisy_world.perturbations import registry
+
+PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
+
+
+@pytest.fixture(autouse=True)
+def _ui():
+    bpy.ops.wm.read_factory_settings(use_empty=False)
+    noisy_world.register()
+    yield
+    noisy_world.unregister()
+
+
+def settings():
+    return bpy.context.scene.noisy_world
+
+
+def square(path, size_m=1.0):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64) * size_m
+    rgb = np.array([[0, 0, 0], [128, 0, 0], [0, 128, 0], [0, 0, 128]], dtype=np.float32) / 255
+    write_ply(path, Mesh(corners, rgb, np.arange(4, dtype=np.int32), np.zeros(1, dtype=np.int32)))
+    return str(path)
+
+
+def straight(path, count=10):
+    poses = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+    poses[:, 0, 3] = np.arange(count) / 10
+    path.write_text("\n".join(" ".join(f"{value:g}" for value in pose.ravel()) for pose in poses))
+    return str(path), poses
+
+
+def use_files(tmp_path, count=10):
+    item = settings()
+    item.mesh_source = item.trajectory_source = "FILE"
+    item.mesh_path = square(tmp_path / "square.ply")
+    item.trajectory_path, poses = straight(tmp_path / "traj.txt", count)
+    return poses
+
+
+def parsed(preset):
+    return {item.name: item for item in parse_settings(
+        preset.spec.settings, preset.place("settings"), registry(), preset.spec.render.backend
+    )}  # fmt: skip
+
+
+# --- presets ---
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
+    from noisy_world.ui.document import open_preset, save_preset
+
+    shipped = read_preset(path)
+    for name, setting in parsed(shipped).items():
+        open_preset(settings(), path, name)
+        save_preset(settings(), tmp_path / "saved.yaml")
+        saved = read_preset(tmp_path / "saved.yaml")
+        for part in ("camera", "render", "seed", "scenes", "rig"):
+            assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
+        assert saved.spec.output.layout == shipped.spec.output.layout
+        assert saved.spec.output.overview == shipped.spec.output.overview
+        again = parsed(saved)
+        assert list(again) == (["clean", name] if setting.steps else ["clean"])
+        for one, other in zip(again[name].steps, setting.steps, strict=True):
+            for member in ("perturbation", "place", "severity", "levels", "temporal"):
+                assert getattr(one, member) == getattr(other, member), (name, member)
+            level = one.severity or None
+            assert one.parameters(level) == other.parameters(level), name
+
+
+def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
+    from noisy_world.ui.document import from_document, to_document
+
+    document = {
+        "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
+        "camera": {"width": 64, "height": 48, "fx": 52.123456789012, "fy": 1 / 3, "cx": 31.5, "cy": 23.5},
+        "settings": [{"name": "fog", "perturb": [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]}],
+    }
+    from_document(document, settings(), path=tmp_path / "p.yaml")
+    said = to_document(settings())
+    assert said["camera"]["fx"] == 52.123456789012
+    assert said["camera"]["fy"] == 1 / 3
+    assert said["settings"][1]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
+    settings().fx_px = 50.1  # by hand: what was typed counts
+    assert to_document(settings())["camera"]["fx"] == 50.1
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),
+        ({"scenes": [{"sequence": "room0"}]}, "scenes.0.sequence"),
+        ({"scenes": [{"mesh": "*.ply", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
+        ({"scenes": [{"mesh": "a.ply", "trajectory": {"file": "t.txt", "start": 2}}]}, "scenes.0.trajectory.start"),
+        ({"rig": {"rgb": {}}}, "rig"),
+        ({"render": {"device": "gpu"}}, "render.device"),
+        ({"seed": 2**40}, "seed"),
+        ({"settings": [{"name": "x", "perturb": [{"fog": {"mode": "dynamic", "levels": [1, 5]}}]}]}, "settings"),
+    ],
+)
+def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
+    from noisy_world.ui.document import from_document, to_document
+
+    document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
+    settings().seed = 77
+    before = to_document(settings())
+    with pytest.raises(InputError) as raised:
+        from_document(document, settings(), path=tmp_path / "p.yaml")
+    assert f"p.yaml: {key}: " in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert to_document(settings()) == before
+
+
+def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(bpy.utils, "user_resource", lambda *_, **words: str(tmp_path / words["path"]))
+    settings().seed = 12
+    assert bpy.ops.noisy_world.add_preset(name="Mine") == {"FINISHED"}
+    path = tmp_path / "presets/noisy_world/Mine.yaml"
+    assert settings().preset_path == str(path)
+    with pytest.raises(RuntimeError, match="there is a preset of this name"):
+        bpy.ops.noisy_world.add_preset(name="Mine")
+    with pytest.raises(RuntimeError, match="cannot name a file"):
+        bpy.ops.noisy_world.add_preset(name="../Mine")
+    settings().seed = 3
+    assert bpy.ops.noisy_world.use_preset(filepath=str(path)) == {"FINISHED"}
+    assert settings().seed == 12
+    assert bpy.ops.noisy_world.remove_preset() == {"FINISHED"}
+    assert not path.exists()
+    assert not bpy.ops.noisy_world.remove_preset.poll()
+
+
+def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
+    from noisy_world.ui.document import open_preset, save_preset
+
+    use_files(tmp_path)
+    save_preset(settings(), tmp_path / "kitchen.yaml")
+    (scene,) = read_preset(tmp_path / "kitchen.yaml").spec.scenes
+    assert (scene.mesh, scene.trajectory.file) == ("square.ply", "traj.txt")
+    settings().mesh_path = ""
+    open_preset(settings(), tmp_path / "kitchen.yaml")
+    assert Path(settings().mesh_path) == tmp_path / "square.ply"
+
+
+# --- the list ---
+
+
+def test_the_list_keeps_the_propagation_order():
+    for name in reversed([item.name for item in registry().values() if item.category != "motion"]):
+        assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
+    names = [step.perturbation for step in settings().steps]
+    assert names == sorted(names, key=lambda name: (CATEGORIES.index(registry()[name].category), name))
+    assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
+    assert names[:1] == ["fog"]
+    assert [step.perturbation for step in settings().steps][:2] == ["fog", "fog"]
+    assert settings().active_step == 1
+    assert not bpy.ops.noisy_world.move_step_down.poll()
+    settings().steps[1].severity = 5
+    assert bpy.ops.noisy_world.move_step_up() == {"FINISHED"}
+    assert (settings().steps[0].severity, settings().active_step) == (5, 0)
+    with pytest.raises(RuntimeError, match="acts once"):
+        bpy.ops.noisy_world.add_step(perturbation="desync")
+
+
+def test_removing_all_leaves_nothing_selected():
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert bpy.ops.noisy_world.remove_step() == {"FINISHED"}
+    assert not bpy.ops.noisy_world.remove_step.poll()
+    assert not bpy.ops.noisy_world.move_step_up.poll()
+
+
+def test_a_severity_is_one_that_presets_know():
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    step = settings().steps[0]
+    step.severity = 0.3
+    assert step.severity == 0
+    step.severity = 2.4
+    step.mode = "dynamic"
+    assert step.severity == 2
+
+
+def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out():
+    from noisy_world.ui.document import steps_of
+
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    step = settings().steps[0]
+    step.severity = 5
+    step.fog.override_thickness = True
+    assert step.fog.thickness == pytest.approx(registry()["fog"].at_severity(5).thickness)
+    (done,) = steps_of(settings())
+    assert done.given == {"thickness": 3.0}
+    step.enabled = False
+    assert steps_of(settings()) == ()
+
+
+def test_every_property_of_the_panel_has_a_tooltip_and_a_capital():
+    groups = [settings().bl_rna, *(settings().steps.add().bl_rna,)]
+    for group in groups:
+        for item in group.properties:
+            if item.is_hidden or item.identifier in ("rna_type", "name", "steps") or item.type == "POINTER":
+                continue
+            assert item.description or item.type == "ENUM", item.identifier
+            assert not item.description.endswith("."), item.identifier
+            assert item.name[0].isupper() or len(item.name) == 2, item.identifier
+
+
+# --- the user's file ---
+
+
+def test_loading_replaces_our_own_objects_only(tmp_path):
+    use_files(tmp_path)
+    scene = bpy.context.scene
+    scene.unit_settings.scale_length = 0.5
+    before = set(scene.objects)
+    for _ in range(2):
+        assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
+        assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert before < set(scene.objects)
+    assert len(set(scene.objects) - before) == 2
+    assert (scene.frame_start, scene.frame_end) == (0, 9)
+    assert scene.unit_settings.scale_length == 0.5
+    assert len(bpy.data.actions) == 1
+    assert len([item for item in bpy.data.meshes if item.users]) == 2  # the cube's and ours
+    assert (scene.render.resolution_x, scene.render.resolution_y) == (1200, 680)
+
+
+def test_solid_shading_gets_its_own_colours_and_the_render_keeps_its(tmp_path):
+    use_files(tmp_path)
+    bpy.ops.noisy_world.load_scene()
+    (mesh,) = (item.data for item in bpy.context.scene.objects if item.get("noisy_world") == "mesh")
+    colours = mesh.color_attributes
+    assert colours[colours.render_color_index].name == "Col"
+    shown = np.empty(16, dtype=np.float32)
+    colours[colours.active_color_name].data.foreach_get("color_srgb", shown)
+    assert np.abs(shown.reshape(4, 4)[1, :3] * 255 - [128, 0, 0]).max() < 0.6
+
+
+def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tmp_path):
+    from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories
+    from noisy_world.ui.document import preset_of
+
+    poses = use_files(tmp_path)
+    bpy.ops.noisy_world.load_trajectory()
+    scene = bpy.context.scene
+    frames = np.arange(10)
+    assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - poses).max() < 1e-6
+    settings().deviation_rotation_deg = 4
+    settings().deviation_translation_m = 0.05
+    plan = make_plan(preset_of(settings()), None, registry())
+    render = plan.renders[-1]
+    rendered = render_trajectories(plan, render, load_trajectory(plan, render.scene))[""].c2w
+    assert np.abs(rendered - poses).max() > 0.01
+    assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - rendered).max() < 1e-6
+    settings().fx_px = 300
+    assert scene.camera.data.lens == pytest.approx(300 * 36 / 1200)
+
+
+def test_errors_are_reports_and_nothing_is_finished(tmp_path):
+    use_files(tmp_path)
+    settings().mesh_path = str(tmp_path / "absent.ply")
+    with pytest.raises(RuntimeError, match=r"absent\.ply"):
+        bpy.ops.noisy_world.load_scene()
+    settings().mesh_path = ""
+    assert not bpy.ops.noisy_world.load_scene.poll()
+    (tmp_path / "bad.txt").write_text("1 2 3\n")
+    use_files(tmp_path)
+    settings().trajectory_path = str(tmp_path / "bad.txt")
+    with pytest.raises(RuntimeError, match=r"bad\.txt"):
+        bpy.ops.noisy_world.load_trajectory()
+    assert all("noisy_world" not in item for item in bpy.context.scene.objects)
+
+
+def test_two_scenes_do_not_disturb_each_other(tmp_path):
+    use_files(tmp_path)
+    bpy.ops.noisy_world.load_scene()
+    first = bpy.context.scene
+    second = bpy.data.scenes.new("Second")
+    with bpy.context.temp_override(scene=second):
+        use_files(tmp_path, count=4)
+        bpy.ops.noisy_world.load_scene()
+        bpy.ops.noisy_world.load_trajectory()
+        bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert len(first.noisy_world.steps) == 0
+    assert sum(item.get("noisy_world") == "mesh" for item in first.objects) == 1
+    assert first.frame_end == 250
+    assert second.frame_end == 3
+
+
+def test_keying_two_thousand_poses_takes_a_tenth_of_a_second(tmp_path):
+    from noisy_world.ui import world
+
+    use_files(tmp_path, count=2000)
+    bpy.ops.noisy_world.load_trajectory()
+    taken = []
+    for _ in range(5):
+        start_s = time.perf_counter()
+        world.key_camera(bpy.context.scene)
+        taken.append(time.perf_counter() - start_s)
+    assert min(taken) < 0.1
+
+
+# --- files and registration ---
+
+
+def test_what_is_saved_comes_back_and_opens_without_the_add_on(tmp_path):
+    use_files(tmp_path)
+    bpy.ops.noisy_world.load_scene()
+    bpy.ops.noisy_world.load_trajectory()
+    bpy.ops.noisy_world.add_step(perturbation="snow")
+    settings().steps[0].snow.override_mean = True
+    settings().steps[0].snow.mean = 0.25
+    path = str(tmp_path / "file.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    noisy_world.unregister()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=path)
+        assert bpy.context.scene.camera.animation_data.action is not None
+    finally:
+        noisy_world.register()
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert settings().steps[0].snow.mean == 0.25
+
+
+def traces():
+    """All that an add-on could leave behind."""
+    kinds = ("Operator", "Panel", "Menu", "UIList", "PropertyGroup", "Header")
+    types = {f"{kind}.{cls.__name__}" for kind in kinds for cls in getattr(bpy.types, kind).__subclasses__()
+             if cls.is_registered}  # fmt: skip
+    lists = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)}
+    handlers = {name: len(functions) for name, functions in lists.items() if isinstance(functions, list)}
+    named = {name for name in dir(bpy.types) if "noisy" in name.lower()}
+    return types, handlers, named, hasattr(bpy.types.Scene, "noisy_world")
+
+
+def test_twenty_times_on_and_off_leaves_nothing():
+    from noisy_world.ui import paths, preview, properties
+
+    noisy_world.unregister()
+    before = traces()
+    assert not before[3]
+    for _ in range(20):
+        noisy_world.register()
+        noisy_world.unregister()
+    assert traces() == before
+    assert properties.LISTENERS == []
+    assert paths._handles == []
+    assert not any(bpy.app.timers.is_registered(item) for item in (preview._follow, preview._resume))
+    noisy_world.register()
