@@ -19,6 +19,7 @@ from ..core.errors import InputError, NoisyWorldError, StorageError
 from ..core.preset import read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
+from .preview import write
 
 LOOK_EVERY_S = 0.2
 STOPPED = "Stopped; what is finished stays, and Generate goes on from there"
@@ -82,9 +83,7 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     preset_of(settings)  # what is wrong is told now, not when another Blender has started
     folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
     try:
-        preset = folder / "noisy_world.yaml"
-        # JSON is YAML, and numbers are as they were.
-        preset.write_text(json.dumps(to_document(settings), indent=1, ensure_ascii=False), encoding="utf-8")
+        preset = saved_preset(settings) or temporary_preset(settings, folder)
         options = ("--progress", "json", *(["--overwrite"] if overwrite else []))
         background = BackgroundRun(generator_command(preset, out, *options))
     except OSError as error:
@@ -95,6 +94,25 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
         raise
     run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder)
     return run
+
+
+def saved_preset(settings: Any) -> Path | None:
+    """Return the preset's file where it says what the panel says: with it the command line goes on with the dataset."""
+    if not settings.preset_path:
+        return None
+    path = Path(bpy.path.abspath(settings.preset_path)).resolve()
+    try:
+        return path if read_preset(path).spec == preset_of(settings, path).spec else None
+    except InputError:  # it was moved or spoilt since
+        return None
+
+
+def temporary_preset(settings: Any, folder: Path) -> Path:
+    """Write what the panel describes into a folder; return the file."""
+    path = folder / "noisy_world.yaml"
+    # JSON is YAML, and numbers are as they were.
+    path.write_text(json.dumps(to_document(settings), indent=1, ensure_ascii=False), encoding="utf-8")
+    return path
 
 
 def run_of(scene: bpy.types.Scene) -> SceneRun | None:
@@ -115,22 +133,17 @@ def stop_all(*_: object) -> None:
     _RUNS.clear()
 
 
-def saved_preset(settings: Any) -> Path:
-    """Return the preset file that says what the panel says. Raises InputError where there is none."""
-    if not settings.preset_path:
-        raise InputError("Preset", "the panel is in no file yet", remedy="save the preset first")
-    path = Path(bpy.path.abspath(settings.preset_path)).resolve()
-    if read_preset(path).spec != preset_of(settings, path).spec:
-        raise InputError(path, "the panel has changed since", remedy="save the preset first")
-    return path
-
-
 def command_line(scene: bpy.types.Scene) -> str:
     """Return the command that generates the same without windows, to be pasted into a shell.
 
-    Raises NoisyWorldError where the preset is not saved as it is.
+    Raises InputError where no preset's file says what the panel says.
     """
-    words = generator_command(saved_preset(scene.noisy_world), output_folder(scene.noisy_world))
+    settings = scene.noisy_world
+    out = output_folder(settings)
+    preset = saved_preset(settings)
+    if preset is None:
+        raise InputError("Preset", "no file says what the panel says", remedy="save the preset first")
+    words = generator_command(preset, out)
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
 
@@ -330,7 +343,7 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def draw_generate(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons, and how the scene's run stands."""
     column = layout.column()
     run = active_run()
@@ -348,11 +361,11 @@ def draw_generate(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
         return
     if not own.background.active:
         icon = {"finished": "CHECKMARK", "failed": "ERROR"}.get(own.background.phase, "INFO")
-        wrapped(layout, context, summary(own), icon)
+        write(layout, context, summary(own), icon)
         if own.background.phase == "failed" and "--overwrite" in own.background.error:
             layout.operator(NoisyWorldGenerateAnew.bl_idname, icon="TRASH")
     for note in own.background.notes:
-        wrapped(layout, context, note[:1].upper() + note[1:], "DOT")
+        write(layout, context, note[:1].upper() + note[1:], "DOT")
 
 
 def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:
@@ -368,23 +381,6 @@ def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
         row = header.layout.row()
         row.ui_units_x = 16
         draw_progress(row, run)
-
-
-def wrapped(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str) -> None:
-    """Draw a sentence in as many lines as the panel's width asks for; what is too long for a line is cut there."""
-    per_line = max(16, int(context.region.width / (7.2 * context.preferences.system.ui_scale)) - 7)
-    lines, line = [], ""
-    for word in text.split():
-        rest = f"{line} {word}" if line else word
-        while len(rest) > per_line:
-            cut = len(line) if line else per_line
-            lines.append(rest[:cut])
-            rest, line = rest[cut:].lstrip(), ""
-        line = rest
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for place, words in enumerate([*lines, line]):
-        column.label(text=words, icon=icon if place == 0 else "BLANK1")
 
 
 def redraw(context: bpy.types.Context) -> None:
