@@ -110,21 +110,24 @@ def add_perturbations() -> at.Steps:
 
 def preview() -> at.Steps:
     """Look through the camera, live."""
-    whole = at.region("WINDOW")
-    yield from at.go(whole.x + whole.width // 3, whole.y + whole.height // 2)
-    at.press("NUMPAD_0")
-    at.view().spaces.active.shading.type = "RENDERED"
     yield from at.push("noisy_world.preview")
     assert settings().preview
     yield lambda: bpy.context.scene.compositing_node_group is not None
-    yield 12.0  # software GL compiles its shaders
+    whole = at.region("WINDOW")
+    yield from at.go(whole.x + whole.width // 3, whole.y + whole.height // 2)
+    at.press("NUMPAD_0")
+    yield 0.5
+    shading = at.view().spaces.active.shading
+    shading.type = "RENDERED"
+    yield 15.0  # software GL compiles its shaders
     yield from photograph("preview")
+    shading.type = "SOLID"
 
 
 def save() -> at.Steps:
     """Save the preset: in the file browser events do not reach the name."""
     bpy.ops.noisy_world.save_preset(filepath=str(FOLDER / "preset.yaml"))
-    yield lambda: (FOLDER / "preset.yaml").is_file()
+    yield (FOLDER / "preset.yaml").is_file
 
 
 def generate() -> at.Steps:
@@ -136,8 +139,11 @@ def generate() -> at.Steps:
         run = generating.run_of(bpy.context.scene)
         return run.background.phase if run else ""
 
+    def at_work() -> bool:
+        return phase() in ("running", "failed")
+
     yield from at.push("noisy_world.generate(")
-    yield lambda: phase() in ("running", "failed")
+    yield at_work
     yield 0.3
     yield from photograph("generating")
     assert not bpy.ops.noisy_world.generate.poll(), phase()
