@@ -47,7 +47,7 @@ def write_library(folder: Path) -> int:
     """Write the file and its catalogues; return the number of groups."""
     previews = perturbed(*demo_frame(), [PREVIEW_SEVERITY])
     with muted_output():
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     shown = shown_perturbations()
     for perturbation in shown:
         mark(perturbation, previews[perturbation.name, PREVIEW_SEVERITY])

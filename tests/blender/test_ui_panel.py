@@ -303,6 +303,18 @@ def test_two_scenes_do_not_disturb_each_other(tmp_path):
     assert second.frame_end == 3
 
 
+def test_a_linked_scene_is_left_alone(tmp_path):
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (there, here):
+        here.scenes = there.scenes
+    (linked,) = (scene for scene in bpy.data.scenes if scene.library is not None)
+    with bpy.context.temp_override(scene=linked):
+        for name in ("load_scene", "load_trajectory", "set_camera", "add_step", "remove_step", "use_preset"):
+            assert not getattr(bpy.ops.noisy_world, name).poll(), name
+
+
 def test_keying_two_thousand_poses_takes_a_tenth_of_a_second(tmp_path):
     from noisy_world.ui import world
 

@@ -34,7 +34,7 @@ def run(steps: Steps, result: Path) -> None:
             wait = next(steps)
         except StopIteration:
             return leave({"status": "done"})
-        except BaseException:
+        except BaseException:  # noqa: BLE001 - the test shows it
             return leave({"status": "failed", "error": traceback.format_exc()})
         if callable(wait):
             waiting[:] = [wait, time.monotonic() + TIMEOUT_S]
@@ -76,7 +76,7 @@ def press(kind: str, **modifiers: bool) -> None:
         window().event_simulate(type=kind, value=value, x=x, y=y, **modifiers)
 
 
-STATE = {"mouse": (800, 450)}
+STATE: dict = {"mouse": (800, 450), "found": False}
 
 
 def go(x: int, y: int) -> Steps:
@@ -120,21 +120,25 @@ def under_mouse(area: bpy.types.Area, part: bpy.types.Region) -> str:
         return manager.clipboard
 
 
-def look_for(wanted: str, share: float = 0.6) -> Steps:
-    """Move the mouse down the sidebar, which scrolls, until the button is under it."""
+def look_for(*wanted: str, share: float = 0.6) -> Steps:
+    """Move the mouse down the sidebar, which scrolls, until one of these is under it."""
     part = region("UI")
-    x = part.x + share * (part.width - 20)
-    yield from go(x, part.y + part.height // 2)
-    for page in range(9):
-        for y in range(part.y + part.height - 6, part.y, -9):
-            STATE["mouse"] = (int(x), y)
+    x = int(part.x + share * (part.width - 20))
+    top, bottom = part.y + part.height - 6, part.y
+    start = min(top, STATE["mouse"][1] + 24) if STATE["found"] else top  # the next thing is mostly below the last
+    yield from go(x, start)
+    for page in range(10):
+        for y in range(start, bottom, -12):
+            STATE["mouse"] = (x, y)
             move(x - 1, y)
             move(x, y)
-            yield 0.025
-            if wanted in under_mouse(view(), part):
+            yield 0.02
+            if any(word in under_mouse(view(), part) for word in wanted):
+                STATE["found"] = True
                 return
-        # The second page is the top, wherever the first one was.
-        yield from scroll("WHEELUPMOUSE", 60) if page == 0 else scroll("WHEELDOWNMOUSE", 20)
+        start = top
+        # After a page or two below, from the top, whatever was passed by.
+        yield from scroll("WHEELUPMOUSE", 60) if page == 2 else scroll("WHEELDOWNMOUSE", 12)
     raise LookupError(f"{wanted}: no such button in the sidebar")
 
 
@@ -149,14 +153,14 @@ def scroll(kind: str, count: int) -> Steps:
 
 def push(wanted: str, share: float = 0.6) -> Steps:
     """Click on a button of the sidebar."""
-    yield from look_for(wanted, share)
+    yield from look_for(wanted, share=share)
     press("LEFTMOUSE")
     yield SETTLE_S
 
 
 def fill_in(wanted: str, text: str) -> Steps:
     """Type a value into a field of the sidebar."""
-    yield from look_for(wanted, 0.75)
+    yield from look_for(wanted, share=0.75)
     press("RET")
     yield SETTLE_S
     press("A", ctrl=True)

@@ -138,10 +138,8 @@ def show_chain(
     for node, left in ((source, -660), (group, 0), (end, 640)):
         node.location = (left, 0)
     tree.links.new(before, group.inputs["Image"])
-    after = group.outputs["Image"]
-    if split > 0:
-        after = _beside(tree, before, after, split)
-    tree.links.new(after, end.inputs["Image"])
+    tree.links.new(group.outputs["Image"], end.inputs["Image"])
+    _set_split(tree, split)
     previous = own_compositing(scene)
     scene.compositing_node_group = tree
     scene[PREVIOUS] = previous
@@ -174,18 +172,24 @@ def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.
     return next((socket for socket in node.outputs if socket.type == "RGBA"), image)
 
 
-def _beside(
-    tree: bpy.types.NodeTree, before: bpy.types.NodeSocket, after: bpy.types.NodeSocket, split: float
-) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("CompositorNodeSplit")
-    node.name = SPLIT
-    node.location = (340, 0)
+def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
+    """Show this much of the picture, from the left, as it comes to the chain."""
+    node, group = tree.nodes.get(SPLIT), tree.nodes[GROUP]
+    end = next(item for item in tree.nodes if item.bl_idname == "NodeGroupOutput")
+    if split <= 0:
+        if node is not None:
+            tree.nodes.remove(node)
+            tree.links.new(group.outputs["Image"], end.inputs["Image"])
+        return
+    if node is None:
+        node = tree.nodes.new("CompositorNodeSplit")
+        node.name, node.location = SPLIT, (340, 0)
+        node.inputs["Rotation"].default_value = math.pi / 2
+        first, second = (socket for socket in node.inputs if socket.type == "RGBA")
+        tree.links.new(group.inputs["Image"].links[0].from_socket, first)
+        tree.links.new(group.outputs["Image"], second)
+        tree.links.new(node.outputs["Image"], end.inputs["Image"])
     node.inputs["Position"].default_value = (split, 0.5)
-    node.inputs["Rotation"].default_value = math.pi / 2
-    first, second = (socket for socket in node.inputs if socket.type == "RGBA")
-    tree.links.new(before, first)
-    tree.links.new(after, second)
-    return node.outputs["Image"]
 
 
 def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
@@ -252,12 +256,11 @@ def refresh_chain(
     needed_depth = chain is not None and _takes_depth(chain)
     chain = make_chain(name, steps, frames, identifiers, every=every, now=scene.frame_current)
     tree = scene.compositing_node_group
-    if shown_chain(scene) != chain or (split > 0) != (SPLIT in tree.nodes) or needed_depth != _takes_depth(chain):
+    if shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)
         return chain
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
-    if split > 0:
-        tree.nodes[SPLIT].inputs["Position"].default_value = (split, 0.5)
+    _set_split(tree, split)
     return chain
 
 

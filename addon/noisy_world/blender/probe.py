@@ -13,7 +13,7 @@ MARK = "@gl "
 TIMEOUT_S = 180
 ASK = f"""
 import bpy, gpu, json
-bpy.ops.wm.read_factory_settings(use_empty=True)
+bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
 scene = bpy.context.scene
 scene.render.engine = "BLENDER_WORKBENCH"
 scene.render.resolution_x = scene.render.resolution_y = 4

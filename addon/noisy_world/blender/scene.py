@@ -19,8 +19,9 @@ NEUTRAL_GREY = 128 / 255  # display-encoded; what a mesh without colours shows
 
 
 def empty_scene() -> bpy.types.Scene:
-    """Start from Blender's factory settings with nothing in them, so that no user preference reaches a pixel."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    """Start from Blender's own startup file with nothing in it, so that nothing of the user's reaches a pixel."""
+    # Factory settings would disable the extensions too, whose packages Blender then deletes from the user's profile.
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     # Vertex colours are meant for a display as they are: no filmic curve over them.
     scene.view_settings.view_transform = "Standard"

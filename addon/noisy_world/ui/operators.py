@@ -20,11 +20,17 @@ DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     """Do the work and report what it says; a user's mistake is an error in the status bar, and nothing finished."""
+    window = bpy.context.window
+    if window is not None:
+        window.cursor_set("WAIT")
     try:
         told = work()
     except NoisyWorldError as error:
         operator.report({"ERROR"}, str(error))
         return CANCELLED
+    finally:
+        if window is not None:
+            window.cursor_set("DEFAULT")
     if told:
         operator.report({"INFO"}, told)
     return DONE
@@ -267,6 +273,13 @@ class NoisyWorldSavePreset(_OnScene, bpy.types.Operator, ExportHelper):
 
     filename_ext = ".yaml"
     filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Start from the preset in use, unless it is one that is shipped."""
+        used = context.scene.noisy_world.preset_path
+        if used and not Path(used).is_relative_to(presets.shipped_folder()):
+            self.filepath = used
+        return super().invoke(context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Save it."""

@@ -55,7 +55,7 @@ class _Section:
 
 
 class NOISYWORLD_PT_scene(_Section, bpy.types.Panel):
-    """The mesh."""
+    """The mesh"""
 
     bl_label = "Scene"
 
@@ -72,7 +72,7 @@ class NOISYWORLD_PT_scene(_Section, bpy.types.Panel):
 
 
 class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
-    """The path."""
+    """The path"""
 
     bl_label = "Trajectory"
 
@@ -93,7 +93,18 @@ class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if count := world.poses(context.scene):
             layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
-        column = layout.column(align=True, heading="Deviation")
+
+
+class NOISYWORLD_PT_deviation(_Section, bpy.types.Panel):
+    """How far from the path the camera is, and how fast along it"""
+
+    bl_label = "Deviation and Speed"
+    bl_parent_id = "NOISYWORLD_PT_trajectory"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, settings = self.fields(context), context.scene.noisy_world
+        column = layout.column(align=True)
         column.prop(settings, "deviation_rotation_deg")
         column.prop(settings, "deviation_translation_m")
         layout.prop(settings, "speed_factor")
@@ -101,7 +112,7 @@ class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
 
 
 class NOISYWORLD_PT_camera(_Section, bpy.types.Panel):
-    """The intrinsics."""
+    """The intrinsics"""
 
     bl_label = "Camera"
     bl_options = {"DEFAULT_CLOSED"}
@@ -120,8 +131,14 @@ class NOISYWORLD_PT_camera(_Section, bpy.types.Panel):
 # --- perturbations ---
 
 
+def short_label(perturbation: Perturbation) -> str:
+    """Return a perturbation's name where its stage is told beside it."""
+    label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
+    return title(label[0].upper() + label[1:])
+
+
 class NOISYWORLD_UL_steps(bpy.types.UIList):
-    """The perturbations in the order in which an image comes about."""
+    """The perturbations in the order in which an image comes about"""
 
     def draw_item(
         self,
@@ -141,7 +158,7 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
             return
         row = layout.row(align=True)
         row.active = item.enabled
-        row.label(text=title(perturbation.label), icon=STAGES[perturbation.category][1])
+        row.label(text=short_label(perturbation), icon=STAGES[perturbation.category][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
             part.ui_units_x = 1.0
@@ -150,7 +167,7 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
 
 
 class NOISYWORLD_MT_add_step(bpy.types.Menu):
-    """All perturbations, by stage."""
+    """All perturbations, by stage"""
 
     bl_label = "Add Perturbation"
 
@@ -166,18 +183,23 @@ def _stage_menu(category: Category) -> type:
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
         for perturbation in registry().values():
             if perturbation.category == category:
-                label = title(perturbation.label)
+                label = short_label(perturbation)
                 self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
     return type(
         f"NOISYWORLD_MT_add_{category}",
         (bpy.types.Menu,),
-        {"bl_label": STAGES[category][0], "draw": draw, "__module__": __name__, "__doc__": "Perturbations of a stage."},
+        {
+            "bl_label": STAGES[category][0],
+            "draw": draw,
+            "__module__": __name__,
+            "__doc__": "Perturbations of this stage",
+        },
     )
 
 
 class NOISYWORLD_PT_perturbations(_Section, bpy.types.Panel):
-    """What is done to the sequence."""
+    """What is done to the sequence"""
 
     bl_label = "Perturbations"
 
@@ -185,7 +207,7 @@ class NOISYWORLD_PT_perturbations(_Section, bpy.types.Panel):
         """Draw the list and what is selected."""
         layout, settings = self.fields(context), context.scene.noisy_world
         row = layout.row()
-        row.template_list("NOISYWORLD_UL_steps", "", settings, "steps", settings, "active_step", rows=4)
+        row.template_list("NOISYWORLD_UL_steps", "", settings, "steps", settings, "active_step", rows=4, maxrows=8)
         buttons = row.column(align=True)
         buttons.menu("NOISYWORLD_MT_add_step", text="", icon="ADD")
         buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
@@ -194,6 +216,7 @@ class NOISYWORLD_PT_perturbations(_Section, bpy.types.Panel):
         buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
         if (step := active_step(settings)) is not None and step.perturbation in registry():
             draw_step(layout, step)
+        layout.separator(factor=0.5)
         layout.prop(settings, "seed")
 
 
@@ -255,7 +278,7 @@ def _unit(perturbation: Perturbation, name: str) -> str:
 
 
 class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
-    """The perturbations, live."""
+    """The perturbations, live"""
 
     bl_label = "Preview"
 
@@ -267,7 +290,7 @@ class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
 
 
 class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
-    """How frames are rendered and written."""
+    """How frames are rendered and written"""
 
     bl_label = "Render and Output"
 
@@ -294,7 +317,7 @@ class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
 
 
 class NOISYWORLD_MT_presets(bpy.types.Menu):
-    """The presets shipped, and one's own."""
+    """The presets shipped, and one's own"""
 
     bl_label = "Presets"
 
@@ -309,7 +332,7 @@ class NOISYWORLD_MT_presets(bpy.types.Menu):
 
 
 class NOISYWORLD_MT_single_presets(bpy.types.Menu):
-    """A preset for each perturbation."""
+    """A preset for each perturbation"""
 
     bl_label = "Single Perturbations"
 
@@ -330,7 +353,7 @@ def preset_label(path: Path) -> str:
 
 
 class NOISYWORLD_MT_settings(bpy.types.Menu):
-    """The settings of the preset in use; the panel shows one of them."""
+    """The settings of the preset in use; the panel shows one of them"""
 
     bl_label = "Settings of the Preset"
 
@@ -343,7 +366,7 @@ class NOISYWORLD_MT_settings(bpy.types.Menu):
 
 
 class NOISYWORLD_PT_preset(_Section, bpy.types.Panel):
-    """The panel as a file."""
+    """The panel as a file"""
 
     bl_label = "Preset"
 
@@ -380,6 +403,7 @@ CLASSES: tuple[Any, ...] = (
     NOISYWORLD_MT_settings,
     NOISYWORLD_PT_scene,
     NOISYWORLD_PT_trajectory,
+    NOISYWORLD_PT_deviation,
     NOISYWORLD_PT_camera,
     NOISYWORLD_PT_perturbations,
     NOISYWORLD_PT_preview,

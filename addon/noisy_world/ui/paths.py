@@ -41,9 +41,16 @@ _drawn: dict[int, Drawn] = {}  # by scene
 _handles: list[Any] = []
 
 
+def path_of(scene: bpy.types.Scene) -> Any | None:
+    """Return the floats of the clean path: those of the scene's camera or, if it has none, of another one there."""
+    if scene.camera is not None and CLEAN_C2W in scene.camera:
+        return scene.camera[CLEAN_C2W]
+    return next((item[CLEAN_C2W] for item in scene.objects if item.type == "CAMERA" and CLEAN_C2W in item), None)
+
+
 def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
     """Return the clean poses (N, 4, 4) that the scene's camera was keyed from, OpenCV axes, metres; None without."""
-    values = None if scene.camera is None else scene.camera.get(CLEAN_C2W)
+    values = path_of(scene)
     if values is None or len(values) == 0 or len(values) % 16:
         return None
     return np.array(values, dtype=np.float64).reshape(-1, 4, 4)
@@ -83,8 +90,7 @@ def path_lines(c2w: NDArray[np.float64], origin_m: NDArray[np.float64]) -> NDArr
 
 def _batches(scene: bpy.types.Scene) -> Drawn | None:
     """Return what is drawn for a scene, made anew only where the path or what is done to it has changed."""
-    camera = scene.camera
-    values = None if camera is None else camera.get(CLEAN_C2W)
+    values = path_of(scene)
     if values is None:
         _drawn.pop(scene.session_uid, None)
         return None
@@ -139,7 +145,7 @@ def _draw() -> None:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the legend, where paths are drawn."""
     scene = context.scene
-    if scene.camera is None or CLEAN_C2W not in scene.camera:
+    if path_of(scene) is None:
         return
     settings = scene.noisy_world
     row = layout.row(align=True)

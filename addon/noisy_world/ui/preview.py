@@ -30,7 +30,9 @@ _errors: dict[int, str] = {}  # by scene
 
 def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
     """Have the preview of a scene follow soon: at once where that is quick, in a pause where it is not."""
-    if what not in SHOWN_BY or not (scene.noisy_world.preview or what == "preview"):
+    if not isinstance(scene, bpy.types.Scene) or what not in SHOWN_BY:
+        return
+    if not (scene.noisy_world.preview or what == "preview"):
         return
     _changed_s[scene.session_uid] = 0.0 if what == "preview" else time.perf_counter()
     if not bpy.app.timers.is_registered(_follow):

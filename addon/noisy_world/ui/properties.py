@@ -316,7 +316,7 @@ def _settings_members() -> dict[str, Any]:
             precision=4, description="Standard deviation of a random shift of each pose, along the world's axes",
         ),
         "speed_factor": described(
-            FasterMotion, "factor", label="Speed", update="speed_factor", default=1,
+            FasterMotion, "factor", label="Speed Factor", update="speed_factor", default=1,
             description="Times the speed along the path: the frames between are left out",
         ),
         **{
