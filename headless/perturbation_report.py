@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> int:
         text, reference_ms = times(names, frames, peer)
         parts = ["# The perturbations", text, depth_times()]
         everything = [item.name for item in coloured]
-        parts += ["## Node groups", node_groups.errors(frames)]
+        parts += ["## Node groups", node_groups.building(everything), node_groups.errors(frames)]
         parts += [node_groups.times(names, frames, reference_ms), node_groups.previews(everything, frames)]
         if options.targets and peer:
             parts += ["## Severities", fidelity(names, frames, peer, options.targets, seeds=options.seeds)]
