@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("frames", type=Path, help="a folder of colour images")
     parser.add_argument("--targets", type=Path, help="what the severities should look like, as CSV")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench", help="where the report goes")
-    parser.add_argument("--seeds", type=int, default=4, help="the figures are the mean over so many seeds (default 4)")
+    parser.add_argument("--seeds", type=int, default=2, help="the figures are the mean over so many seeds (default 2)")
     options = parser.parse_args(arguments)
     paths = sorted(path for path in options.frames.glob("*") if path.suffix.lower() in (".jpg", ".png"))
     if not paths:
@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> int:
         text, reference_ms = times(names, frames, peer)
         parts = ["# The perturbations", text, depth_times()]
         everything = [item.name for item in coloured]
-        parts += ["## Node groups", node_groups.errors(frames)]
+        parts += ["## Node groups", node_groups.building(everything), node_groups.errors(frames)]
         parts += [node_groups.times(names, frames, reference_ms), node_groups.previews(everything, frames)]
         if options.targets and peer:
             parts += ["## Severities", fidelity(names, frames, peer, options.targets, seeds=options.seeds)]
