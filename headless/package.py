@@ -20,7 +20,7 @@ import sys
 import tempfile
 import tomllib
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,18 +96,21 @@ def build(out: Path, cache: Path, platforms: Iterable[str], tool: list[str]) -> 
     wheels = {platform: fetch(platform, cache / platform, pins) for platform in platforms}
     make_library()
     out.mkdir(parents=True, exist_ok=True)
+    return [build_one(out, platform, files, tool) for platform, files in wheels.items()]
+
+
+def build_one(out: Path, platform: str, wheels: Collection[Path], tool: list[str]) -> Path:
+    """Build and validate a platform's zip; its bytes do not depend on which others are built."""
     with tempfile.TemporaryDirectory(dir=out, prefix=".package.") as folder:
         staged, built = Path(folder, "staged"), Path(folder, "built")
-        stage(staged, wheels)
+        stage(staged, platform, wheels)
         built.mkdir()
         run_tool([*tool, "build", "--source-dir", str(staged), "--output-dir", str(built), "--split-platforms"])
-        zips = []
-        for path in sorted(built.glob("*.zip")):
-            final = Path(folder, path.name)
-            repack(path, final)
-            run_tool([*tool, "validate", str(final)])
-            zips.append(final.replace(out / path.name))
-    return zips
+        (path,) = built.glob("*.zip")
+        final = Path(folder, path.name)
+        repack(path, final)
+        run_tool([*tool, "validate", str(final)])
+        return final.replace(out / path.name)
 
 
 # --- wheels ---
@@ -185,25 +188,21 @@ def pinned_hashes(lock: str) -> dict[str, frozenset[str]]:
 # --- what goes into the zip ---
 
 
-def stage(folder: Path, wheels: Mapping[str, Iterable[Path]]) -> None:
-    """Lay out in a new folder what the zips of all platforms hold together.
-
-    wheels: the files of each platform.
-    """
+def stage(folder: Path, platform: str, wheels: Collection[Path]) -> None:
+    """Lay out in a new folder what a platform's zip holds, its wheels among it."""
     folder.mkdir(parents=True)
     for source, target in staged_files():
         (folder / target).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, folder / target)
     (folder / "wheels").mkdir()
-    paths = {path.name: path for group in wheels.values() for path in group}
-    for name in sorted(paths):
-        # Linked where that can be: they are hundreds of megabytes.
+    for path in wheels:
+        # Linked where that can be: they are tens of megabytes.
         try:
-            (folder / "wheels" / name).hardlink_to(paths[name])
+            (folder / "wheels" / path.name).hardlink_to(path)
         except OSError:
-            shutil.copyfile(paths[name], folder / "wheels" / name)
+            shutil.copyfile(path, folder / "wheels" / path.name)
     text = (ROOT / MANIFEST).read_text(encoding="utf-8")
-    (folder / MANIFEST).write_text(manifest(text, sorted(wheels), sorted(paths)), encoding="utf-8")
+    (folder / MANIFEST).write_text(manifest(text, platform, sorted(path.name for path in wheels)), encoding="utf-8")
 
 
 def staged_files() -> Iterator[tuple[Path, str]]:
@@ -220,9 +219,9 @@ def staged_files() -> Iterator[tuple[Path, str]]:
     yield ROOT / "LICENSE", "LICENSE"
 
 
-def manifest(text: str, platforms: Iterable[str], wheels: Iterable[str]) -> str:
-    """Add the platforms and wheels to the manifest's text, before its first table."""
-    added = [f"platforms = [{', '.join(f'"{name}"' for name in platforms)}]", "wheels = ["]
+def manifest(text: str, platform: str, wheels: Iterable[str]) -> str:
+    """Add the platform and its wheels to the manifest's text, before its first table."""
+    added = [f'platforms = ["{platform}"]', "wheels = ["]
     added += [f'  "./wheels/{name}",' for name in wheels]
     head, table, rest = text.partition("\n[")
     staged = head.rstrip("\n") + "\n" + "\n".join([*added, "]", ""]) + table + rest

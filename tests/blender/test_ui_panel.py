@@ -216,7 +216,7 @@ def test_every_property_of_the_panel_has_a_tooltip_and_a_capital():
         for item in group.properties:
             if item.is_hidden or item.identifier in ("rna_type", "name", "steps") or item.type == "POINTER":
                 continue
-            assert item.description or item.type == "ENUM", item.identifier
+            assert item.description, item.identifier
             assert not item.description.endswith("."), item.identifier
             assert item.name[0].isupper() or len(item.name) == 2, item.identifier
 

@@ -119,7 +119,7 @@ def preview() -> at.Steps:
     yield 0.5
     shading = at.view().spaces.active.shading
     shading.type = "RENDERED"
-    yield 15.0  # software GL compiles its shaders
+    yield 40.0  # software GL compiles its shaders, and nothing tells when it has
     yield from photograph("preview")
     shading.type = "SOLID"
 

@@ -114,19 +114,19 @@ def test_the_lock_pins_every_package_that_is_bundled():
 
 def test_the_staged_manifest_adds_platforms_and_wheels_alone():
     text = (ROOT / "blender_manifest.toml").read_text()
-    staged = tomllib.loads(package.manifest(text, ["linux-x64", "macos-arm64"], ["a-1-py3-none-any.whl"]))
-    assert staged.pop("platforms") == ["linux-x64", "macos-arm64"]
+    staged = tomllib.loads(package.manifest(text, "linux-x64", ["a-1-py3-none-any.whl"]))
+    assert staged.pop("platforms") == ["linux-x64"]
     assert staged.pop("wheels") == ["./wheels/a-1-py3-none-any.whl"]
     assert staged == tomllib.loads(text)
     assert staged["blender_version_min"] == "5.2.0"
     assert set(staged["permissions"]) == {"files"}
     with pytest.raises((package.PackageError, tomllib.TOMLDecodeError)):
-        package.manifest('wheels = []\n[permissions]\nfiles = "x"\n', [], [])
+        package.manifest('wheels = []\n[permissions]\nfiles = "x"\n', "linux-x64", [])
 
 
-def test_what_is_staged(wheels, tmp_path, monkeypatch):
+def test_what_is_staged(wheels, tmp_path):
     folder, _ = wheels
-    package.stage(tmp_path / "staged", {"linux-x64": sorted(folder.iterdir())})
+    package.stage(tmp_path / "staged", "linux-x64", sorted(folder.iterdir()))
     there = {path.relative_to(tmp_path / "staged").as_posix() for path in (tmp_path / "staged").rglob("*.*")}
     assert {"__init__.py", "pipeline.py", "core/ply.py", "perturbations/ice/rime.jpg"} <= there
     assert {"blender_manifest.toml", "presets/demo.yaml", "presets/perturbations/fog.yaml"} <= there
@@ -199,7 +199,7 @@ def test_a_checkout_is_not_an_extension():
 def lay_out_extension(folder):
     """Lay the extension out where Blender would, without wheels."""
     extension = folder / "extensions/user_default/noisy_world"
-    package.stage(extension, {})
+    package.stage(extension, "linux-x64", [])
     return extension
 
 

@@ -161,7 +161,7 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
         row.label(text=short_label(perturbation), icon=STAGES[perturbation.category][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
-            part.ui_units_x = 1.0
+            part.alignment = "RIGHT"
             part.label(text=f"{item.severity:.2g}")
         layout.prop(item, "enabled", text="")
 

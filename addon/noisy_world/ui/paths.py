@@ -119,7 +119,8 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
 def _draw() -> None:
     context = bpy.context
     space = context.space_data
-    if not space.overlay.show_overlays:
+    # Through the camera its own path would hide the picture.
+    if not space.overlay.show_overlays or context.region_data.view_perspective == "CAMERA":
         return
     drawn = _batches(context.scene)
     if drawn is None:

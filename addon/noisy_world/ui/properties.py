@@ -215,6 +215,7 @@ def _step_members() -> dict[str, Any]:
         ),
         "mode": bpy.props.EnumProperty(
             name="Mode",
+            description="Whether the severity changes from frame to frame",
             items=[
                 ("static", "Static", "The same severity for every frame"),
                 ("dynamic", "Dynamic", "A severity drawn for each frame, from 0 to the one given"),
@@ -223,6 +224,7 @@ def _step_members() -> dict[str, Any]:
         ),
         "temporal": bpy.props.EnumProperty(
             name="Pattern",
+            description="How a random pattern goes on from frame to frame",
             items=[
                 ("fresh", "Fresh", "A new random pattern for each frame"),
                 ("fixed", "Fixed", "One random pattern for all frames"),
@@ -276,6 +278,7 @@ def _settings_members() -> dict[str, Any]:
     members: dict[str, Any] = {
         "mesh_source": enum(
             name="Mesh",
+            description="Where the mesh comes from",
             items=[
                 ("ROOM", "Embedded Room", "The room that comes with Noisy World"),
                 ("FILE", "PLY File", "A mesh with vertex colours, as in Replica"),
@@ -286,9 +289,13 @@ def _settings_members() -> dict[str, Any]:
             SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
             description="Mesh with vertex colours: PLY, ASCII or binary",
         ),
-        "scene_name": described(SceneSpec, "name", label="Scene Name", update="scene_name", default="room"),
+        "scene_name": described(
+            SceneSpec, "name", label="Scene Name", update="scene_name", default="room",
+            description="The scene's folder in the dataset",
+        ),
         "trajectory_source": enum(
             name="Trajectory",
+            description="Where the path comes from",
             items=[
                 ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
                 ("FILE", "File", "A trajectory of Replica, TUM or KITTI, told apart by content"),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
+from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.mesh import Mesh
 from ..core.mixture import perturb_motion
@@ -177,7 +179,8 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
     if name in CAMERA_PROPERTIES:
         apply_intrinsics(scene)
     elif name in PATH_PROPERTIES:
-        key_camera(scene)
+        with suppress(NoisyWorldError):  # what is wrong is told where it is used
+            key_camera(scene)
 
 
 def register() -> None:
