@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
     ]
     blocks += [np.full_like(blocks[0], GROUND)] * (-len(blocks) % SHEETS_ACROSS)
     rows = [np.concatenate(blocks[k : k + SHEETS_ACROSS], axis=1) for k in range(0, len(blocks), SHEETS_ACROSS)]
-    quality = [cv2.IMWRITE_JPEG_QUALITY, 88] if options.out.suffix == ".jpg" else []
+    quality = [cv2.IMWRITE_JPEG_QUALITY, 84] if options.out.suffix == ".jpg" else []
     cv2.imwrite(str(options.out), np.concatenate(rows)[..., ::-1], quality)
     print(f"wrote {options.out}")
     return 0

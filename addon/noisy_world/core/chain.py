@@ -5,20 +5,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from .graph import Graph, GroupInput, Socket
-from .groups import REFERENCE_WIDTH_PX, build_group, convert, seed_of, socket_name, socket_value
-from .mixture import Identifiers, Step
-
-ENCODED_INPUT = GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
-REFERENCE_INPUT = GroupInput(
-    "Reference Width",
-    "int",
-    REFERENCE_WIDTH_PX,
-    "The frame's full width: sizes in pixels are meant at it",
-    minimum=1,
-    maximum=65500,
-    subtype="PIXEL",
+from .graph import Graph
+from .groups import (
+    DEPTH_INPUT,
+    ENCODED_INPUT,
+    IMAGE_INPUT,
+    REFERENCE_INPUT,
+    build_group,
+    from_encoded,
+    seed_of,
+    socket_name,
+    socket_value,
+    to_encoded,
 )
+from .mixture import Identifiers, Step
 
 
 def build_chain(name: str, steps: Sequence[Step]) -> Graph:
@@ -27,16 +27,10 @@ def build_chain(name: str, steps: Sequence[Step]) -> Graph:
     steps: of colour, in propagation order. Each one's group node is called as `step_node` says.
     """
     graph = Graph(name, "Perturbations of colour in propagation order")
-    image = graph.input(GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame"))
-    depth_m = None
-    if any(step.perturbation.needs_depth for step in steps):
-        depth_m = graph.input(
-            GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
-        )
+    image = graph.input(IMAGE_INPUT)
+    depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
-    with graph.section("To encoded colour"):
-        linear = graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB"))
-        result = graph.choose(encoded, image, linear)
+    result = to_encoded(graph, image, encoded)
     with graph.section("Perturbations"):
         for step in steps:
             inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": True}
@@ -44,12 +38,7 @@ def build_chain(name: str, steps: Sequence[Step]) -> Graph:
                 inputs["Depth"] = depth_m
             group = build_group(step.perturbation, capacity_of(step))
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
-    with graph.section("From encoded colour"):
-        back = convert(graph, result, "sRGB", "Linear Rec.709")
-        alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
-        kept = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
-        chosen: Socket = graph.choose(encoded, result, kept.out("Image", "color"))
-        graph.output("Image", chosen, description="The perturbed frame")
+    graph.output("Image", from_encoded(graph, result, image, encoded), description="The perturbed frame")
     return graph
 
 

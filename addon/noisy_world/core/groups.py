@@ -19,6 +19,20 @@ SEEDS = 2**24  # whole numbers that float32 holds exactly
 PURPOSES = 32  # fields of random numbers that a group may draw for a frame
 LARGEST_FRAME = 2**24 // PURPOSES
 
+BACK = "From encoded colour"
+IMAGE_INPUT = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame")
+DEPTH_INPUT = GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
+REFERENCE_INPUT = GroupInput(
+    "Reference Width",
+    "int",
+    REFERENCE_WIDTH_PX,
+    "The frame's full width: sizes in pixels are meant at it, and follow the image where that is smaller",
+    minimum=1,
+    maximum=65500,
+    subtype="PIXEL",
+)
+ENCODED_INPUT = GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
+
 _SUBTYPES = {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}
 _UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm")
 
@@ -107,7 +121,7 @@ def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None
         category="" if more else perturbation.category,
         tags=("noisy world", perturbation.category, perturbation.name),
     )
-    image = graph.input(GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame"))
+    image = graph.input(IMAGE_INPUT)
     depth_m = None
     if perturbation.needs_depth:
         depth_m = graph.input(
@@ -115,24 +129,10 @@ def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None
         )
     given = _parameters(graph, perturbation, served)
     timing = _timing(graph, perturbation)
-    reference = graph.input(
-        GroupInput(
-            "Reference Width",
-            "int",
-            REFERENCE_WIDTH_PX,
-            "The frame's full width: sizes in pixels are meant at it, and follow the image where that is smaller",
-            minimum=1,
-            maximum=65500,
-            subtype="PIXEL",
-        )
-    )
+    reference = graph.input(REFERENCE_INPUT)
     enabled = graph.input(GroupInput("Enabled", "bool", True, "Off: the image passes unchanged"))
-    encoded = graph.input(
-        GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
-    )
-    with graph.section("To encoded colour"):
-        linear = graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB"))
-        source = graph.choose(encoded, image, linear)
+    encoded = graph.input(ENCODED_INPUT)
+    source = to_encoded(graph, image, encoded)
     with graph.section("Size"):
         canvas = _canvas(source, reference, timing, depth_m)
         scaled = {
@@ -144,14 +144,26 @@ def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None
         }
     with graph.section(perturbation.label):
         result = perturbation.build(canvas, scaled, served)
-    with graph.section("From encoded colour"):
+    given_back = from_encoded(graph, result, image, encoded)
+    with graph.section(BACK):
+        graph.output("Image", graph.choose(enabled, given_back, image), description="The perturbed frame")
+    return graph
+
+
+def to_encoded(graph: Graph, image: Socket, encoded: Socket) -> Socket:
+    """Return the image's encoded colour in [0, 1]: converted, or as it is where it is encoded."""
+    with graph.section("To encoded colour"):
+        return graph.choose(encoded, image, graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB")))
+
+
+def from_encoded(graph: Graph, result: Socket, image: Socket, encoded: Socket) -> Socket:
+    """Return encoded colour, clipped to [0, 1], as the image came: linear light with its alpha, or encoded."""
+    with graph.section(BACK):
         clamped = graph.clamp(result)
         back = convert(graph, clamped, "sRGB", "Linear Rec.709")
         alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
-        with_alpha = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
-        chosen = graph.choose(encoded, clamped, with_alpha.out("Image", "color"))
-        graph.output("Image", graph.choose(enabled, chosen, image), description="The perturbed frame")
-    return graph
+        kept = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
+        return graph.choose(encoded, clamped, kept.out("Image", "color"))
 
 
 def _unit(perturbation: Perturbation, parameter: str) -> str:
