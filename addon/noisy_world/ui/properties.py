@@ -137,11 +137,6 @@ def told_once() -> Iterator[None]:
                 listener(scene, name)
 
 
-def from_name(spec: type, **names: str) -> dict[str, Any]:
-    """Make properties of a dataclass's fields: property = field."""
-    return {name: described(spec, field, update=name) for name, field in names.items()}
-
-
 # --- perturbations ---
 
 
@@ -395,11 +390,6 @@ NoisyWorldSettings: type = type(
     "NoisyWorldSettings", (bpy.types.PropertyGroup,), {"__annotations__": _settings_members(), "__module__": __name__}
 )
 CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldSettings)
-
-
-def settings_of(context: bpy.types.Context) -> Any:
-    """Return the settings of the context's scene."""
-    return context.scene.noisy_world
 
 
 def register() -> None:
