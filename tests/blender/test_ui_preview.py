@@ -13,15 +13,11 @@ from noisy_world.blender.chain_scene import (
     PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
 )  # fmt: skip
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.scene import add_mesh
-from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.mixture import parse_steps, perturb_depth, perturb_motion
-from noisy_world.core.overview import colour_depth
-from noisy_world.core.room import build_room
+from noisy_world.core.mixture import parse_steps, perturb_motion
 from noisy_world.core.schema import Place
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.ui import depth_preview, paths, preview, properties, views
+from noisy_world.ui import paths, preview, properties, views
 
 SIZE = (60, 40)
 IDENTIFIERS = (7, "room", "setting")
@@ -325,66 +321,6 @@ def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):
         assert preview._touch_all not in bpy.app.handlers.undo_post[:]
     finally:
         preview.register()
-
-
-# --- depth ---
-
-
-@pytest.fixture
-def room(scene):
-    cycles_scene((0, 0, 0))
-    add_mesh(scene, build_room(), "Room", decoding="shader")
-    scene.camera.location = (0, 0, 1.5)
-    scene.camera.rotation_euler = (1.5, 0, 0.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=0)
-    scene.camera.rotation_euler = (1.5, 0, 1.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=9)
-    return scene
-
-
-def test_depth_is_shown_as_the_generator_perturbs_it(room):
-    from noisy_world.blender.still import render_stills
-
-    add(room, "depth_random_missing", severity=3.0)
-    room.frame_set(4)
-    image, about = depth_preview.draw_picture(room)
-    assert bpy.data.scenes[:] == [room]
-    (still,) = render_stills(room, [4], rgb=False)
-    depth_m, _ = perturb_depth(steps_of({"depth_random_missing": {"severity": 3}}), still.depth_m, 4, IDENTIFIERS)
-    seen_m = depth_m[depth_m > 0]
-    assert np.array_equal(image, colour_depth(depth_m, seen_m.min(), seen_m.max()))
-    assert about.startswith("Frame 4: depth from")
-    assert (room.frame_current, room.render.engine, room.cycles.samples) == (4, "CYCLES", 1)
-    assert room.world is not None
-
-
-def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room):
-    from noisy_world.blender.still import render_stills
-
-    step = add(room, "desync")
-    step.desync.offset = 5
-    room.frame_set(2)
-    image, about = depth_preview.draw_picture(room)
-    assert image.shape == (SIZE[1], 2 * SIZE[0], 3)
-    depth_m = render_stills(room, [7], rgb=False)[0].depth_m
-    seen_m = depth_m[depth_m > 0]
-    assert np.array_equal(image[:, SIZE[0] :], colour_depth(depth_m, seen_m.min(), seen_m.max()))
-    assert "Colour of frame 2, depth of frame 7" in about
-    step.desync.edge = "drop"
-    room.frame_set(8)
-    with pytest.raises(NoisyWorldError, match="left out"):
-        depth_preview.draw_picture(room)
-
-
-def test_the_operator_makes_the_picture(room):
-    add(room, "depth_gaussian_noise")
-    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
-    assert tuple(bpy.data.images[depth_preview.PICTURE].size) == SIZE
-    room.noisy_world.steps[0].perturbation = "desync"
-    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
-    assert tuple(bpy.data.images[depth_preview.PICTURE].size) == (2 * SIZE[0], SIZE[1])
-    room.camera = None
-    assert not bpy.ops.noisy_world.preview_depth.poll()
 
 
 # --- paths ---

@@ -11,18 +11,18 @@ from .render import FrameRenderer, RenderedFrame
 SCENE = "Noisy World still"
 
 
-def render_stills(scene: bpy.types.Scene, frames: Sequence[int], *, rgb: bool) -> list[RenderedFrame]:
-    """Render frames of a scene through its camera with Cycles and one sample: depth and, where asked for, colour.
+def render_stills(scene: bpy.types.Scene, frames: Sequence[int]) -> list[RenderedFrame]:
+    """Render colour and depth of frames of a scene through its camera, with Cycles and one sample.
 
-    Settings are changed in a copy of the scene only, which shares its objects and goes again. rgb: colours are those
-    of unlit materials, encoded. Raises StorageError where no scratch file can be written.
+    Settings are changed in a copy of the scene only, which shares its objects and goes again. Raises StorageError where
+    no scratch file can be written.
     """
     stand_in = scene.copy()
     stand_in.name = SCENE
     try:
         _configure(stand_in)
         size_px = stand_in.render.resolution_x, stand_in.render.resolution_y
-        renderer = FrameRenderer(stand_in, size_px, rgb=rgb, depth=True, encoded_colours=False)
+        renderer = FrameRenderer(stand_in, size_px, rgb=True, depth=True, encoded_colours=False)
         try:
             return [_render(renderer, stand_in, frame) for frame in frames]
         finally:

@@ -11,14 +11,19 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import hide_chain, refresh_chain
 from ..core.errors import NoisyWorldError
 from ..core.perturbation import RGB_CATEGORIES
-from . import depth_preview, properties, views
+from . import frame_preview, properties, views
 from .document import identifiers_of, steps_of
 
 COSTLY_S = 0.5
 PAUSE_S = 0.3
 POLL_S = 0.05
-SHOWN_BY = {"preview", "preview_split", "seed", "scene_name", "setting_name", "steps", "speed_factor", "width_px"}
-"""What a preview depends on, by the names that listeners are told."""
+RENDERED_BY = {
+    "seed", "scene_name", "setting_name", "deviation_rotation_deg", "deviation_translation_m",
+    "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
+}  # fmt: skip
+"""What moves or changes the camera, by the names that listeners are told."""
+SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RENDERED_BY
+"""What a preview depends on."""
 
 _changed_s: dict[int, float] = {}  # by scene: when it last changed and was not shown yet
 _took_s: dict[int, float] = {}  # by scene: how long the chain itself took to follow
@@ -32,6 +37,8 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
     """Have the preview of a scene follow soon: at once where that is quick, in a pause where it is not."""
     if not isinstance(scene, bpy.types.Scene) or what not in SHOWN_BY:
         return
+    if what in RENDERED_BY:
+        frame_preview.forget(scene)
     if not (scene.noisy_world.preview or what == "preview"):
         return
     _changed_s[scene.session_uid] = 0.0 if what == "preview" else time.perf_counter()
@@ -75,6 +82,7 @@ def apply(scene: bpy.types.Scene) -> None:
     try:
         if settings.preview:
             show(scene)
+            frame_preview.follow(scene)
         else:
             hide_chain(scene)
     except NoisyWorldError as error:
@@ -188,7 +196,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.prop(settings, "preview_split", slider=True)
     if settings.preview:
         _draw_state(layout, context)
-    depth_preview.draw(layout, context)
+    frame_preview.draw(layout, context)
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -236,7 +244,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     views.register(_touch_view)
-    depth_preview.register()
+    frame_preview.register()
     properties.LISTENERS.append(touch)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).append(_touch_all)
@@ -257,7 +265,7 @@ def unregister() -> None:
         if scene.library is None:
             hide_chain(scene)
     views.give_back_all()
-    depth_preview.unregister()
+    frame_preview.unregister()
     views.unregister()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

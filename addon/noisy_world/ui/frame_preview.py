@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A frame as the generator writes it, in the image editor, following the sliders: its colour, or its depth."""
+
+from collections import OrderedDict
+from typing import Any, Literal
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from numpy.typing import NDArray
+
+from ..blender.compositor import Compositor
+from ..blender.render import RenderedFrame
+from ..blender.still import render_stills
+from ..core.errors import NoisyWorldError
+from ..core.images import rgb_bytes
+from ..core.mixture import Setting, perturb_depth, perturb_rgb
+from ..core.overview import colour_depth
+from ..core.plan import Sequence, lay_out
+from .document import identifiers_of, steps_of
+from .paths import clean_poses
+from .properties import perturbation_of
+
+type Kind = Literal["COLOUR", "DEPTH"]
+
+PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
+ABOUT = "noisy_world_shows"
+STILLS_KEPT = 4  # of a scene: with desynchronisation sliders go from one to the next
+CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World, bpy.types.Action)
+
+_stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
+_followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
+
+
+# --- what a frame looks like ---
+
+
+def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
+    """Return a clean frame of a scene, rendered the first time that it is asked for."""
+    known = _stills.setdefault(scene.session_uid, OrderedDict())
+    if frame not in known:
+        (known[frame],) = render_stills(scene, [frame])
+    known.move_to_end(frame)
+    while len(known) > STILLS_KEPT:
+        known.popitem(last=False)
+    return known[frame]
+
+
+def forget(scene: bpy.types.Scene) -> None:
+    """Have a scene's frames rendered anew when they are next asked for."""
+    _stills.pop(scene.session_uid, None)
+
+
+def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
+    """Return the sequence that a scene's settings describe, and which of its frames the scene stands at.
+
+    Raises NoisyWorldError where the settings are wrong.
+    """
+    settings = scene.noisy_world
+    poses = clean_poses(scene)
+    count = scene.frame_end + 1 if poses is None else len(poses)
+    setting = Setting(settings.setting_name, steps_of(settings), settings.backend)
+    sequence = lay_out(setting, settings.scene_name, count, identifiers_of(settings))
+    last = (count - 1) // sequence.every
+    return sequence, max(0, min(scene.frame_current // sequence.every, last))
+
+
+def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
+    """Return a frame's colour (H, W, 3) as the generator perturbs it, and what it shows.
+
+    index: of the scene's sequence, by default where the scene stands. Left of the panel's split it is as rendered.
+    Raises NoisyWorldError where the settings are wrong, or a scratch file cannot be written.
+    """
+    sequence, now = sequence_of(scene)
+    index = now if index is None else index
+    still = still_of(scene, sequence.rgb_source(index))
+    clean = rgb_bytes(still.rgb)
+    made, notes = _perturb(sequence, index, clean, still.depth_m, scene.noisy_world.width_px)
+    picture = clean if made is None else made
+    edge = round(scene.noisy_world.preview_split * picture.shape[1])
+    if edge and made is not None:
+        picture = np.concatenate([clean[:, :edge], made[:, edge:]], axis=1)
+    return picture, f"Frame {index}: {_listed(notes)}"
+
+
+def _perturb(
+    sequence: Sequence, index: int, clean: NDArray[np.uint8], depth_m: NDArray[np.float32], reference_width_px: int
+) -> tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]:
+    setting = sequence.setting
+    if not setting.composited:
+        return perturb_rgb(setting.rgb, clean, index, sequence.identifiers, depth_m)
+    height, width = clean.shape[:2]
+    with Compositor((width, height), {"": setting.rgb}, reference_width_px) as compositor:
+        return compositor.perturb(clean, {"": (index, sequence.identifiers)}, depth_m)[""]
+
+
+def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
+    """Return a frame's depth as the generator perturbs it, in colours (H, W, 3), and what it shows.
+
+    With desynchronisation (H, 2 W, 3): the frame's clean colour, and the depth that is paired with it beside. index: of
+    the scene's sequence, by default where the scene stands. Raises NoisyWorldError where the settings are wrong, the
+    frame is left out, or a scratch file cannot be written.
+    """
+    sequence, now = sequence_of(scene)
+    index = now if index is None else index
+    if sequence.depth_of is not None and sequence.depth_of[index] < 0:
+        raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
+    source = sequence.depth_source(index)
+    taken = source // sequence.every
+    clean_m = still_of(scene, source).depth_m
+    depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, taken, sequence.identifiers)
+    depth_m = clean_m if depth_m is None else depth_m
+    seen_m = depth_m[depth_m > 0]
+    near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
+    picture = colour_depth(depth_m, near_m, far_m)
+    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
+    if sequence.depth_of is None:
+        return picture, f"Frame {index}: {about}"
+    colour = rgb_bytes(still_of(scene, sequence.rgb_source(index)).rgb)
+    return np.concatenate([colour, picture], axis=1), f"Colour of frame {index}, depth of frame {taken}: {about}"
+
+
+def _listed(notes: list[dict[str, Any]]) -> str:
+    return ", ".join(note["name"] for note in notes) or "clean"
+
+
+# --- the pictures ---
+
+
+def make_picture(scene: bpy.types.Scene, kind: Kind, index: int | None = None) -> tuple[bpy.types.Image, str]:
+    """Draw a picture of a scene's frame into its image. Raises NoisyWorldError as `draw_colour` and `draw_depth` do."""
+    picture, about = (draw_colour if kind == "COLOUR" else draw_depth)(scene, index)
+    height, width = picture.shape[:2]
+    image = _image(kind)
+    if image is None:
+        image = bpy.data.images.new(PICTURES[kind], width, height, alpha=False)
+    elif tuple(image.size) != (width, height):
+        image.scale(width, height)
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = picture[::-1] / np.float32(255)
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    image[ABOUT] = about
+    return image, about
+
+
+def _image(kind: Kind) -> bpy.types.Image | None:
+    return next((item for item in bpy.data.images if item.name == PICTURES[kind] and item.library is None), None)
+
+
+def _editors() -> list[bpy.types.Area]:
+    windows = bpy.context.window_manager.windows
+    return [area for window in windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+
+
+def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """Show an image in an image editor: one that is open, or a window of its own."""
+    manager, areas = context.window_manager, _editors()
+    shown = next((area for area in areas if area.spaces.active.image == image), areas[0] if areas else None)
+    if shown is None and not bpy.app.background:
+        before = {window.as_pointer() for window in manager.windows}
+        bpy.ops.wm.window_new()
+        window = next(window for window in manager.windows if window.as_pointer() not in before)
+        shown = window.screen.areas[0]
+        shown.type = "IMAGE_EDITOR"
+    if shown is not None:
+        shown.spaces.active.image = image
+        shown.tag_redraw()
+
+
+def follow(scene: bpy.types.Scene) -> None:
+    """Draw the pictures of a scene anew that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
+    editors = _editors()
+    for kind, index in _followed.get(scene.session_uid, {}).items():
+        image = _image(kind)
+        watching = [area for area in editors if image is not None and area.spaces.active.image == image]
+        if watching:
+            make_picture(scene, kind, index)
+        for area in watching:
+            area.tag_redraw()
+
+
+@persistent
+def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """A scene in which something was moved, edited or lit otherwise has to be rendered anew."""
+    if scene.session_uid not in _stills:
+        return
+    # Collections are said to change whenever a scene is copied, as for each still.
+    if any(
+        isinstance(item.id, CHANGES_PICTURE)
+        or (isinstance(item.id, bpy.types.Object) and (item.is_updated_geometry or item.is_updated_transform))
+        for item in depsgraph.updates
+    ):
+        forget(scene)
+
+
+@persistent
+def _forget_all(*_: object) -> None:
+    """Another file was opened."""
+    _stills.clear()
+    _followed.clear()
+
+
+# --- the panel's part ---
+
+
+class _Preview:
+    """Render the scene's frame, and show it perturbed."""
+
+    bl_options = {"REGISTER", "UNDO"}
+    kind: Kind
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Where there is a camera to see through, in a scene of this file."""
+        if context.scene is None or context.scene.library is not None:
+            cls.poll_message_set("The scene is linked from another file")
+            return False
+        if context.scene.camera is None:
+            cls.poll_message_set("The scene has no camera")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Render and show."""
+        scene = context.scene
+        forget(scene)
+        try:
+            _, index = sequence_of(scene)
+            image, about = make_picture(scene, self.kind, index)
+        except NoisyWorldError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        _followed.setdefault(scene.session_uid, {})[self.kind] = index
+        open_picture(context, image)
+        self.report({"INFO"}, about)
+        return {"FINISHED"}
+
+
+class PreviewFrame(_Preview, bpy.types.Operator):
+    """Render this frame with Cycles and show it in an image editor as the generator writes it; while Preview is on \
+it follows the sliders"""
+
+    bl_idname = "noisy_world.preview_frame"
+    bl_label = "Preview Frame"
+    kind: Kind = "COLOUR"
+
+
+class PreviewDepth(_Preview, bpy.types.Operator):
+    """Render this frame's depth and show it in an image editor, in colours, as the generator perturbs it; while \
+Preview is on it follows the sliders"""
+
+    bl_idname = "noisy_world.preview_depth"
+    bl_label = "Preview Depth"
+    kind: Kind = "DEPTH"
+
+
+def has_depth_steps(settings: Any) -> bool:
+    """Tell whether something is done to depth, or to what it is paired with."""
+    return any(step.enabled and perturbation_of(step).category in ("depth", "sync") for step in settings.steps)
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the buttons; that of depth where something is done to it."""
+    column = layout.column(align=True)
+    column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
+    if has_depth_steps(context.scene.noisy_world):
+        column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
+
+
+CLASSES = (PreviewFrame, PreviewDepth)
+
+
+def register() -> None:
+    """Register the operators, and watch for what makes a rendered frame stale."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.app.handlers.depsgraph_update_post.append(_on_change)
+    bpy.app.handlers.load_post.append(_forget_all)
+
+
+def unregister() -> None:
+    """Take them away; the pictures stay the file's."""
+    bpy.app.handlers.depsgraph_update_post.remove(_on_change)
+    bpy.app.handlers.load_post.remove(_forget_all)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    _forget_all()

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pictures in the image editor: the generator's bytes, following the sliders without rendering again."""
+
+import bpy
+import numpy as np
+import pytest
+from analytic import box_mesh
+from test_ui_preview import IDENTIFIERS, SIZE, _registered, add, cycles_scene, scene, steps_of  # noqa: F401 - fixtures
+
+from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.scene import add_mesh
+from noisy_world.blender.still import render_stills
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.images import rgb_bytes
+from noisy_world.core.mixture import perturb_depth, perturb_rgb
+from noisy_world.core.overview import colour_depth
+from noisy_world.ui import frame_preview, preview
+
+
+@pytest.fixture
+def room(scene):  # noqa: F811
+    cycles_scene((0, 0, 0))
+    add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")
+    scene.camera.location = (0, 0, 1.5)
+    scene.camera.rotation_euler = (1.5, 0, 0.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=0)
+    scene.camera.rotation_euler = (1.5, 0, 1.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=9)
+    return scene
+
+
+@pytest.fixture
+def renders(monkeypatch):
+    """The frames that were rendered, one after another."""
+    made = []
+
+    def render(scene, frames):  # noqa: F811
+        made.extend(frames)
+        return render_stills(scene, frames)
+
+    monkeypatch.setattr(frame_preview, "render_stills", render)
+    return made
+
+
+@pytest.fixture
+def editor():
+    bpy.ops.wm.read_factory_settings()
+    area = max(bpy.context.window.screen.areas, key=lambda area: area.width * area.height)
+    area.type = "IMAGE_EDITOR"
+    return area
+
+
+def pixels(image):
+    width, height = image.size
+    values = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return np.rint(255 * values.reshape(height, width, 4)[::-1, :, :3]).astype(np.uint8)
+
+
+def clean_rgb(scene, frame):  # noqa: F811
+    return rgb_bytes(render_stills(scene, [frame])[0].rgb)
+
+
+@pytest.mark.parametrize("backend", ["compositor", "reference"])
+def test_colour_is_shown_as_the_generator_writes_it(room, backend):
+    add(room, "fog", severity=2.0)
+    add(room, "gaussian_noise", severity=3.0, mode="dynamic")
+    room.noisy_world.backend = backend
+    room.frame_set(4)
+    picture, about = frame_preview.draw_colour(room)
+    clean = clean_rgb(room, 4)
+    steps = steps_of({"fog": {"severity": 2}}, {"gaussian_noise": {"severity": 3, "mode": "dynamic"}})
+    if backend == "reference":
+        expected, _ = perturb_rgb(steps, clean, 4, IDENTIFIERS)
+    else:
+        with Compositor(SIZE, {"x": steps}, SIZE[0]) as compositor:
+            expected, _ = compositor.perturb(clean, {"x": (4, IDENTIFIERS)})["x"]
+    assert np.array_equal(picture, expected)
+    assert not np.array_equal(picture, clean)
+    assert about == "Frame 4: fog, gaussian_noise"
+    room.noisy_world.preview_split = 0.5
+    picture, _ = frame_preview.draw_colour(room)
+    assert np.array_equal(picture[:, : SIZE[0] // 2], clean[:, : SIZE[0] // 2])
+    assert np.array_equal(picture[:, SIZE[0] // 2 :], expected[:, SIZE[0] // 2 :])
+
+
+def test_depth_takes_part_in_colour_where_it_is_asked_for(room):
+    add(room, "fog_depth", severity=3.0)
+    fogged, _ = frame_preview.draw_colour(room)
+    assert np.abs(fogged.astype(int) - clean_rgb(room, room.frame_current)).mean() > 10
+
+
+def test_without_perturbations_it_is_the_render(room):
+    room.frame_set(2)
+    picture, about = frame_preview.draw_colour(room)
+    assert np.array_equal(picture, clean_rgb(room, 2))
+    assert about == "Frame 2: clean"
+
+
+def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    settings = scene.noisy_world
+    noise = add(scene, "gaussian_noise", severity=1.0)
+    settings.preview = True
+    preview.flush()
+    scene.frame_set(3)
+    bpy.context.view_layer.update()
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    image = editor.spaces.active.image
+    assert image.name == frame_preview.PICTURES["COLOUR"]
+    weak = pixels(image)
+    noise.severity = 5.0
+    preview.flush()
+    strong = pixels(image)
+    assert strong.std() > 2 * weak.std()
+    scene.frame_set(7)  # it stays with the frame that was asked for
+    noise.severity = 1.0
+    preview.flush()
+    assert np.array_equal(pixels(image), weak)
+    assert renders == [3]
+    scene.camera.location.x += 1
+    bpy.context.view_layer.update()
+    noise.severity = 2.0
+    preview.flush()
+    assert renders == [3, 3]
+    settings.fx_px += 1
+    preview.flush()
+    assert renders == [3, 3, 3]
+    settings.preview = False
+    preview.flush()
+    before = pixels(image)
+    noise.severity = 4.0
+    preview.flush()
+    assert np.array_equal(pixels(image), before)
+
+
+def test_what_no_editor_shows_is_not_drawn(editor, scene):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    noise = add(scene, "gaussian_noise", severity=1.0)
+    scene.noisy_world.preview = True
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    image = editor.spaces.active.image
+    editor.type = "VIEW_3D"
+    before = pixels(image)
+    noise.severity = 5.0
+    preview.flush()
+    assert np.array_equal(pixels(image), before)
+
+
+def test_a_frame_that_nothing_follows_costs_no_memory_for_long(room):
+    for frame in range(6):
+        frame_preview.still_of(room, frame)
+    assert list(frame_preview._stills[room.session_uid]) == [2, 3, 4, 5]
+    frame_preview.forget(room)
+    assert room.session_uid not in frame_preview._stills
+
+
+def test_depth_is_shown_as_the_generator_perturbs_it(room):
+    add(room, "depth_random_missing", severity=3.0)
+    room.frame_set(4)
+    image, about = frame_preview.draw_depth(room)
+    assert bpy.data.scenes[:] == [room]
+    (still,) = render_stills(room, [4])
+    depth_m, _ = perturb_depth(steps_of({"depth_random_missing": {"severity": 3}}), still.depth_m, 4, IDENTIFIERS)
+    seen_m = depth_m[depth_m > 0]
+    assert np.array_equal(image, colour_depth(depth_m, seen_m.min(), seen_m.max()))
+    assert about.startswith("Frame 4: depth from")
+    assert (room.frame_current, room.render.engine, room.cycles.samples) == (4, "CYCLES", 1)
+    assert room.world is not None
+
+
+def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room):
+    step = add(room, "desync")
+    step.desync.offset = 5
+    room.frame_set(2)
+    image, about = frame_preview.draw_depth(room)
+    assert image.shape == (SIZE[1], 2 * SIZE[0], 3)
+    depth_m = render_stills(room, [7])[0].depth_m
+    seen_m = depth_m[depth_m > 0]
+    assert np.array_equal(image[:, SIZE[0] :], colour_depth(depth_m, seen_m.min(), seen_m.max()))
+    assert "Colour of frame 2, depth of frame 7" in about
+    step.desync.edge = "drop"
+    room.frame_set(8)
+    with pytest.raises(NoisyWorldError, match="left out"):
+        frame_preview.draw_depth(room)
+
+
+def test_the_operator_makes_the_picture(room):
+    add(room, "depth_gaussian_noise")
+    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
+    assert tuple(bpy.data.images[frame_preview.PICTURES["DEPTH"]].size) == SIZE
+    room.noisy_world.steps[0].perturbation = "desync"
+    assert bpy.ops.noisy_world.preview_depth() == {"FINISHED"}
+    assert tuple(bpy.data.images[frame_preview.PICTURES["DEPTH"]].size) == (2 * SIZE[0], SIZE[1])
+    room.camera = None
+    assert not bpy.ops.noisy_world.preview_depth.poll()
