@@ -154,18 +154,31 @@ def _editors() -> list[bpy.types.Area]:
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Show an image in an image editor: one that is open, or a window of its own."""
-    manager, areas = context.window_manager, _editors()
+    """Show an image in an image editor: one that is open or, beside the sliders, half of the 3D view in use."""
+    areas = _editors()
     shown = next((area for area in areas if area.spaces.active.image == image), areas[0] if areas else None)
-    if shown is None and not bpy.app.background:
-        before = {window.as_pointer() for window in manager.windows}
-        bpy.ops.wm.window_new()
-        window = next(window for window in manager.windows if window.as_pointer() not in before)
-        shown = window.screen.areas[0]
-        shown.type = "IMAGE_EDITOR"
-    if shown is not None:
-        shown.spaces.active.image = image
-        shown.tag_redraw()
+    fresh = shown is None and context.area is not None and context.area.type == "VIEW_3D"
+    if fresh:
+        shown = _split_off(context)
+    if shown is None:
+        return
+    shown.spaces.active.image = image
+    shown.tag_redraw()
+    if fresh:
+        region = next(region for region in shown.regions if region.type == "WINDOW")
+        with context.temp_override(area=shown, region=region):
+            bpy.ops.image.view_all(fit_view=True)
+
+
+def _split_off(context: bpy.types.Context) -> bpy.types.Area | None:
+    """Make the half of a view that is away from its sidebar an image editor."""
+    view, known = context.area, {area.as_pointer() for area in context.screen.areas}
+    if bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5) != {"FINISHED"}:
+        return None
+    halves = [view, *(area for area in context.screen.areas if area.as_pointer() not in known)]
+    shown = min(halves, key=lambda area: area.x)
+    shown.type = "IMAGE_EDITOR"
+    return shown
 
 
 def follow(scene: bpy.types.Scene) -> None:

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import bpy
+import gpu
 from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import hide_chain, refresh_chain
@@ -147,6 +148,13 @@ def is_working_space_wrong() -> bool:
     return bpy.data.colorspace.working_space != "Linear Rec.709"
 
 
+def is_software_gl() -> bool:
+    """Tell whether Blender draws without a graphics card."""
+    if bpy.app.background:
+        return False
+    return gpu.platform.device_type_get() == "SOFTWARE"
+
+
 class UseStandardView(bpy.types.Operator):
     """Show colours as they are written: the Standard view transform without look, exposure, gamma or curves"""
 
@@ -206,7 +214,9 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     space = context.space_data
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
         write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
-        layout.row().prop(space.shading, "type", expand=True)
+        row = layout.row(align=True)
+        row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
+        row.prop_enum(space.shading, "type", "RENDERED")
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)
@@ -216,6 +226,9 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row()
         row.operator_context = "INVOKE_DEFAULT"
         row.operator("wm.set_working_color_space", text="Use Linear Rec.709").working_space = "Linear Rec.709"
+    if scene.render.compositor_device == "GPU" and is_software_gl():
+        write(layout, context, "No graphics card: the last render follows sooner on the processor", "INFO")
+        layout.row().prop(scene.render, "compositor_device", expand=True)
     if is_costly(scene):
         taken_s = views.seconds_taken(scene) + _took_s.get(scene.session_uid, 0.0)
         waits = ", waiting" if scene.session_uid in _changed_s else ""
