@@ -2,10 +2,12 @@
 """The pictures in the image editor: the generator's bytes, following the sliders without rendering again."""
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 from analytic import box_mesh
 from test_ui_preview import IDENTIFIERS, SIZE, _registered, add, cycles_scene, scene, steps_of  # noqa: F401 - fixtures
+from worlds import generate, write_world
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.scene import add_mesh
@@ -14,7 +16,7 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.images import rgb_bytes
 from noisy_world.core.mixture import perturb_depth, perturb_rgb
 from noisy_world.core.overview import colour_depth
-from noisy_world.ui import frame_preview, preview
+from noisy_world.ui import frame_preview, operators, preview, world
 
 
 @pytest.fixture
@@ -68,13 +70,14 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
     room.noisy_world.backend = backend
     room.frame_set(4)
     picture, about = frame_preview.draw_colour(room)
-    clean = clean_rgb(room, 4)
+    rendered = render_stills(room, [4])[0].rgb
+    clean = rgb_bytes(rendered)
     steps = steps_of({"fog": {"severity": 2}}, {"gaussian_noise": {"severity": 3, "mode": "dynamic"}})
     if backend == "reference":
-        expected, _ = perturb_rgb(steps, clean, 4, IDENTIFIERS)
+        expected, _ = perturb_rgb(steps, rendered, 4, IDENTIFIERS)
     else:
         with Compositor(SIZE, {"x": steps}, SIZE[0]) as compositor:
-            expected, _ = compositor.perturb(clean, {"x": (4, IDENTIFIERS)})["x"]
+            expected, _ = compositor.perturb(rendered, {"x": (4, IDENTIFIERS)})["x"]
     assert np.array_equal(picture, expected)
     assert not np.array_equal(picture, clean)
     assert about == "Frame 4: fog, gaussian_noise"
@@ -194,3 +197,32 @@ def test_the_operator_makes_the_picture(room):
     assert tuple(bpy.data.images[frame_preview.PICTURES["DEPTH"]].size) == (2 * SIZE[0], SIZE[1])
     room.camera = None
     assert not bpy.ops.noisy_world.preview_depth.poll()
+
+
+def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_path):  # noqa: F811
+    """From the panel's scene, keyed camera and colours on the one side, from files on the other."""
+    write_world(tmp_path, settings=[{"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}],
+                render={"backend": "compositor"})  # fmt: skip
+    bpy.context.view_layer.update()
+    for module in (world, operators):
+        module.register()
+    try:
+        assert bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "preset.yaml"), setting="misty") == {"FINISHED"}
+        assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
+        assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+        scene.frame_set(2)
+        picture, _ = frame_preview.draw_colour(scene)
+        pair, _ = frame_preview.draw_depth(scene)
+    finally:
+        for module in (operators, world):
+            module.unregister()
+    generate(tmp_path / "preset.yaml", "--out", tmp_path / "out")
+    folder = tmp_path / "out" / "misty" / "box" / "results"
+    written = cv2.imread(str(folder / "frame000002.png"))[..., ::-1].astype(int)
+    apart = np.abs(written - picture)
+    assert apart.max() <= 1  # materials decode the colours that the generator renders encoded
+    assert (apart > 0).mean() < 1e-3
+    written_m = cv2.imread(str(folder / "depth000002.png"), cv2.IMREAD_UNCHANGED) / 6553.5
+    seen_m = written_m[written_m > 0]
+    expected = colour_depth(written_m.astype(np.float32), seen_m.min(), seen_m.max())
+    assert np.abs(pair[:, picture.shape[1] :].astype(int) - expected).mean() < 1.0

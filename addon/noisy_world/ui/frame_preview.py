@@ -75,7 +75,7 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     index = now if index is None else index
     still = still_of(scene, sequence.rgb_source(index))
     clean = rgb_bytes(still.rgb)
-    made, notes = _perturb(sequence, index, clean, still.depth_m, scene.noisy_world.width_px)
+    made, notes = _perturb(sequence, index, still, scene.noisy_world.width_px)
     picture = clean if made is None else made
     edge = round(scene.noisy_world.preview_split * picture.shape[1])
     if edge and made is not None:
@@ -84,14 +84,15 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
 
 
 def _perturb(
-    sequence: Sequence, index: int, clean: NDArray[np.uint8], depth_m: NDArray[np.float32], reference_width_px: int
+    sequence: Sequence, index: int, still: RenderedFrame, reference_width_px: int
 ) -> tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]:
     setting = sequence.setting
+    rgb = np.clip(still.rgb, 0.0, 1.0)  # not rounded yet, as the generator's; lights of the user's may exceed 1
     if not setting.composited:
-        return perturb_rgb(setting.rgb, clean, index, sequence.identifiers, depth_m)
-    height, width = clean.shape[:2]
+        return perturb_rgb(setting.rgb, rgb, index, sequence.identifiers, still.depth_m)
+    height, width = rgb.shape[:2]
     with Compositor((width, height), {"": setting.rgb}, reference_width_px) as compositor:
-        return compositor.perturb(clean, {"": (index, sequence.identifiers)}, depth_m)[""]
+        return compositor.perturb(rgb, {"": (index, sequence.identifiers)}, still.depth_m)[""]
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
