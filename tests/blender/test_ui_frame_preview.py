@@ -201,8 +201,8 @@ def test_the_operator_makes_the_picture(room):
 
 def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_path):  # noqa: F811
     """From the panel's scene, keyed camera and colours on the one side, from files on the other."""
-    write_world(tmp_path, settings=[{"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}],
-                render={"backend": "compositor"})  # fmt: skip
+    misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}
+    write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
     bpy.context.view_layer.update()
     for module in (world, operators):
         module.register()
@@ -226,3 +226,24 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
     seen_m = written_m[written_m > 0]
     expected = colour_depth(written_m.astype(np.float32), seen_m.min(), seen_m.max())
     assert np.abs(pair[:, picture.shape[1] :].astype(int) - expected).mean() < 1.0
+
+
+def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    noise = add(scene, "gaussian_noise", severity=1.0, mode="dynamic")
+    add(scene, "fog_depth")
+    scene.noisy_world.preview = True
+    preview.flush()
+    bpy.context.view_layer.update()
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    for severity in (2.0, 5.0):
+        noise.severity = severity
+        preview.flush()
+        bpy.context.view_layer.update()
+    preview.flush()
+    assert len(renders) == 1
+    scene.camera.keyframe_insert("location", frame=0)
+    bpy.context.view_layer.update()
+    noise.severity = 3.0
+    preview.flush()
+    assert len(renders) == 2

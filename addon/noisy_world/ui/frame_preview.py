@@ -26,7 +26,7 @@ type Kind = Literal["COLOUR", "DEPTH"]
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
 ABOUT = "noisy_world_shows"
 STILLS_KEPT = 4  # of a scene: with desynchronisation sliders go from one to the next
-CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World, bpy.types.Action)
+CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
@@ -199,13 +199,18 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """A scene in which something was moved, edited or lit otherwise has to be rendered anew."""
     if scene.session_uid not in _stills:
         return
-    # Collections are said to change whenever a scene is copied, as for each still.
-    if any(
-        isinstance(item.id, CHANGES_PICTURE)
-        or (isinstance(item.id, bpy.types.Object) and (item.is_updated_geometry or item.is_updated_transform))
-        for item in depsgraph.updates
-    ):
+    if any(_makes_stale(item, scene) for item in depsgraph.updates):
         forget(scene)
+
+
+def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> bool:
+    changed = update.id.original
+    if isinstance(changed, bpy.types.Action):  # those of chains are keyed by sliders
+        animation = scene.camera.animation_data if scene.camera is not None else None
+        return animation is not None and animation.action == changed
+    # Not collections: they are said to change whenever a scene is copied, as for each still.
+    moved = isinstance(changed, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform)
+    return moved or isinstance(changed, CHANGES_PICTURE)
 
 
 @persistent
