@@ -278,6 +278,25 @@ def test_views_get_their_compositor_back():
     assert views.FORMER not in bpy.context.window.screen
 
 
+def test_without_a_graphics_card_the_processor_composites_while_it_is_on(scene, monkeypatch):
+    for software, expected in ((True, "CPU"), (False, "GPU")):
+        monkeypatch.setattr(preview, "is_software_gl", lambda software=software: software)
+        scene.render.compositor_device = "GPU"
+        scene.noisy_world.preview = True
+        preview.flush()
+        assert scene.render.compositor_device == expected
+        scene.noisy_world.preview = False
+        preview.flush()
+        assert scene.render.compositor_device == "GPU"
+    monkeypatch.setattr(preview, "is_software_gl", lambda: True)
+    scene.noisy_world.preview = True
+    preview.flush()
+    scene.render.compositor_device = "GPU"  # by hand: left alone
+    scene.noisy_world.preview_split = 0.5
+    preview.flush()
+    assert scene.render.compositor_device == "GPU"
+
+
 def test_what_falsifies_a_preview_is_said_and_mended(scene):
     view = scene.view_settings
     view.view_transform = "AgX"
