@@ -8,14 +8,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.preset import read_preset
+from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
 
@@ -96,9 +96,22 @@ def saved_preset(settings: Any) -> Path | None:
         return None
     path = Path(bpy.path.abspath(settings.preset_path)).resolve()
     try:
-        return path if read_preset(path).spec == preset_of(settings, path).spec else None
+        return path if _placed(read_preset(path)) == preset_of(settings).spec else None
     except InputError:  # it was moved or spoilt since
         return None
+
+
+def _placed(preset: Preset) -> PresetSpec:
+    """Return what a preset says with whole paths, as the panel has them."""
+
+    def whole(name: str | None) -> str | None:
+        return name if name in (None, EMBEDDED_ROOM) else (preset.path.parent / str(name)).resolve().as_posix()
+
+    def placed(scene: SceneSpec) -> SceneSpec:
+        path = scene.trajectory
+        return replace(scene, mesh=whole(scene.mesh), trajectory=path and replace(path, file=whole(path.file)))
+
+    return replace(preset.spec, scenes=tuple(placed(scene) for scene in preset.spec.scenes))
 
 
 def temporary_preset(settings: Any, folder: Path) -> Path:
