@@ -4,7 +4,7 @@
 import importlib
 from types import ModuleType
 
-MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "panels", "presets")
+MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "asset_library", "panels", "presets")
 """In the order of registration; panels stand in the tab in the same order."""
 
 

@@ -8,7 +8,7 @@ import bpy
 
 from ..core.perturbation import SEVERITIES, Category, Perturbation
 from ..perturbations import registry
-from . import generate, paths, preview, world
+from . import asset_library, generate, paths, preview, world
 from .described import title
 from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
 
@@ -277,6 +277,7 @@ class NOISYWORLD_PT_preview(Section, bpy.types.Panel):
         layout = self.fields(context)
         layout.use_property_split = False
         preview.draw(layout, context)
+        asset_library.draw(layout, context)
 
 
 class NOISYWORLD_PT_output(Section, bpy.types.Panel):
