@@ -18,31 +18,14 @@ def is_built() -> bool:
     return any(FOLDER.glob("*.blend"))
 
 
+def libraries() -> bpy.types.AssetLibraryCollection:
+    """Return the asset libraries in the preferences."""
+    return bpy.context.preferences.filepaths.asset_libraries
+
+
 def entry() -> bpy.types.UserAssetLibrary | None:
     """Return the library's entry in the preferences, whatever it is called and whoever made it."""
-    libraries = bpy.context.preferences.filepaths.asset_libraries
-    return next((item for item in libraries if item.path and Path(item.path).resolve() == FOLDER), None)
-
-
-def add() -> None:
-    """Add the library to the preferences, unless it is there."""
-    if entry() is None:
-        bpy.context.preferences.filepaths.asset_libraries.new(name=NAME, directory=str(FOLDER))
-    _redraw()
-
-
-def remove() -> None:
-    """Take the library out of the preferences."""
-    while (found := entry()) is not None:
-        bpy.context.preferences.filepaths.asset_libraries.remove(found)
-    _redraw()
-
-
-def _redraw() -> None:
-    """Have all that shows assets or this module's buttons drawn anew."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            area.tag_redraw()
+    return next((item for item in libraries() if item.path and Path(item.path).resolve() == FOLDER), None)
 
 
 def _kept() -> Any | None:
@@ -71,10 +54,13 @@ class NoisyWorldAddAssetLibrary(bpy.types.Operator):
 
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Add them."""
-        add()
-        if entry() is None:
+        # Blender's own operator has shelves and menus loaded anew; the collection's functions do not.
+        bpy.ops.preferences.asset_library_add(directory=str(FOLDER))
+        made = entry()
+        if made is None:
             self.report({"ERROR"}, f"{FOLDER}: Blender did not take the asset library")
             return CANCELLED
+        made.name = NAME
         self.report({"INFO"}, "The node groups are in the compositor's Add menu and asset shelf")
         return DONE
 
@@ -96,7 +82,8 @@ class NoisyWorldRemoveAssetLibrary(bpy.types.Operator):
 
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Remove them."""
-        remove()
+        while (found := entry()) is not None:
+            bpy.ops.preferences.asset_library_remove(index=list(libraries()).index(found))
         return DONE
 
 
@@ -137,7 +124,8 @@ def register() -> None:
     _register_classes()
     if (kept := _kept()) is not None and kept.returns:
         kept.returns = False
-        add()
+        if entry() is None:
+            libraries().new(name=NAME, directory=str(FOLDER))
 
 
 def unregister() -> None:
@@ -146,5 +134,5 @@ def unregister() -> None:
     if found is not None and found.name.startswith(NAME):  # not what a user added by hand
         if (kept := _kept()) is not None:
             kept.returns = True
-        remove()
+        libraries().remove(found)
     _unregister_classes()
