@@ -210,15 +210,41 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     assert steps_of(settings()) == ()
 
 
-def test_every_property_of_the_panel_has_a_tooltip_and_a_capital():
-    groups = [settings().bl_rna, *(settings().steps.add().bl_rna,)]
-    for group in groups:
-        for item in group.properties:
+def in_title_case(label):
+    words = [word for word in label.split() if not word.startswith(("(", "/"))]
+    return all(word[0].isupper() or (place and word in ("by", "of", "to", "and", "from", "the")) or len(label) == 2
+               for place, word in enumerate(words))  # fmt: skip
+
+
+def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():
+    step = settings().steps.add()
+    parameters = [getattr(step, name) for name in registry() if hasattr(step, name)]
+    assert len(parameters) == len(registry())
+    for group in (settings(), step, *parameters):
+        for item in group.bl_rna.properties:
             if item.is_hidden or item.identifier in ("rna_type", "name", "steps") or item.type == "POINTER":
                 continue
-            assert item.description, item.identifier
-            assert not item.description.endswith("."), item.identifier
-            assert item.name[0].isupper() or len(item.name) == 2, item.identifier
+            where = f"{group.bl_rna.identifier}.{item.identifier}"
+            assert len(item.description) > 3, where
+            assert not item.description.endswith("."), where
+            assert in_title_case(item.name), (where, item.name)
+            beside = group in parameters and not item.identifier.startswith("override_")
+            assert not beside or len(item.name) <= 16, where  # what fits beside a slider at the default width
+            for choice in getattr(item, "enum_items", ()):
+                assert choice.description, (where, choice.identifier)
+                assert in_title_case(choice.name), (where, choice.name)
+
+
+def test_every_button_menu_and_section_has_a_tooltip_and_a_label_in_title_case():
+    from noisy_world import ui
+
+    classes = [cls for module in ui.modules() for cls in getattr(module, "CLASSES", ())]
+    shown = [cls for cls in classes if issubclass(cls, (bpy.types.Operator, bpy.types.Menu, bpy.types.Panel))]
+    assert len(shown) > 25
+    for cls in shown:
+        assert in_title_case(cls.bl_label), cls.bl_label
+        assert cls.__doc__, cls
+        assert not cls.__doc__.endswith("."), cls
 
 
 # --- the user's file ---

@@ -20,10 +20,27 @@ LARGEST_INT = 2**31 - 1
 _LEAST_ABOVE = 1e-6
 _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
 _SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
-_ACRONYMS = {
-    "opencv": "OpenCV", "opengl": "OpenGL", "eevee": "EEVEE", "tum": "TUM", "jpg": "JPEG", "png": "PNG",
-    "c2w": "Camera to World", "w2c": "World to Camera",
-}  # fmt: skip
+_NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
+_CHOICES = {
+    "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
+    "w2c": ("World to Camera", "A pose takes points from the world to the camera"),
+    "opencv": ("OpenCV", "The camera looks along z: x right, y down, z forward"),
+    "opengl": ("OpenGL", "As Blender's cameras: x right, y up, z backward"),
+    "robot": ("Robot", "The camera looks along x: x forward, y left, z up"),
+    "cycles": ("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
+    "eevee": ("EEVEE", "GL: on the graphics card or, where there is none, in software"),
+    "workbench": ("Workbench", "GL without materials: vertex colours as they are"),
+    "compositor": ("Compositor", "Blender's compositor: the node groups that the preview shows"),
+    "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
+    "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
+    "png": ("PNG", "Without loss"),
+    "static": ("Static", "The same for all frames"),
+    "dynamic": ("Dynamic", "Drawn for each frame"),
+    "clamp": ("Clamp", "Take the nearest frame there is"),
+    "drop": ("Drop", "Leave the frame out"),
+}
+"""Label and tooltip of every value that a field chooses from."""
+
 _SMALL_WORDS = ("by", "of", "to", "and")
 
 
@@ -37,7 +54,9 @@ def title(text: str) -> str:
 
 
 def parameter_label(name: str) -> str:
-    """Return a parameter's name without its unit, which the slider shows."""
+    """Return a parameter's name without its unit, which the slider shows; what is short for something, in a word."""
+    if name in _NAMES:
+        return _NAMES[name]
     for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
         name = name.removesuffix(suffix)
     return title(name)
@@ -61,7 +80,7 @@ def described(cls: type, name: str, *, label: str = "", update: str = "", **othe
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
     if get_origin(hint) is Literal:
-        common["items"] = [(value, _ACRONYMS.get(value, title(value)), "") for value in get_args(hint)]
+        common["items"] = [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
         return bpy.props.EnumProperty(**(common | other))
     if hint is bool:
         return bpy.props.BoolProperty(**(common | other))

@@ -198,7 +198,10 @@ def _settings_members() -> dict[str, Any]:
         "handheld_rate_hz": described(HandheldSpec, "rate_hz", update="handheld_rate_hz"),
         "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
         "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
-        "every": described(TrajectorySpec, "every", label="Every n-th Pose", update="every"),
+        "every": described(
+            TrajectorySpec, "every", label="Every Nth Pose", update="every",
+            description="Use every pose, every second one, every third, and so on",
+        ),
         "deviation_rotation_deg": described(
             MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation_deg", default=0.0,
             description="Standard deviation of a random rotation of each pose, about each of the camera's axes",
