@@ -5,6 +5,7 @@ import json
 import shlex
 import subprocess
 import time
+from types import SimpleNamespace
 
 import pytest
 from worlds import ROOT, content, generate, path_poses, write_box_ply, write_replica
@@ -212,3 +213,10 @@ def test_the_process_is_this_python(tmp_path):
     assert words[1:] == [str(runs.generator_script()), str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out")]
     with pytest.raises(OSError, match="nothing-there"):
         BackgroundRun(["/nothing-there"])
+
+
+def test_a_blender_program_leaves_the_users_other_add_ons_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs, "bpy", SimpleNamespace(app=SimpleNamespace(binary_path="/opt/blender")))
+    words = runs.generator_command(tmp_path / "a.yaml", tmp_path / "out", "--overwrite")
+    assert words[:4] == ["/opt/blender", "-b", "--factory-startup", "-P"]
+    assert words[5:] == ["--", str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out"), "--overwrite"]

@@ -52,11 +52,12 @@ def generator_script() -> Path:
 def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
     """Return the command that makes a preset's dataset: with this Blender, or with this Python where it is the wheel's.
 
-    The Blender starts with the user's preferences, because the extension's packages come with them.
+    The Blender starts without the user's preferences: other add-ons could change what is rendered, and take their time.
     """
     words = [str(preset), "--out", str(out), *options]
     if bpy.app.binary_path:
-        return [bpy.app.binary_path, "-b", "-P", str(generator_script()), "--", *words]
+        # The packages are found all the same: Blender adds their folder first, and lets it be where no extension is on.
+        return [bpy.app.binary_path, "-b", "--factory-startup", "-P", str(generator_script()), "--", *words]
     return [sys.executable, str(generator_script()), *words]
 
 
