@@ -354,6 +354,25 @@ def test_keying_two_thousand_poses_takes_a_tenth_of_a_second(tmp_path):
     assert min(taken) < 0.1
 
 
+def test_a_million_vertices_are_loaded_in_four_seconds(tmp_path):
+    side = 1000
+    y, x = np.mgrid[:side, :side].reshape(2, -1)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.stack([corner, corner + 1, corner + side + 1, corner + side], axis=1).astype(np.int32)
+    rgb = np.stack([x, y, (x * y) % side], axis=1).astype(np.float32) / side
+    vertices_m = np.stack([x, y, np.sin(x / 50)], axis=1) / 100
+    starts = np.arange(0, faces.size, 4, dtype=np.int32)
+    write_ply(tmp_path / "large.ply", Mesh(vertices_m, rgb, faces.ravel(), starts))
+    settings().mesh_source, settings().mesh_path = "FILE", str(tmp_path / "large.ply")
+    start_s = time.perf_counter()
+    assert bpy.ops.noisy_world.load_scene("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert time.perf_counter() - start_s < 4
+    (mesh,) = (item.data for item in bpy.context.scene.objects if item.get("noisy_world") == "mesh")
+    assert (len(mesh.vertices), len(mesh.polygons), len(mesh.edges)) == (1_000_000, 998_001, 1_998_000)
+    assert list(mesh.polygons[-1].vertices) == faces[-1].tolist()
+    assert np.allclose(mesh.vertices[-1].co, vertices_m[-1], atol=1e-6)
+
+
 # --- files and registration ---
 
 
