@@ -5,9 +5,10 @@ import json
 import shlex
 import subprocess
 import time
+from types import SimpleNamespace
 
 import pytest
-from worlds import ROOT, content, generate
+from worlds import ROOT, content, generate, path_poses, write_box_ply, write_replica
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
@@ -15,6 +16,7 @@ from noisy_world import ui
 from noisy_world.core.errors import InputError
 from noisy_world.core.progress import MARK
 from noisy_world.ui import generate as generating
+from noisy_world.ui import runs
 from noisy_world.ui.background_run import BackgroundRun
 from noisy_world.ui.document import to_document
 
@@ -27,19 +29,23 @@ def scene():
     ui.unregister()
 
 
-def prepare(scene, out, *, frames=3):
+def prepare(scene, folder, name="out", *, frames=3):
+    """Describe a box, which is loaded sooner than the room is built, in the panel; the dataset goes to folder/name."""
     settings = scene.noisy_world
-    settings.handheld_frames = frames
+    write_box_ply(folder / "mesh.ply")
+    write_replica(folder / "traj.txt", path_poses(frames))
+    settings.mesh_source = settings.trajectory_source = "FILE"
+    settings.mesh_path, settings.trajectory_path = str(folder / "mesh.ply"), str(folder / "traj.txt")
+    settings.scene_name = "box"
     settings.width_px, settings.height_px = 96, 54
     settings.fx_px = settings.fy_px = 48
     settings.cx_px, settings.cy_px = 47.5, 26.5
     settings.deviation_rotation_deg = 1.3
     settings.image = "png"
     settings.seed = 7
-    settings.output_folder = str(out)
-    for name in ("fog", "gaussian_noise"):
-        step = settings.steps.add()
-        step.perturbation = name
+    settings.output_folder = str(folder / name)
+    for perturbation in ("fog", "gaussian_noise"):
+        settings.steps.add().perturbation = perturbation
     settings.steps[1].severity = 1.7
     return settings
 
@@ -53,54 +59,69 @@ def stand_in(monkeypatch, tmp_path, text):
     """Let this text take the generator's place."""
     script = tmp_path / "stand_in.py"
     script.write_text(f"import json, sys, time\ndef tell(**m): print({MARK!r} + json.dumps(m), flush=True)\n{text}")
-    monkeypatch.setattr(generating, "generator_script", lambda: script)
+    monkeypatch.setattr(runs, "generator_script", lambda: script)
 
 
 WORK = "tell(start={'label': 'rendering', 'total': 4, 'done': 0})\ntell(advance=1)\n"
 
 
 def test_the_same_frames_as_the_command_on_the_saved_preset(scene, tmp_path):
-    settings = prepare(scene, tmp_path / "panel")
+    settings = prepare(scene, tmp_path, "panel")
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
-    run = generating.run_of(scene)
-    assert generating.summary(run).startswith("6 frames rendered")
+    run = runs.run_of(scene)
+    assert runs.summary(run).startswith("6 frames rendered")
     assert not run.folder.exists()
     (tmp_path / "elsewhere").mkdir()
     save(settings, tmp_path / "elsewhere" / "mine.yaml")
     generate(tmp_path / "elsewhere" / "mine.yaml", "--out", tmp_path / "shell")
     assert content(tmp_path / "panel") == content(tmp_path / "shell")
-    assert len(list((tmp_path / "panel").glob("perturbed/room/results/frame*.png"))) == 3
+    assert len(list((tmp_path / "panel").glob("perturbed/box/results/frame*.png"))) == 3
 
 
 def test_the_copied_command_runs_as_pasted_and_goes_on_with_the_panels_dataset(scene, tmp_path):
-    settings = prepare(scene, tmp_path / "a folder" / "it's here", frames=2)
+    settings = prepare(scene, tmp_path, "a folder/it's here", frames=2)
     with pytest.raises(InputError, match="save the preset first"):
-        generating.command_line(scene)
+        runs.command_line(scene)
     save(settings, tmp_path / "my preset.yaml")
-    command = generating.command_line(scene)
+    command = runs.command_line(scene)
     assert shlex.split(command)[-2:] == ["--out", str(tmp_path / "a folder" / "it's here")]
     result = subprocess.run(command, shell=True, capture_output=True, text=True, check=True, cwd=tmp_path)
     assert "4 frames rendered" in result.stdout
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
-    assert "4 kept" in generating.summary(generating.run_of(scene))
+    assert "4 kept" in runs.summary(runs.run_of(scene))
     settings.seed = 8
     with pytest.raises(InputError, match="no file says what the panel says; save the preset first"):
-        generating.command_line(scene)
+        runs.command_line(scene)
+
+
+@pytest.mark.parametrize("mesh", ["../mesh.ply", "{folder}/mesh.ply", "../sub/../mesh.ply"])
+def test_a_preset_says_the_same_however_it_names_its_files(scene, tmp_path, mesh):
+    settings = prepare(scene, tmp_path)
+    document = to_document(settings)
+    document["scenes"][0]["mesh"] = mesh.format(folder=tmp_path)
+    (tmp_path / "sub").mkdir()
+    path = tmp_path / "sub" / "preset.yaml"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    settings.preset_path = str(path)
+    assert runs.saved_preset(settings) == path
+    document["scenes"][0]["mesh"] = "mesh.ply"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert runs.saved_preset(settings) is None
 
 
 def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp_path):
-    settings = prepare(scene, tmp_path / "out", frames=1)
+    settings = prepare(scene, tmp_path, frames=1)
     settings.steps.clear()
     bpy.ops.noisy_world.generate()
     settings.seed = 9
     with pytest.raises(RuntimeError, match="replace it with --overwrite"):
         bpy.ops.noisy_world.generate()
     assert bpy.ops.noisy_world.generate_anew() == {"FINISHED"}
-    assert generating.run_of(scene).background.phase == "finished"
+    assert runs.run_of(scene).background.phase == "finished"
 
 
 def test_an_error_is_the_command_lines_sentence_and_not_finished(scene, tmp_path):
-    settings = prepare(scene, tmp_path / "out")
+    settings = prepare(scene, tmp_path)
     settings.mesh_source = "FILE"
     settings.mesh_path = str(tmp_path / "none.ply")
     with pytest.raises(RuntimeError, match=r"none\.ply") as caught:
@@ -108,77 +129,77 @@ def test_an_error_is_the_command_lines_sentence_and_not_finished(scene, tmp_path
     save(settings, tmp_path / "preset.yaml")
     told = generate(tmp_path / "preset.yaml", "--out", tmp_path / "out", check=False).stderr
     assert told.removeprefix("generate.py: ").strip().partition(": ")[2] in str(caught.value)
-    assert generating.run_of(scene).background.phase == "failed"
+    assert runs.run_of(scene).background.phase == "failed"
     assert not (tmp_path / "out").exists()
 
 
 def test_what_cannot_be_made_is_told_before_anything_starts(scene, tmp_path, monkeypatch):
-    settings = prepare(scene, tmp_path / "out")
+    settings = prepare(scene, tmp_path)
     settings.output_folder = "//here"
     with pytest.raises(RuntimeError, match="save it"):
         bpy.ops.noisy_world.generate()
     settings.output_folder = ""
     with pytest.raises(RuntimeError, match="choose one"):
         bpy.ops.noisy_world.generate()
-    assert generating.run_of(scene) is None
+    assert runs.run_of(scene) is None
     settings.use_rgb = settings.use_depth = False
     assert not bpy.ops.noisy_world.generate.poll()
 
 
 def test_one_run_at_a_time_and_each_scene_remembers_its_own(scene, tmp_path, monkeypatch):
     stand_in(monkeypatch, tmp_path, WORK + "time.sleep(60)")
-    prepare(scene, tmp_path / "out")
+    prepare(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
     assert not bpy.ops.noisy_world.generate_cancel.poll()
-    run = generating.start(scene)
-    assert generating.active_run() is run
+    run = runs.start(scene)
+    assert runs.active_run() is run
     with bpy.context.temp_override(scene=other):
         assert not bpy.ops.noisy_world.generate.poll()
     assert bpy.ops.noisy_world.generate_cancel() == {"FINISHED"}
     run.background.wait()
-    assert generating.summary(run) == generating.STOPPED
+    assert runs.summary(run) == runs.STOPPED
     with bpy.context.temp_override(scene=other):
         assert bpy.ops.noisy_world.generate.poll()
-    assert generating.run_of(other) is None
-    assert generating.run_of(scene) is run
+    assert runs.run_of(other) is None
+    assert runs.run_of(scene) is run
 
 
 def test_cancelled_for_real_and_resumed(scene, tmp_path):
-    settings = prepare(scene, tmp_path / "out", frames=16)
+    settings = prepare(scene, tmp_path, frames=24)
     settings.width_px, settings.height_px = 320, 180
-    run = generating.start(scene)
+    run = runs.start(scene)
     while run.background.done < 3:
         assert run.background.active, run.background.error
         run.background.poll()
         time.sleep(0.02)
-    assert generating.summary(run).startswith(f"{run.background.done} of 32 frames")
+    assert runs.summary(run).startswith(f"{run.background.done} of 48 frames")
     bpy.ops.noisy_world.generate_cancel()
     run.background.wait()
     assert run.background.phase == "stopped"
     run.tidy()
-    made = len(list((tmp_path / "out").glob("clean/room/results/depth*")))
-    assert 3 <= made < 16
+    made = len(list((tmp_path / "out").glob("clean/box/results/depth*")))
+    assert 3 <= made < 24
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
-    assert " kept" in generating.summary(generating.run_of(scene))
-    assert len(list((tmp_path / "out").glob("*/room/results/depth*"))) == 32
+    assert " kept" in runs.summary(runs.run_of(scene))
+    assert len(list((tmp_path / "out").glob("*/box/results/depth*"))) == 48
 
 
 @pytest.mark.parametrize("leave", ["load", "unregister"])
 def test_no_process_is_left_behind(scene, tmp_path, monkeypatch, leave):
     stand_in(monkeypatch, tmp_path, WORK + "time.sleep(60)")
-    prepare(scene, tmp_path / "out")
-    run = generating.start(scene)
+    prepare(scene, tmp_path)
+    run = runs.start(scene)
     if leave == "load":
         bpy.ops.wm.read_homefile(use_factory_startup=True)
     else:
-        generating.stop_all()
+        runs.stop_all()
     assert run.background.phase == "stopped"
-    assert generating.active_run() is None
+    assert runs.active_run() is None
     assert not run.folder.exists()
 
 
 def test_the_generator_is_found_and_nothing_stays_registered(scene):
-    assert generating.generator_script() == ROOT / "headless" / "generate.py"
+    assert runs.generator_script() == ROOT / "headless" / "generate.py"
     counts = [len(handlers) for handlers in generating.LEAVING]
     drawn = len(bpy.types.STATUSBAR_HT_header.draw._draw_funcs)
     ui.unregister()
@@ -188,7 +209,14 @@ def test_the_generator_is_found_and_nothing_stays_registered(scene):
 
 
 def test_the_process_is_this_python(tmp_path):
-    words = generating.generator_command(tmp_path / "a.yaml", tmp_path / "out")
-    assert words[1:] == [str(generating.generator_script()), str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out")]
+    words = runs.generator_command(tmp_path / "a.yaml", tmp_path / "out")
+    assert words[1:] == [str(runs.generator_script()), str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out")]
     with pytest.raises(OSError, match="nothing-there"):
         BackgroundRun(["/nothing-there"])
+
+
+def test_a_blender_program_leaves_the_users_other_add_ons_out(tmp_path, monkeypatch):
+    monkeypatch.setattr(runs, "bpy", SimpleNamespace(app=SimpleNamespace(binary_path="/opt/blender")))
+    words = runs.generator_command(tmp_path / "a.yaml", tmp_path / "out", "--overwrite")
+    assert words[:4] == ["/opt/blender", "-b", "--factory-startup", "-P"]
+    assert words[5:] == ["--", str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out"), "--overwrite"]

@@ -210,15 +210,41 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     assert steps_of(settings()) == ()
 
 
-def test_every_property_of_the_panel_has_a_tooltip_and_a_capital():
-    groups = [settings().bl_rna, *(settings().steps.add().bl_rna,)]
-    for group in groups:
-        for item in group.properties:
+def in_title_case(label):
+    words = [word for word in label.split() if not word.startswith(("(", "/"))]
+    return all(word[0].isupper() or (place and word in ("by", "of", "to", "and", "from", "the")) or len(label) == 2
+               for place, word in enumerate(words))  # fmt: skip
+
+
+def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():
+    step = settings().steps.add()
+    parameters = [getattr(step, name) for name in registry() if hasattr(step, name)]
+    assert len(parameters) == len(registry())
+    for group in (settings(), step, *parameters):
+        for item in group.bl_rna.properties:
             if item.is_hidden or item.identifier in ("rna_type", "name", "steps") or item.type == "POINTER":
                 continue
-            assert item.description, item.identifier
-            assert not item.description.endswith("."), item.identifier
-            assert item.name[0].isupper() or len(item.name) == 2, item.identifier
+            where = f"{group.bl_rna.identifier}.{item.identifier}"
+            assert len(item.description) > 3, where
+            assert not item.description.endswith("."), where
+            assert in_title_case(item.name), (where, item.name)
+            beside = group in parameters and not item.identifier.startswith("override_")
+            assert not beside or len(item.name) <= 16, where  # what fits beside a slider at the default width
+            for choice in getattr(item, "enum_items", ()):
+                assert choice.description, (where, choice.identifier)
+                assert in_title_case(choice.name), (where, choice.name)
+
+
+def test_every_button_menu_and_section_has_a_tooltip_and_a_label_in_title_case():
+    from noisy_world import ui
+
+    classes = [cls for module in ui.modules() for cls in getattr(module, "CLASSES", ())]
+    shown = [cls for cls in classes if issubclass(cls, (bpy.types.Operator, bpy.types.Menu, bpy.types.Panel))]
+    assert len(shown) > 25
+    for cls in shown:
+        assert in_title_case(cls.bl_label), cls.bl_label
+        assert cls.__doc__, cls
+        assert not cls.__doc__.endswith("."), cls
 
 
 # --- the user's file ---
@@ -326,6 +352,25 @@ def test_keying_two_thousand_poses_takes_a_tenth_of_a_second(tmp_path):
         world.key_camera(bpy.context.scene)
         taken.append(time.perf_counter() - start_s)
     assert min(taken) < 0.1
+
+
+def test_a_million_vertices_are_loaded_in_four_seconds(tmp_path):
+    side = 1000
+    y, x = np.mgrid[:side, :side].reshape(2, -1)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    faces = np.stack([corner, corner + 1, corner + side + 1, corner + side], axis=1).astype(np.int32)
+    rgb = np.stack([x, y, (x * y) % side], axis=1).astype(np.float32) / side
+    vertices_m = np.stack([x, y, np.sin(x / 50)], axis=1) / 100
+    starts = np.arange(0, faces.size, 4, dtype=np.int32)
+    write_ply(tmp_path / "large.ply", Mesh(vertices_m, rgb, faces.ravel(), starts))
+    settings().mesh_source, settings().mesh_path = "FILE", str(tmp_path / "large.ply")
+    start_s = time.perf_counter()
+    assert bpy.ops.noisy_world.load_scene("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert time.perf_counter() - start_s < 4
+    (mesh,) = (item.data for item in bpy.context.scene.objects if item.get("noisy_world") == "mesh")
+    assert (len(mesh.vertices), len(mesh.polygons), len(mesh.edges)) == (1_000_000, 998_001, 1_998_000)
+    assert list(mesh.polygons[-1].vertices) == faces[-1].tolist()
+    assert np.allclose(mesh.vertices[-1].co, vertices_m[-1], atol=1e-6)
 
 
 # --- files and registration ---

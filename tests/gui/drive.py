@@ -3,11 +3,12 @@
 
     blender --enable-event-simulate -P tests/gui/drive.py -- FOLDER [ADD-ON'S FOLDER]
 
-Writes pictures, the preset, the dataset and result.json to FOLDER. The add-on is the extension that is installed, or
-the package in the other folder.
+FOLDER holds trajectory.txt, five poses in the embedded room. Writes pictures, the preset, the dataset and result.json
+there. The add-on is the extension that is installed, or the package in the other folder.
 """
 
 import sys
+import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -17,7 +18,7 @@ import driver as at
 
 FOLDER, *SOURCE = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :])
 FRAMES = 5
-SIZE = {"width_px": 160, "height_px": 96, "fx_px": 80.0, "fy_px": 80.0, "cx_px": 79.5, "cy_px": 47.5}
+REMARKS: list[str] = []
 
 
 def steps() -> at.Steps:
@@ -27,18 +28,16 @@ def steps() -> at.Steps:
     bpy.ops.wm.read_homefile(use_splash=False)
     yield lambda: hasattr(bpy.context.scene, "noisy_world")
     yield 1.0
-    whole = at.region("WINDOW")
-    yield from at.go(whole.x + whole.width // 2, whole.y + whole.height // 2)
+    yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("A")
     at.press("DEL")
     yield lambda: not bpy.data.objects
     yield from at.open_sidebar("Noisy World")
     yield from photograph("panel_top")
-    yield from make_scene()
-    yield from add_perturbations()
-    yield from preview()
-    yield from save()
-    yield from generate()
+    for part in (load_room, load_path, add_perturbations, preview, look_at_nodes, save, generate):
+        start_s = time.monotonic()
+        yield from part()
+        remark(f"{part.__name__}: {time.monotonic() - start_s:.0f} s")
 
 
 def register_source(folder: Path) -> None:
@@ -48,6 +47,12 @@ def register_source(folder: Path) -> None:
     import noisy_world
 
     noisy_world.register()
+
+
+def remark(text: str) -> None:
+    """Keep a remark beside the pictures."""
+    REMARKS.append(text)
+    (FOLDER / "remarks.txt").write_text("\n".join([*REMARKS, ""]), encoding="utf-8")
 
 
 def settings():
@@ -60,32 +65,38 @@ def photograph(name: str) -> at.Steps:
     yield from at.photograph(FOLDER / f"{name}.png")
 
 
-def make_scene() -> at.Steps:
-    """Load the room, a path through it, and let the camera deviate from it."""
-    # The section is closed at first, and what opens it has no name under the mouse.
-    for name, value in SIZE.items():
-        setattr(settings(), name, value)
-    settings().image = "png"
-    settings().output_folder = str(FOLDER / "dataset")
+def load_room() -> at.Steps:
+    """Load the embedded room."""
     yield from at.push("noisy_world.load_scene")
     yield lambda: any(item.type == "MESH" for item in bpy.data.objects)
-    yield from at.fill_in("noisy_world.handheld_frames", str(FRAMES))
-    assert settings().handheld_frames == FRAMES, settings().handheld_frames
+
+
+def load_path() -> at.Steps:
+    """Load the path from its file, let the camera deviate from it, and look at both from above."""
+    yield from at.choose("noisy_world.trajectory_source", "F")
+    yield lambda: settings().trajectory_source == "FILE"
+    yield from at.fill_in("noisy_world.trajectory_path", str(FOLDER / "trajectory.txt"))
+    yield lambda: settings().trajectory_path == str(FOLDER / "trajectory.txt")
     yield from at.push("noisy_world.load_trajectory")
     yield lambda: bpy.context.scene.camera is not None
     assert bpy.context.scene.frame_end == FRAMES - 1, bpy.context.scene.frame_end
     yield from at.fill_in("noisy_world.deviation_rotation_deg", "3")
-    assert settings().deviation_rotation_deg == 3.0, settings().deviation_rotation_deg
+    yield lambda: settings().deviation_rotation_deg == 3.0
     yield from at.fill_in("noisy_world.deviation_translation_m", "0.1")
-    whole = at.region("WINDOW")
-    yield from at.go(whole.x + whole.width // 3, whole.y + whole.height // 2)
+    yield lambda: abs(settings().deviation_translation_m - 0.1) < 1e-6
+    yield from at.go(*at.middle(at.region("WINDOW")))
+    at.press("NUMPAD_7")
+    yield 1.0
     at.press("HOME")
+    yield 1.0
+    for _ in range(5):
+        at.press("WHEELUPMOUSE")
     yield 2.0
     yield from photograph("paths")
 
 
 def add_perturbations() -> at.Steps:
-    """Add fog and Gaussian noise from the menu."""
+    """Add weak fog and Gaussian noise from the menu."""
     for name, keys in (("fog", "EF"), ("gaussian_noise", "SG")):
         yield from at.look_for("NOISYWORLD_MT_add_step", "remove_step", share=0.9)
         if "remove_step" in at.under_mouse(at.view(), at.region("UI")):  # a menu's button has no name; it is above
@@ -97,41 +108,78 @@ def add_perturbations() -> at.Steps:
             yield from photograph("menu")
         for key in keys:
             at.press(key)
-            yield 0.3
-        if name not in [step.perturbation for step in settings().steps]:
-            at.press("ESC")
-            at.press("ESC")
-            yield 0.3
-            REMARKS.append(f"{name}: the menu's keys did not add it")
-            bpy.ops.noisy_world.add_step("INVOKE_DEFAULT", perturbation=name)
-        assert name in [step.perturbation for step in settings().steps]
+            yield 0.4
+        yield lambda name=name: name in [step.perturbation for step in settings().steps]
+        yield from at.fill_in("].severity", "1")
+        yield lambda: settings().steps[settings().active_step].severity == 1.0
+    assert [step.perturbation for step in settings().steps] == ["fog", "gaussian_noise"]
     yield from photograph("perturbations")
 
 
 def preview() -> at.Steps:
-    """Look through the camera, live."""
-    yield from at.push("noisy_world.preview")
+    """Look through the camera, live, with colours as they are written."""
+    yield from at.push("noisy_world.preview$")
     assert settings().preview
     yield lambda: bpy.context.scene.compositing_node_group is not None
-    whole = at.region("WINDOW")
-    yield from at.go(whole.x + whole.width // 3, whole.y + whole.height // 2)
+    yield from at.push("noisy_world.use_standard_view")
+    yield lambda: bpy.context.scene.view_settings.view_transform == "Standard"
+    yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("NUMPAD_0")
-    yield 0.5
-    shading = at.view().spaces.active.shading
-    shading.type = "RENDERED"
-    yield 40.0  # software GL compiles its shaders, and nothing tells when it has
+    yield lambda: at.view().spaces.active.region_3d.view_perspective == "CAMERA"
+    yield 1.0
+    smooth = at.graininess()
+    yield from at.choose_shading("RENDERED")
+    seen = smooth
+    # The compiler of shaders pauses and the picture grows: what tells it is there is its noise.
+    for _ in range(int(at.TIMEOUT_S)):
+        yield 1.0
+        seen = at.graininess()
+        if seen > 3 * smooth:
+            break
+    remark(f"graininess: {smooth:.1f} in Solid shading, {seen:.1f} with the noise")
     yield from photograph("preview")
-    shading.type = "SOLID"
+    assert seen > 3 * smooth, REMARKS
+    yield from at.choose_shading("SOLID")
+
+
+def look_at_nodes() -> at.Steps:
+    """Turn the 3D view into a compositor, look at the preview's group and into it, and turn it back."""
+    area = at.view()
+    yield from at.go(*at.middle(at.region("WINDOW")))
+    for _ in range(8):
+        at.press("F3", shift=True)
+        yield 0.5
+        if area.ui_type == "CompositorNodeTree":
+            break
+    canvas = at.region("WINDOW", area)
+    yield from at.go(*at.middle(canvas))
+    at.press("HOME")
+    yield 1.0
+    tree = bpy.context.scene.compositing_node_group
+    (group,) = (node for node in tree.nodes if node.type == "GROUP")
+    x, y = canvas.view2d.view_to_region(*(bpy.context.preferences.system.ui_scale * part for part in group.location))
+    yield from at.click(canvas.x + x + 60, canvas.y + y - 8)  # its head
+    yield lambda: tree.nodes.active == group
+    yield from photograph("chain")
+    for key in ("TAB", "HOME"):
+        at.press(key)
+        yield 1.0
+    yield from photograph("nodes")
+    at.press("F5", shift=True)
+    yield lambda: area.type == "VIEW_3D"
 
 
 def save() -> at.Steps:
-    """Save the preset: in the file browser events do not reach the name."""
-    bpy.ops.noisy_world.save_preset(filepath=str(FOLDER / "preset.yaml"))
+    """Name the dataset's folder, and save the preset in Blender's file browser."""
+    yield from at.fill_in("noisy_world.output_folder", str(FOLDER / "dataset"))
+    yield lambda: Path(settings().output_folder) == FOLDER / "dataset"
+    yield from at.push("noisy_world.save_preset", share=0.8)
+    yield from at.save_as(FOLDER, "preset.yaml")
     yield (FOLDER / "preset.yaml").is_file
 
 
 def generate() -> at.Steps:
-    """Generate, stop with Esc, generate again to the end."""
+    """Generate, stop with Esc, generate again to the end, and copy the command."""
     name = next(name for name in sys.modules if name.endswith("noisy_world.ui.generate"))
     generating = sys.modules[name]
 
@@ -139,17 +187,14 @@ def generate() -> at.Steps:
         run = generating.run_of(bpy.context.scene)
         return run.background.phase if run else ""
 
-    def at_work() -> bool:
-        return phase() in ("running", "failed")
-
     yield from at.push("noisy_world.generate(")
-    yield at_work
+    yield lambda: phase() in ("running", "failed")
     yield 0.3
     yield from photograph("generating")
     assert not bpy.ops.noisy_world.generate.poll(), phase()
     at.press("ESC")
     yield lambda: phase() in ("stopping", "stopped", "finished")
-    REMARKS.append(f"Esc: {phase()}")
+    remark(f"Esc: {phase()}")
     yield lambda: phase() in ("stopped", "finished")
     assert phase() == "stopped", phase()
     yield from photograph("stopped")
@@ -158,13 +203,10 @@ def generate() -> at.Steps:
     yield from at.look_for("noisy_world.copy_command")
     yield from photograph("generated")
     at.press("LEFTMOUSE")
-    yield 0.3
+    yield lambda: "generate.py" in bpy.context.window_manager.clipboard
     (FOLDER / "command.txt").write_text(bpy.context.window_manager.clipboard)
-    REMARKS.append(generating.summary(generating.run_of(bpy.context.scene)))
-    (FOLDER / "remarks.txt").write_text("\n".join(REMARKS), encoding="utf-8")
+    remark(generating.summary(generating.run_of(bpy.context.scene)))
     assert phase() == "finished", REMARKS
 
-
-REMARKS: list[str] = []
 
 at.run(steps(), FOLDER / "result.json")

@@ -1,23 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A person at Blender's window: simulated mouse and keys, what lies under the mouse, waiting, photographs.
 
-For scripts that a Blender program with --enable-event-simulate runs.
+For scripts that a Blender program with --enable-event-simulate runs. Events go to the window that came last, a file
+browser's for instance.
 """
 
 import json
 import subprocess
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 type Steps = Iterator[float | Callable[[], object]]
 """What is waited for: seconds, or something to become true."""
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 120.0
 SETTLE_S = 0.15
+ROW_PX = 18
+STATE: dict = {"mouse": (800, 450), "found": False}
 
 
 def run(steps: Steps, result: Path) -> None:
@@ -29,12 +34,13 @@ def run(steps: Steps, result: Path) -> None:
         try:
             if condition is not None and not condition():
                 if time.monotonic() > end_s:
-                    steps.throw(TimeoutError(f"{condition.__name__}: not within {TIMEOUT_S:g} s"))
+                    steps.throw(TimeoutError(f"not within {TIMEOUT_S:g} s"))
                 return 0.05
             wait = next(steps)
         except StopIteration:
             return leave({"status": "done"})
         except BaseException:  # noqa: BLE001 - the test shows it
+            photograph_now(result.with_name("failed.png"))
             return leave({"status": "failed", "error": traceback.format_exc()})
         if callable(wait):
             waiting[:] = [wait, time.monotonic() + TIMEOUT_S]
@@ -49,9 +55,12 @@ def run(steps: Steps, result: Path) -> None:
     bpy.app.timers.register(proceed, first_interval=1.0, persistent=True)
 
 
+# --- places ---
+
+
 def window() -> bpy.types.Window:
-    """Return Blender's window."""
-    return bpy.context.window_manager.windows[0]
+    """Return the window that came last."""
+    return bpy.context.window_manager.windows[-1]
 
 
 def view() -> bpy.types.Area:
@@ -64,8 +73,17 @@ def region(kind: str, area: bpy.types.Area | None = None) -> bpy.types.Region:
     return next(item for item in (area or view()).regions if item.type == kind)
 
 
+def middle(part: bpy.types.Region) -> tuple[int, int]:
+    """Return a place that no sidebar of a region hides: a third from the left, half way up."""
+    return part.x + part.width // 3, part.y + part.height // 2
+
+
+# --- mouse and keys ---
+
+
 def move(x: int, y: int) -> None:
     """Move the mouse."""
+    STATE["mouse"] = (int(x), int(y))
     window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=int(x), y=int(y))
 
 
@@ -76,15 +94,11 @@ def press(kind: str, **modifiers: bool) -> None:
         window().event_simulate(type=kind, value=value, x=x, y=y, **modifiers)
 
 
-STATE: dict = {"mouse": (800, 450), "found": False}
-
-
 def go(x: int, y: int) -> Steps:
-    """Move the mouse in two steps, as a hand does, and let Blender see it."""
-    STATE["mouse"] = (int(x), int(y))
-    move(x - 2, y)
-    move(x, y)
-    yield SETTLE_S
+    """Move the mouse in steps, as a hand does, and let Blender see it."""
+    for distance in (40, 2, 0):
+        move(x - distance, y)
+        yield SETTLE_S / 3
 
 
 def click(x: int, y: int) -> Steps:
@@ -103,7 +117,10 @@ def type_text(text: str) -> Steps:
         kind = digits[int(letter)] if letter.isdigit() else names.get(letter, letter.upper())
         window().event_simulate(type=kind, value="PRESS", unicode=letter, x=x, y=y)
         window().event_simulate(type=kind, value="RELEASE", x=x, y=y)
-        yield 0.02
+        yield 0.01
+
+
+# --- finding buttons ---
 
 
 def under_mouse(area: bpy.types.Area, part: bpy.types.Region) -> str:
@@ -120,22 +137,32 @@ def under_mouse(area: bpy.types.Area, part: bpy.types.Region) -> str:
         return manager.clipboard
 
 
+def search(area: bpy.types.Area, kind: str, places: Iterable[tuple[int, int]], *wanted: str) -> Steps:
+    """Move the mouse over places of an area's region until one of these is under it.
+
+    A "$" at the end of what is wanted stands for the end of the name. Raises LookupError.
+    """
+    for x, y in places:
+        move(x - 1, y)
+        move(x, y)
+        yield 0.02
+        under = under_mouse(area, region(kind, area)) + "$"
+        if any(word in under for word in wanted):
+            return
+    raise LookupError(f"{wanted}: not found")
+
+
 def look_for(*wanted: str, share: float = 0.6) -> Steps:
     """Move the mouse down the sidebar, which scrolls, until one of these is under it."""
     part = region("UI")
     x = int(part.x + share * (part.width - 20))
     top, bottom = part.y + part.height - 6, part.y
-    start = min(top, STATE["mouse"][1] + 24) if STATE["found"] else top  # the next thing is mostly below the last
-    yield from go(x, start)
+    start = min(top, STATE["mouse"][1] + 2 * ROW_PX) if STATE["found"] else top  # what comes next is mostly below
     for page in range(10):
-        for y in range(start, bottom, -12):
-            STATE["mouse"] = (x, y)
-            move(x - 1, y)
-            move(x, y)
-            yield 0.02
-            if any(word in under_mouse(view(), part) for word in wanted):
-                STATE["found"] = True
-                return
+        with suppress(LookupError):
+            yield from search(view(), "UI", [(x, y) for y in range(start, bottom, -ROW_PX)], *wanted)
+            STATE["found"] = True
+            return
         start = top
         # After a page or two below, from the top, whatever was passed by.
         yield from scroll("WHEELUPMOUSE", 60) if page == 2 else scroll("WHEELDOWNMOUSE", 12)
@@ -160,8 +187,12 @@ def push(wanted: str, share: float = 0.6) -> Steps:
 
 def fill_in(wanted: str, text: str) -> Steps:
     """Type a value into a field of the sidebar."""
-    yield from look_for(wanted, share=0.75)
-    press("RET")
+    yield from push(wanted, share=0.75)
+    yield from replace_text(text)
+
+
+def replace_text(text: str) -> Steps:
+    """Type over what is in the field that is being edited."""
     yield SETTLE_S
     press("A", ctrl=True)
     yield from type_text(text)
@@ -169,17 +200,26 @@ def fill_in(wanted: str, text: str) -> Steps:
     yield SETTLE_S
 
 
-def photograph(path: Path, part: str = "") -> Steps:
-    """Write what the display shows."""
+def choose(wanted: str, key: str) -> Steps:
+    """Choose from a drop-down of the sidebar by an entry's underlined letter."""
+    yield from push(wanted, share=0.75)
     yield 0.4
-    words = ["import", "-window", "root", *(["-crop", part, "+repage"] if part else []), str(path)]
-    subprocess.run(words, check=True)
+    press(key)
+    yield 0.4
+
+
+def choose_shading(kind: str) -> Steps:
+    """Choose from the pie that Z opens in the 3D view; its directions have the numbers of a keyboard's block."""
+    yield from go(*middle(region("WINDOW")))
+    press("Z")
+    yield 0.5
+    press({"RENDERED": "EIGHT", "SOLID": "SIX"}[kind])
+    yield lambda: view().spaces.active.shading.type == kind
 
 
 def open_sidebar(tab: str) -> Steps:
     """Press N in the 3D view, and click on a tab."""
-    whole = region("WINDOW")
-    yield from go(whole.x + whole.width // 3, whole.y + whole.height // 2)
+    yield from go(*middle(region("WINDOW")))
     if not view().spaces.active.show_region_ui:
         press("N")
     yield lambda: region("UI").width > 1
@@ -189,3 +229,60 @@ def open_sidebar(tab: str) -> Steps:
             break
         yield from click(side.x + side.width - 10, y)
     assert region("UI").active_panel_category == tab, f"{region('UI').active_panel_category!r} is no {tab!r}"
+
+
+def save_as(folder: Path, name: str) -> Steps:
+    """Save in the file browser that has opened in a window of its own."""
+    yield lambda: window().screen.areas[0].type == "FILE_BROWSER"
+    browser = window().screen.areas[0]
+    yield lambda: browser.spaces.active.params is not None and region("EXECUTE", browser).width > 1
+    yield 1.0
+    lower, upper = region("EXECUTE", browser), region("UI", browser)
+    # The field for the name says nothing of itself; it begins at the left.
+    yield from go(lower.x + 100, lower.y + lower.height // 2 + 60)
+    yield from go(lower.x + 100, lower.y + lower.height // 2)
+    yield 0.5
+    press("LEFTMOUSE")
+    yield from replace_text(name)
+    yield lambda: browser.spaces.active.params.filename == name
+    yield from search(browser, "UI", along(upper), "params.directory")
+    press("LEFTMOUSE")
+    yield from replace_text(str(folder))
+    yield lambda: Path(browser.spaces.active.params.directory.decode()) == folder
+    assert browser.spaces.active.params.filename == name
+    # The field for the folder keeps the keyboard until there is a click beside it.
+    yield from click(*middle(region("TOOL_PROPS", browser)))
+    yield from search(browser, "EXECUTE", along(lower), "file.execute")
+    press("LEFTMOUSE")
+    yield lambda: window().screen.areas[0].type != "FILE_BROWSER"
+
+
+def along(part: bpy.types.Region) -> list[tuple[int, int]]:
+    """Return places along a region's middle, from left to right."""
+    return [(x, part.y + part.height // 2) for x in range(part.x + ROW_PX // 2, part.x + part.width, ROW_PX)]
+
+
+# --- what is seen ---
+
+
+def photograph_now(path: Path) -> None:
+    """Write what the display shows."""
+    subprocess.run(["import", "-window", "root", str(path)], check=True)
+
+
+def photograph(path: Path) -> Steps:
+    """Write what the display shows, after it was drawn."""
+    yield 0.4
+    photograph_now(path)
+
+
+def graininess() -> float:
+    """Return the mean difference of neighbouring pixels in the middle of the 3D view, in 255ths."""
+    part = region("WINDOW")
+    width, height = 200, 120
+    x, y = middle(part)
+    crop = f"{width}x{height}+{x - width // 2}+{bpy.context.window_manager.windows[0].height - y - height // 2}"
+    words = ["import", "-window", "root", "-crop", crop, "+repage", "-depth", "8", "rgb:-"]
+    seen = subprocess.run(words, check=True, capture_output=True).stdout
+    pixels = np.frombuffer(seen, dtype=np.uint8).reshape(height, width, 3).astype(np.float64)
+    return float(np.abs(np.diff(pixels, axis=1)).mean())

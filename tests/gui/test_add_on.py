@@ -7,59 +7,81 @@ can photograph it. NOISY_WORLD_PICTURES names a folder that the pictures are kep
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from analytic import look_at
 from worlds import ROOT
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 pytestmark = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
-PICTURES = ("panel_top", "paths", "menu", "perturbations", "preview", "generating", "stopped", "generated")
+MODULE = "bl_ext.user_default.noisy_world"
+FRAMES = 5
+PICTURES = (
+    "panel_top", "paths", "menu", "perturbations", "preview", "chain", "nodes", "generating", "stopped", "generated",
+)  # fmt: skip
 
 
-def blender(folder, *arguments):
+def blender(folder, *arguments, timeout_s=900):
     """Run Blender with a profile of its own in a folder."""
     profile = folder / "profile"
     places = {"BLENDER_USER": str(profile), "BLENDER_USER_RESOURCES": str(profile)}
     command = [BLENDER, *map(str, arguments)]
     return subprocess.run(
-        command, capture_output=True, text=True, timeout=420, check=False, cwd=folder, env=os.environ | places
+        command, capture_output=True, text=True, timeout=timeout_s, check=False, cwd=folder, env=os.environ | places
     )
 
 
+def install(folder, archive, *options):
+    """Install the extension into a clean profile in a folder."""
+    told = blender(folder, "--command", "extension", "install-file", "-r", "user_default", *options, archive)
+    assert told.returncode == 0, told.stdout + told.stderr
+
+
+def poses():
+    """A path (5, 4, 4) on a bow through the embedded room, camera-to-world, OpenCV axes, looking outwards."""
+    angles = np.deg2rad(np.linspace(-30, 210, FRAMES))
+    out = np.stack([np.cos(angles), np.sin(angles), np.zeros(FRAMES)], axis=-1)
+    eyes = out + np.stack([np.full(FRAMES, -0.7), np.full(FRAMES, -0.3), 1.5 + 0.1 * np.sin(2 * angles)], axis=-1)
+    return np.stack([look_at(eye, eye + way - [0, 0, 0.15]) for eye, way in zip(eyes, out, strict=True)])
+
+
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory):
-    """A folder with a clean profile in which the extension is installed from its zip."""
-    folder = tmp_path_factory.mktemp("add_on")
+def archive(tmp_path_factory):
+    """The extension's zip."""
+    folder = tmp_path_factory.mktemp("zip")
     wheels = ROOT / "dist" / "wheels"
     if not wheels.is_dir():
         pytest.skip("dist/wheels is not there; run: make extension")
-    build = [sys.executable, str(ROOT / "headless/package.py"), "--platform", "linux-x64", "--out", str(folder / "zip")]
+    build = [sys.executable, str(ROOT / "headless/package.py"), "--platform", "linux-x64", "--out", str(folder)]
     subprocess.run([*build, "--wheels", str(wheels)], check=True, capture_output=True, text=True)
-    (archive,) = (folder / "zip").glob("*.zip")
-    told = blender(folder, "--command", "extension", "install-file", "-r", "user_default", "-e", archive)
-    assert told.returncode == 0, told.stdout + told.stderr
-    return folder
+    (path,) = folder.glob("*.zip")
+    return path
 
 
 @pytest.fixture(scope="module")
-def used(installed):
-    """The folder after the work of drive.py."""
-    told = blender(installed, "--enable-event-simulate", "-P", ROOT / "tests/gui/drive.py", "--", installed)
+def used(archive, tmp_path_factory):
+    """The folder after the work of drive.py, in a profile in which the extension was installed and enabled."""
+    folder = tmp_path_factory.mktemp("add_on")
+    install(folder, archive, "-e")
+    np.savetxt(folder / "trajectory.txt", poses().reshape(FRAMES, 16))
+    told = blender(folder, "--enable-event-simulate", "-P", ROOT / "tests/gui/drive.py", "--", folder)
     if pictures := os.environ.get("NOISY_WORLD_PICTURES"):
         Path(pictures).mkdir(parents=True, exist_ok=True)
-        for path in installed.glob("*.png"):
+        for path in (*folder.glob("*.png"), *folder.glob("remarks.txt")):
             shutil.copy(path, pictures)
-    result = installed / "result.json"
+    result = folder / "result.json"
     assert result.is_file(), told.stdout + told.stderr
     content = json.loads(result.read_text())
     assert content["status"] == "done", content["error"] + told.stdout
     assert "Traceback" not in told.stderr, told.stderr
-    return installed
+    return folder
 
 
 def content(folder):
@@ -81,9 +103,25 @@ def test_the_panels_dataset_is_that_of_the_saved_preset(used):
     assert told.returncode == 0, told.stdout + told.stderr
     assert content(used / "dataset") == content(used / "headless")
     for setting in ("clean", "perturbed"):
-        assert len(list((used / "dataset" / setting / "room" / "results").iterdir())) == 10
-    changed = [used / "dataset" / setting / "room/results/frame000002.png" for setting in ("clean", "perturbed")]
+        assert len(list((used / "dataset" / setting / "room" / "results").iterdir())) == 2 * FRAMES
+    changed = [used / "dataset" / setting / "room/results/frame000002.jpg" for setting in ("clean", "perturbed")]
     assert changed[0].read_bytes() != changed[1].read_bytes()
+
+
+def test_the_dataset_follows_the_files_trajectory_and_deviates_from_it(used):
+    wanted = poses()
+    clean, perturbed, nominal = (
+        np.loadtxt(used / "dataset" / name).reshape(-1, 4, 4)
+        for name in ("clean/room/traj.txt", "perturbed/room/traj.txt", "perturbed/room/traj_nominal.txt")
+    )
+    assert np.abs(clean - wanted).max() < 1e-12
+    assert np.abs(nominal - wanted).max() < 1e-12
+    moved_m = np.linalg.norm((perturbed - wanted)[:, :3, 3], axis=1)
+    turned = np.swapaxes(perturbed[:, :3, :3], 1, 2) @ wanted[:, :3, :3]
+    turned_deg = np.degrees(np.arccos((np.trace(turned, axis1=1, axis2=2) - 1) / 2))
+    # Root mean squares of three normals each of 0.1 m and 3 degrees: 0.17 m and 5.2 degrees, of five draws.
+    assert 0.07 < np.sqrt((moved_m**2).mean()) < 0.35
+    assert 2 < np.sqrt((turned_deg**2).mean()) < 10
 
 
 def test_the_copied_command_is_the_generators(used):
@@ -91,3 +129,25 @@ def test_the_copied_command_is_the_generators(used):
     assert Path(program).name.startswith("blender")
     (script,) = (used / "profile").rglob("noisy_world/headless/generate.py")
     assert words == ["-b", "-P", str(script), "--", str(used / "preset.yaml"), "--out", str(used / "dataset")]
+
+
+def test_enabling_and_reloading_twenty_times_leaves_nothing(archive, tmp_path):
+    install(tmp_path, archive)
+    result = tmp_path / "result.json"
+    told = blender(tmp_path, "-P", ROOT / "tests/gui/leftovers.py", "--", MODULE, result)
+    assert result.is_file(), told.stdout + told.stderr
+    found = json.loads(result.read_text())
+    assert not found["error"], found["error"]
+    seen = found["seen"]
+    before, enabled = seen["before"], seen["enabled"]
+    # What follows could not fail if nothing of the add-on were ever seen.
+    assert any("noisy_world" in name.lower() for name in enabled["types"])
+    assert "noisy_world" in enabled["properties"]["Scene"]
+    assert any(enabled["handlers"].values())
+    assert any(enabled["menus"].values())
+    assert {"paths._draw", "views._begin", "views._end"} <= set(enabled["called while drawing"])
+    assert not any("noisy" in name.lower() for name in before["types"])
+    for kind in before:
+        assert seen["disabled"][kind] == seen["after"][kind] == before[kind], kind
+        assert seen["enabled again"][kind] == seen["reloaded"][kind] == enabled[kind], kind
+    assert not re.search(r"Traceback|Error(?!: Not freed)|noisy.*warning", told.stdout + told.stderr, re.IGNORECASE)

@@ -47,10 +47,12 @@ def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decodin
     """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's."""
     data = bpy.data.meshes.new(name)
     vertices_m = (mesh.vertices_m - get_origin(scene)).astype(np.float32)
+    # An attribute takes an array of its own type as a whole; the vertices' "co" and the loops' "vertex_index" take a
+    # value after the other, a second for a million.
     data.vertices.add(len(vertices_m))
-    data.vertices.foreach_set("co", vertices_m.ravel())
+    data.attributes["position"].data.foreach_set("vector", vertices_m.ravel())
     data.loops.add(len(mesh.corner_vertices))
-    data.loops.foreach_set("vertex_index", mesh.corner_vertices)
+    data.attributes[".corner_vert"].data.foreach_set("value", np.ascontiguousarray(mesh.corner_vertices, np.int32))
     data.polygons.add(len(mesh.face_starts))
     data.polygons.foreach_set("loop_start", mesh.face_starts)
     data.update(calc_edges=True)

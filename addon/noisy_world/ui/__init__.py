@@ -2,17 +2,15 @@
 """The add-on's windows: thin, over the functions that the generator calls."""
 
 import importlib
-import importlib.util
 from types import ModuleType
 
-MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "panels")
-"""In the order of registration; panels last, because they show what the others own."""
+MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "asset_library", "panels", "presets")
+"""In the order of registration; panels stand in the tab in the same order."""
 
 
 def modules() -> list[ModuleType]:
     """Return the modules that register something, in order."""
-    there = [name for name in MODULES if importlib.util.find_spec(f"{__name__}.{name}") is not None]
-    return [importlib.import_module(f"{__name__}.{name}") for name in there]
+    return [importlib.import_module(f"{__name__}.{name}") for name in MODULES]
 
 
 def register() -> None:

@@ -15,7 +15,8 @@ from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, rea
 from ..core.schema import Place, unknown_name
 from ..core.storage import storage_errors, write_atomic
 from ..perturbations import registry
-from .properties import LARGEST_INT, OVERRIDE, parameters_of, perturbation_of, tell, told_once
+from .described import LARGEST_INT, tell, told_once
+from .properties import OVERRIDE, parameters_of, perturbation_of
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
@@ -107,12 +108,15 @@ def _trajectory(settings: Any, folder: Path | None) -> dict[str, Any]:
 
 def perturb_of(settings: Any) -> list[dict[str, Any]]:
     """Return what the panel does to a scene, as a preset's `perturb`; what is switched off is left out."""
-    found: list[dict[str, Any]] = []
-    if settings.speed_factor > 1:
-        found.append({"faster_motion": {"factor": settings.speed_factor}})
-    if settings.deviation_rotation_deg or settings.deviation_translation_m:
-        found.append({"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}})
-    return found + [{step.perturbation: values_of(step)} for step in settings.steps if step.enabled]
+    faster = [{"faster_motion": {"factor": settings.speed_factor}}] if settings.speed_factor > 1 else []
+    steps = [{step.perturbation: values_of(step)} for step in settings.steps if step.enabled]
+    return faster + _deviation(settings) + steps
+
+
+def _deviation(settings: Any) -> list[dict[str, Any]]:
+    if not (settings.deviation_rotation_deg or settings.deviation_translation_m):
+        return []
+    return [{"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}}]
 
 
 def values_of(step: Any) -> dict[str, Any]:
@@ -140,6 +144,11 @@ def values_of(step: Any) -> dict[str, Any]:
 def steps_of(settings: Any) -> tuple[Step, ...]:
     """Return what the panel does to a scene, in propagation order. Raises InputError naming what is wrong."""
     return parse_steps(perturb_of(settings), Place(PANEL, "perturbations"), registry())
+
+
+def deviation_of(settings: Any) -> Step | None:
+    """Return what moves the camera off its path, whatever else is right or wrong; None where nothing does."""
+    return next(iter(parse_steps(_deviation(settings), Place(PANEL, "deviation"), registry())), None)
 
 
 def identifiers_of(settings: Any) -> Identifiers:

@@ -2,170 +2,15 @@
 """Generate: a Blender in the background makes what the panel describes, and the panel follows it."""
 
 import contextlib
-import json
-import os
-import shlex
-import shutil
-import subprocess
-import sys
-import tempfile
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import bpy
 
-from ..core.errors import InputError, NoisyWorldError, StorageError
-from ..core.preset import read_preset
-from .background_run import BackgroundRun
-from .document import preset_of, to_document
+from ..core.errors import NoisyWorldError
+from .operators import guarded
 from .preview import write
+from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, stop_all, summary
 
 LOOK_EVERY_S = 0.2
-STOPPED = "Stopped; what is finished stays, and Generate goes on from there"
-
-
-@dataclass
-class SceneRun:
-    """A scene's run, its dataset and the temporary folder of its preset."""
-
-    scene_uid: int
-    out: Path
-    background: BackgroundRun
-    folder: Path
-
-    def tidy(self) -> None:
-        """Remove the temporary preset: the dataset's manifest holds it."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
-_RUNS: dict[int, SceneRun] = {}  # the last run of each scene, by the scene's uid in this session
-
-
-# --- without windows ---
-
-
-def generator_script() -> Path:
-    """Return the generator: in the installed extension, or in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package, package.parents[1]):
-        script = folder / "headless" / "generate.py"
-        if script.is_file():
-            return script
-    raise StorageError(f"{package / 'headless' / 'generate.py'}: not there; install the extension again")
-
-
-def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
-    """Return the command that makes a preset's dataset: with this Blender, or with this Python where it is the wheel's.
-
-    The Blender starts with the user's preferences, because the extension's packages come with them.
-    """
-    words = [str(preset), "--out", str(out), *options]
-    if bpy.app.binary_path:
-        return [bpy.app.binary_path, "-b", "-P", str(generator_script()), "--", *words]
-    return [sys.executable, str(generator_script()), *words]
-
-
-def output_folder(settings: Any) -> Path:
-    """Return the dataset's folder. Raises InputError where it cannot be told."""
-    text = settings.output_folder.strip()
-    if not text:
-        raise InputError("Output", "no folder is named", remedy="choose one")
-    if text.startswith("//") and not bpy.data.filepath:
-        raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
-    return Path(bpy.path.abspath(text)).resolve()
-
-
-def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
-    """Start the generator on what a scene's panel describes. Raises NoisyWorldError where that cannot be made."""
-    settings = scene.noisy_world
-    out = output_folder(settings)
-    preset_of(settings)  # what is wrong is told now, not when another Blender has started
-    folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
-    try:
-        preset = saved_preset(settings) or temporary_preset(settings, folder)
-        options = ("--progress", "json", *(["--overwrite"] if overwrite else []))
-        background = BackgroundRun(generator_command(preset, out, *options))
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise StorageError(f"the generator cannot be started: {error}") from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder)
-    return run
-
-
-def saved_preset(settings: Any) -> Path | None:
-    """Return the preset's file where it says what the panel says: with it the command line goes on with the dataset."""
-    if not settings.preset_path:
-        return None
-    path = Path(bpy.path.abspath(settings.preset_path)).resolve()
-    try:
-        return path if read_preset(path).spec == preset_of(settings, path).spec else None
-    except InputError:  # it was moved or spoilt since
-        return None
-
-
-def temporary_preset(settings: Any, folder: Path) -> Path:
-    """Write what the panel describes into a folder; return the file."""
-    path = folder / "noisy_world.yaml"
-    # JSON is YAML, and numbers are as they were.
-    path.write_text(json.dumps(to_document(settings), indent=1, ensure_ascii=False), encoding="utf-8")
-    return path
-
-
-def run_of(scene: bpy.types.Scene) -> SceneRun | None:
-    """Return a scene's last run."""
-    return _RUNS.get(scene.session_uid)
-
-
-def active_run() -> SceneRun | None:
-    """Return the run that is at work; there is one at most."""
-    return next((run for run in _RUNS.values() if run.background.active), None)
-
-
-def stop_all(*_: object) -> None:
-    """End what runs, for good: the file or Blender goes."""
-    for run in _RUNS.values():
-        run.background.close()
-        run.tidy()
-    _RUNS.clear()
-
-
-def command_line(scene: bpy.types.Scene) -> str:
-    """Return the command that generates the same without windows, to be pasted into a shell.
-
-    Raises InputError where no preset's file says what the panel says.
-    """
-    settings = scene.noisy_world
-    out = output_folder(settings)
-    preset = saved_preset(settings)
-    if preset is None:
-        raise InputError("Preset", "no file says what the panel says", remedy="save the preset first")
-    words = generator_command(preset, out)
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
-
-
-def summary(run: SceneRun) -> str:
-    """Say how a run stands, in a few words."""
-    state = run.background
-    rate = f", {state.frames_per_s:.2f} frames/s" if state.frames_per_s else ""
-    match state.phase:
-        case "starting":
-            return "Starting"
-        case "running" | "stopping":
-            counted = f"{state.done} of {state.total} frames{rate}" if state.total else "Starting"
-            return f"Stopping, {counted}" if state.phase == "stopping" else counted
-        case "finished":
-            return state.result[:1].upper() + state.result[1:]
-        case "stopped":
-            return STOPPED
-        case _:
-            return state.error
-
-
-# --- windows ---
 
 
 class NoisyWorldGenerate(bpy.types.Operator):
@@ -333,14 +178,12 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Put the command on the clipboard."""
-        try:
-            command = command_line(context.scene)
-        except NoisyWorldError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        context.window_manager.clipboard = command
-        self.report({"INFO"}, "Copied the command")
-        return {"FINISHED"}
+
+        def work() -> str:
+            context.window_manager.clipboard = command_line(context.scene)
+            return "Copied the command"
+
+        return guarded(self, work)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -394,6 +237,7 @@ def redraw(context: bpy.types.Context) -> None:
 
 
 CLASSES = (NoisyWorldGenerate, NoisyWorldGenerateAnew, NoisyWorldGenerateCancel, NoisyWorldCopyCommand)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 LEAVING = (bpy.app.handlers.load_pre, bpy.app.handlers.exit_pre)
 
 
@@ -404,8 +248,7 @@ def _leave_file(*_: object) -> None:
 
 def register() -> None:
     """Register the operators, the status bar's part and what ends a run with its file."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    _register_classes()
     bpy.types.STATUSBAR_HT_header.append(draw_in_status_bar)
     for handlers in LEAVING:
         handlers.append(_leave_file)
@@ -417,5 +260,4 @@ def unregister() -> None:
     for handlers in LEAVING:
         handlers.remove(_leave_file)
     bpy.types.STATUSBAR_HT_header.remove(draw_in_status_bar)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister_classes()

@@ -2,20 +2,20 @@
 """What the panel's buttons do: read the properties, call a function, report."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..core.errors import InputError, NoisyWorldError
+from ..core.errors import NoisyWorldError
 from ..perturbations import registry
-from . import presets, world
-from .document import add_step, may_move, open_preset, save_preset
-from .properties import active_step, tell, title
+from . import world
+from .described import tell, title
+from .document import add_step, may_move
+from .properties import active_step
 
 UNDOABLE = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
+FILES = {"mesh": "PLY", "trajectory": "trajectory"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
@@ -36,7 +36,7 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     return DONE
 
 
-class _OnScene:
+class OnScene:
     """Poll: a scene of this file's own."""
 
     @classmethod
@@ -48,12 +48,10 @@ class _OnScene:
         return False
 
 
-class NoisyWorldLoadScene(_OnScene, bpy.types.Operator):
-    """Load the mesh, in place of the one loaded before; everything else in the file stays"""
+class _OnFiles(OnScene):
+    """Poll: the files that are needed are named."""
 
-    bl_idname = "noisy_world.load_scene"
-    bl_label = "Load Scene"
-    bl_options = UNDOABLE
+    needed: tuple[str, ...] = ()
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -61,10 +59,20 @@ class NoisyWorldLoadScene(_OnScene, bpy.types.Operator):
         if not super().poll(context):
             return False
         settings = context.scene.noisy_world
-        if settings.mesh_source == "FILE" and not settings.mesh_path:
-            cls.poll_message_set("Choose a PLY file")
-            return False
+        for what in cls.needed:
+            if getattr(settings, f"{what}_source") == "FILE" and not getattr(settings, f"{what}_path"):
+                cls.poll_message_set(f"Choose a {FILES[what]} file")
+                return False
         return True
+
+
+class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
+    """Load the mesh, in place of the one loaded before; everything else in the file stays"""
+
+    bl_idname = "noisy_world.load_scene"
+    bl_label = "Load Scene"
+    bl_options = UNDOABLE
+    needed = ("mesh",)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it, and let a Solid view show its colours."""
@@ -84,33 +92,20 @@ def show_colours(context: bpy.types.Context) -> None:
         space.shading.color_type = "VERTEX"
 
 
-class NoisyWorldLoadTrajectory(_OnScene, bpy.types.Operator):
+class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
     """Load or make the trajectory, key the camera along it, deviated as given, and set the timeline's range"""
 
     bl_idname = "noisy_world.load_trajectory"
     bl_label = "Load Trajectory"
     bl_options = UNDOABLE
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Ask for a file where one is needed."""
-        if not super().poll(context):
-            return False
-        settings = context.scene.noisy_world
-        if settings.trajectory_source == "FILE" and not settings.trajectory_path:
-            cls.poll_message_set("Choose a trajectory file")
-            return False
-        if settings.mesh_source == "FILE" and not settings.mesh_path:
-            cls.poll_message_set("Choose a PLY file")
-            return False
-        return True
+    needed = ("trajectory", "mesh")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
         return guarded(self, lambda: f"{world.load_path(context.scene)} poses")
 
 
-class NoisyWorldSetCamera(_OnScene, bpy.types.Operator):
+class NoisyWorldSetCamera(OnScene, bpy.types.Operator):
     """Give the scene a camera with these intrinsics, and the image its size"""
 
     bl_idname = "noisy_world.set_camera"
@@ -123,7 +118,7 @@ class NoisyWorldSetCamera(_OnScene, bpy.types.Operator):
         return DONE
 
 
-class NoisyWorldAddStep(_OnScene, bpy.types.Operator):
+class NoisyWorldAddStep(OnScene, bpy.types.Operator):
     """Add this perturbation, in the place that the propagation order gives it"""
 
     bl_idname = "noisy_world.add_step"
@@ -154,7 +149,7 @@ class NoisyWorldAddStep(_OnScene, bpy.types.Operator):
         return DONE
 
 
-class _OnStep(_OnScene):
+class _OnStep(OnScene):
     """Poll: a perturbation is selected."""
 
     @classmethod
@@ -226,129 +221,6 @@ class NoisyWorldMoveStepDown(_MoveStep, bpy.types.Operator):
     by = 1
 
 
-# --- presets ---
-
-
-class NoisyWorldUsePreset(_OnScene, bpy.types.Operator):
-    """Take this preset into the panel"""
-
-    bl_idname = "noisy_world.use_preset"
-    bl_label = "Use Preset"
-    bl_options = UNDOABLE
-
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
-    setting: bpy.props.StringProperty(name="Setting", options={"SKIP_SAVE"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Open it."""
-        return guarded(self, lambda: _open(context, Path(self.filepath), self.setting))
-
-
-def _open(context: bpy.types.Context, path: Path, setting: str = "") -> str:
-    open_preset(context.scene.noisy_world, path, setting)
-    return ""
-
-
-class NoisyWorldOpenPreset(_OnScene, bpy.types.Operator, ImportHelper):
-    """Open a preset's YAML file in the panel"""
-
-    bl_idname = "noisy_world.open_preset"
-    bl_label = "Open Preset"
-    bl_options = UNDOABLE
-
-    filename_ext = ".yaml"
-    filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Open it."""
-        return guarded(self, lambda: _open(context, Path(self.filepath)))
-
-
-class NoisyWorldSavePreset(_OnScene, bpy.types.Operator, ExportHelper):
-    """Save what the panel says as a preset's YAML file, which headless/generate.py runs"""
-
-    bl_idname = "noisy_world.save_preset"
-    bl_label = "Save Preset"
-    bl_options = {"REGISTER"}
-
-    filename_ext = ".yaml"
-    filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start from the preset in use, unless it is one that is shipped."""
-        used = context.scene.noisy_world.preset_path
-        if used and not Path(used).is_relative_to(presets.shipped_folder()):
-            self.filepath = used
-        return super().invoke(context, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Save it."""
-        return guarded(self, lambda: _save(context, Path(self.filepath)))
-
-
-def _save(context: bpy.types.Context, path: Path) -> str:
-    save_preset(context.scene.noisy_world, path)
-    return f"saved {path}"
-
-
-class NoisyWorldAddPreset(_OnScene, bpy.types.Operator):
-    """Keep what the panel says among your own presets"""
-
-    bl_idname = "noisy_world.add_preset"
-    bl_label = "Add Preset"
-    bl_options = {"REGISTER"}
-
-    name: bpy.props.StringProperty(name="Name", description="Name of the preset", options={"SKIP_SAVE"})
-
-    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
-        """Ask for a name."""
-        return context.window_manager.invoke_props_dialog(self, title="Add Preset", confirm_text="Add")
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Save it there."""
-
-        def work() -> str:
-            path = presets.own_path(self.name)
-            if path.exists():
-                raise InputError(path, "there is a preset of this name", remedy="remove it first, or choose another")
-            return _save(context, path)
-
-        return guarded(self, work)
-
-
-class NoisyWorldRemovePreset(_OnScene, bpy.types.Operator):
-    """Delete the preset in use from your own presets"""
-
-    bl_idname = "noisy_world.remove_preset"
-    bl_label = "Remove Preset"
-    bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Leave the shipped ones alone, and files elsewhere."""
-        if not super().poll(context):
-            return False
-        if not presets.is_own(context.scene.noisy_world.preset_path):
-            cls.poll_message_set("The preset in use is none of your own")
-            return False
-        return True
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask whether it is meant."""
-        return context.window_manager.invoke_confirm(self, event)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Delete it."""
-        settings = context.scene.noisy_world
-        try:
-            Path(settings.preset_path).unlink(missing_ok=True)
-        except OSError as error:
-            self.report({"ERROR"}, f"{settings.preset_path}: cannot be deleted: {error.strerror}")
-            return CANCELLED
-        settings.preset_path = ""
-        return DONE
-
-
 CLASSES: tuple[Any, ...] = (
     NoisyWorldLoadScene,
     NoisyWorldLoadTrajectory,
@@ -357,21 +229,5 @@ CLASSES: tuple[Any, ...] = (
     NoisyWorldRemoveStep,
     NoisyWorldMoveStepUp,
     NoisyWorldMoveStepDown,
-    NoisyWorldUsePreset,
-    NoisyWorldOpenPreset,
-    NoisyWorldSavePreset,
-    NoisyWorldAddPreset,
-    NoisyWorldRemovePreset,
 )
-
-
-def register() -> None:
-    """Register the operators."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Take them away."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar's tab, section after section in the order of the work."""
 
-import importlib
-import importlib.util
-from collections.abc import Callable
 from dataclasses import fields
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import bpy
 
 from ..core.perturbation import SEVERITIES, Category, Perturbation
 from ..perturbations import registry
-from . import presets, world
-from .properties import OVERRIDE, active_step, parameters_of, perturbation_of, title
+from . import asset_library, generate, paths, preview, world
+from .described import title
+from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
 
 TAB = "Noisy World"
 STAGES: dict[Category, tuple[str, str]] = {
@@ -27,13 +23,7 @@ STAGES: dict[Category, tuple[str, str]] = {
 }
 
 
-def section(name: str) -> ModuleType | None:
-    """Return the module that draws a part of the tab."""
-    found = f"{__package__}.{name}"
-    return importlib.import_module(found) if importlib.util.find_spec(found) is not None else None
-
-
-class _Section:
+class Section:
     """A section of the tab."""
 
     bl_space_type = "VIEW_3D"
@@ -54,7 +44,7 @@ class _Section:
         return layout
 
 
-class NOISYWORLD_PT_scene(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
     """The mesh"""
 
     bl_label = "Scene"
@@ -71,7 +61,7 @@ class NOISYWORLD_PT_scene(_Section, bpy.types.Panel):
             layout.label(text=", ".join(told), icon="CHECKMARK")
 
 
-class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
     """The path"""
 
     bl_label = "Trajectory"
@@ -95,7 +85,7 @@ class NOISYWORLD_PT_trajectory(_Section, bpy.types.Panel):
             layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
 
 
-class NOISYWORLD_PT_deviation(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
     """How far from the path the camera is, and how fast along it"""
 
     bl_label = "Deviation and Speed"
@@ -108,10 +98,10 @@ class NOISYWORLD_PT_deviation(_Section, bpy.types.Panel):
         column.prop(settings, "deviation_rotation_deg")
         column.prop(settings, "deviation_translation_m")
         layout.prop(settings, "speed_factor")
-        draw_part("paths", layout, context)
+        paths.draw(layout, context)
 
 
-class NOISYWORLD_PT_camera(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
     """The intrinsics"""
 
     bl_label = "Camera"
@@ -198,7 +188,7 @@ def _stage_menu(category: Category) -> type:
     )
 
 
-class NOISYWORLD_PT_perturbations(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
     """What is done to the sequence"""
 
     bl_label = "Perturbations"
@@ -277,7 +267,7 @@ def _unit(perturbation: Perturbation, name: str) -> str:
     return f" {unit}" if unit not in ("", "deg", "frames") else ""
 
 
-class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_preview(Section, bpy.types.Panel):
     """The perturbations, live"""
 
     bl_label = "Preview"
@@ -286,10 +276,11 @@ class NOISYWORLD_PT_preview(_Section, bpy.types.Panel):
         """Draw it."""
         layout = self.fields(context)
         layout.use_property_split = False
-        draw_part("preview", layout, context)
+        preview.draw(layout, context)
+        asset_library.draw(layout, context)
 
 
-class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
+class NOISYWORLD_PT_output(Section, bpy.types.Panel):
     """How frames are rendered and written"""
 
     bl_label = "Render and Output"
@@ -310,87 +301,7 @@ class NOISYWORLD_PT_output(_Section, bpy.types.Panel):
             column.prop(settings, name)
         layout.prop(settings, "setting_name", text="Setting")
         layout.prop(settings, "output_folder")
-        draw_part("generate", layout, context)
-
-
-# --- presets ---
-
-
-class NOISYWORLD_MT_presets(bpy.types.Menu):
-    """The presets shipped, and one's own"""
-
-    bl_label = "Presets"
-
-    def draw(self, _: bpy.types.Context) -> None:
-        """Draw them: one's own first."""
-        own = presets.listed(presets.own_folder())
-        list_presets(self.layout, own)
-        if own:
-            self.layout.separator()
-        list_presets(self.layout, presets.listed(presets.shipped_folder()))
-        self.layout.menu("NOISYWORLD_MT_single_presets")
-
-
-class NOISYWORLD_MT_single_presets(bpy.types.Menu):
-    """A preset for each perturbation"""
-
-    bl_label = "Single Perturbations"
-
-    def draw(self, _: bpy.types.Context) -> None:
-        """Draw them."""
-        list_presets(self.layout, presets.listed(presets.shipped_folder() / "perturbations"))
-
-
-def list_presets(layout: bpy.types.UILayout, paths: list[Path]) -> None:
-    """Draw an entry for each preset."""
-    for path in paths:
-        layout.operator("noisy_world.use_preset", text=preset_label(path)).filepath = str(path)
-
-
-def preset_label(path: Path) -> str:
-    """Return a preset's name as a menu shows it: shipped ones are called as perturbations are."""
-    return title(path.stem) if path.is_relative_to(presets.shipped_folder()) else path.stem
-
-
-class NOISYWORLD_MT_settings(bpy.types.Menu):
-    """The settings of the preset in use; the panel shows one of them"""
-
-    bl_label = "Settings of the Preset"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw them."""
-        settings = context.scene.noisy_world
-        for name in settings.preset_settings.split("\n"):
-            entry = self.layout.operator("noisy_world.use_preset", text=name)
-            entry.filepath, entry.setting = settings.preset_path, name
-
-
-class NOISYWORLD_PT_preset(_Section, bpy.types.Panel):
-    """The panel as a file"""
-
-    bl_label = "Preset"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
-        row = layout.row(align=True)
-        label = preset_label(Path(settings.preset_path)) if settings.preset_path else "Presets"
-        row.menu("NOISYWORLD_MT_presets", text=label)
-        row.operator("noisy_world.add_preset", text="", icon="ADD")
-        row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
-        if settings.preset_path and settings.preset_settings.count("\n") > 0:
-            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {settings.setting_name}")
-        row = layout.row(align=True)
-        row.operator("noisy_world.open_preset", text="Open", icon="FILE_FOLDER")
-        row.operator("noisy_world.save_preset", text="Save", icon="FILE_TICK")
-
-
-def draw_part(name: str, layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the part of the tab that another module owns."""
-    module = section(name)
-    draw: Callable[..., None] | None = getattr(module, "draw", None)
-    if draw is not None:
-        draw(layout, context)
+        generate.draw(layout, context)
 
 
 STAGE_MENUS = tuple(_stage_menu(category) for category in STAGES)
@@ -398,9 +309,6 @@ CLASSES: tuple[Any, ...] = (
     NOISYWORLD_UL_steps,
     NOISYWORLD_MT_add_step,
     *STAGE_MENUS,
-    NOISYWORLD_MT_presets,
-    NOISYWORLD_MT_single_presets,
-    NOISYWORLD_MT_settings,
     NOISYWORLD_PT_scene,
     NOISYWORLD_PT_trajectory,
     NOISYWORLD_PT_deviation,
@@ -408,17 +316,5 @@ CLASSES: tuple[Any, ...] = (
     NOISYWORLD_PT_perturbations,
     NOISYWORLD_PT_preview,
     NOISYWORLD_PT_output,
-    NOISYWORLD_PT_preset,
 )
-
-
-def register() -> None:
-    """Show the tab."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    """Take it away."""
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -11,10 +11,9 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
-from ..core.errors import NoisyWorldError
-from ..core.mixture import Step, perturb_motion
+from ..core.mixture import perturb_motion
 from ..core.trajectory import Trajectory
-from .document import identifiers_of, steps_of
+from .document import deviation_of, identifiers_of
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
@@ -38,6 +37,7 @@ class Drawn:
 
 
 _drawn: dict[int, Drawn] = {}  # by scene
+_deviated: dict[tuple[Any, ...], NDArray[np.float64]] = {}  # the last: the keys and the lines both ask for it
 _handles: list[Any] = []
 
 
@@ -58,21 +58,15 @@ def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
 
 def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Return the poses (N, 4, 4) that the settings make of the clean ones; None where they leave them alone."""
-    step = _deviation(scene)
-    return None if step is None else _deviate(step, c2w, identifiers_of(scene.noisy_world))
-
-
-def _deviate(step: Step, c2w: NDArray[np.float64], identifiers: tuple[str | int, ...]) -> NDArray[np.float64]:
-    path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
-    return perturb_motion(step, path, identifiers).c2w
-
-
-def _deviation(scene: bpy.types.Scene) -> Step | None:
-    try:
-        steps = steps_of(scene.noisy_world)
-    except NoisyWorldError:
+    step, identifiers = deviation_of(scene.noisy_world), identifiers_of(scene.noisy_world)
+    if step is None:
         return None
-    return next((step for step in steps if step.perturbation.name == "motion_deviation"), None)
+    made_from = (c2w.tobytes(), *step.given.items(), identifiers)
+    if made_from not in _deviated:
+        _deviated.clear()
+        path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
+        _deviated[made_from] = perturb_motion(step, path, identifiers).c2w
+    return _deviated[made_from]
 
 
 # --- drawing ---
@@ -165,3 +159,4 @@ def unregister() -> None:
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     _drawn.clear()
+    _deviated.clear()

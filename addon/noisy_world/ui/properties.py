@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel holds, as properties of a scene: derived from the dataclasses that presets are checked against."""
 
-import types
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import MISSING, Field, fields
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
 
 import bpy
 
@@ -21,120 +19,12 @@ from ..core.preset import (
     SettingSpec,
     TrajectorySpec,
 )
-from ..core.schema import KeyInfo
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
+from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title
 
-type Listener = Callable[[bpy.types.Scene, str], None]
-"""Is told the scene and the name of the property that changed; "steps" for anything inside a perturbation."""
-
-LISTENERS: list[Listener] = []
-_collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
 OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
-LARGEST_INT = 2**31 - 1
-_LEAST_ABOVE = 1e-6
-_SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
-_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
-_ACRONYMS = {
-    "opencv": "OpenCV", "opengl": "OpenGL", "eevee": "EEVEE", "tum": "TUM", "jpg": "JPEG", "png": "PNG",
-    "c2w": "Camera to World", "w2c": "World to Camera",
-}  # fmt: skip
-_SMALL_WORDS = ("by", "of", "to", "and")
-
-
-def title(text: str) -> str:
-    """Return a label as Blender writes them: "fog by depth" -> "Fog by Depth"."""
-    words = text.replace("_", " ").split()
-    return " ".join(
-        word if (place and word in _SMALL_WORDS) or not word[0].islower() else word[0].upper() + word[1:]
-        for place, word in enumerate(words)
-    )
-
-
-def parameter_label(name: str) -> str:
-    """Return a parameter's name without its unit, which the slider shows."""
-    for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
-        name = name.removesuffix(suffix)
-    return title(name)
-
-
-# --- properties out of dataclasses ---
-
-
-def described(cls: type, name: str, *, label: str = "", update: str = "", **other: Any) -> Any:
-    """Make the property of a dataclass's field: its meaning as the tooltip, its range, its unit, its default.
-
-    label: instead of the field's name. update: what listeners are told. other: stands over what the field says.
-    """
-    item: Field[Any] = next(field for field in fields(cls) if field.name == name)
-    info: KeyInfo = item.metadata["key"]
-    hint = _plain(get_type_hints(cls)[name])
-    label = label or parameter_label(name)
-    if info.unit in _SPOKEN_UNITS:
-        label += f" ({_SPOKEN_UNITS[info.unit]})"
-    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": tell(update or name)}
-    if item.default is not MISSING and item.default is not None:
-        common["default"] = item.default
-    if get_origin(hint) is Literal:
-        common["items"] = [(value, _ACRONYMS.get(value, title(value)), "") for value in get_args(hint)]
-        return bpy.props.EnumProperty(**(common | other))
-    if hint is bool:
-        return bpy.props.BoolProperty(**(common | other))
-    if hint is str:
-        return bpy.props.StringProperty(**(common | other))
-    return _number(hint, info, common | other)
-
-
-def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
-    if info.minimum is not None:
-        common.setdefault("min", hint(info.minimum))
-    if info.above is not None:
-        common.setdefault("min", hint(info.above) + (1 if hint is int else _LEAST_ABOVE))
-    if info.maximum is not None:
-        common.setdefault("max", min(hint(info.maximum), LARGEST_INT) if hint is int else info.maximum)
-    if hint is int:
-        return bpy.props.IntProperty(**({"subtype": "PIXEL"} if info.unit == "px" else {}), **common)
-    factor = (common.get("min"), common.get("max")) == (0.0, 1.0) and not info.unit
-    common.setdefault("subtype", "FACTOR" if factor else _SUBTYPES.get(info.unit, "NONE"))
-    return bpy.props.FloatProperty(**({"precision": 3, "step": 1} | common))
-
-
-def _plain(hint: Any) -> Any:
-    if get_origin(hint) in (Union, types.UnionType):
-        return next(option for option in get_args(hint) if option is not type(None))
-    return hint
-
-
-def sentence(text: str) -> str:
-    """Return a tooltip: a capital first, no full stop last."""
-    return text[:1].upper() + text[1:].rstrip(".")
-
-
-def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
-    """Make an update function that tells the listeners what changed in which scene."""
-
-    def update(group: Any, _: bpy.types.Context) -> None:
-        if _collected:
-            _collected[-1].setdefault((group.id_data.session_uid, name), group.id_data)
-            return
-        for listener in LISTENERS:
-            listener(group.id_data, name)
-
-    return update
-
-
-@contextmanager
-def told_once() -> Iterator[None]:
-    """Tell the listeners of everything that changes inside at the end, each property once."""
-    _collected.append({})
-    try:
-        yield
-    finally:
-        changes = _collected.pop()
-        for (_, name), scene in changes.items():
-            for listener in LISTENERS:
-                listener(scene, name)
 
 
 # --- perturbations ---
@@ -308,7 +198,10 @@ def _settings_members() -> dict[str, Any]:
         "handheld_rate_hz": described(HandheldSpec, "rate_hz", update="handheld_rate_hz"),
         "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
         "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
-        "every": described(TrajectorySpec, "every", label="Every n-th Pose", update="every"),
+        "every": described(
+            TrajectorySpec, "every", label="Every Nth Pose", update="every",
+            description="Use every pose, every second one, every third, and so on",
+        ),
         "deviation_rotation_deg": described(
             MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation_deg", default=0.0,
             description="Standard deviation of a random rotation of each pose, about each of the camera's axes",
@@ -390,18 +283,17 @@ NoisyWorldSettings: type = type(
     "NoisyWorldSettings", (bpy.types.PropertyGroup,), {"__annotations__": _settings_members(), "__module__": __name__}
 )
 CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldSettings)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register() -> None:
     """Give every scene its settings."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    _register_classes()
     bpy.types.Scene.noisy_world = bpy.props.PointerProperty(type=NoisyWorldSettings, name="Noisy World")
 
 
 def unregister() -> None:
     """Take them away; what a file holds stays in it."""
     del bpy.types.Scene.noisy_world
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister_classes()
     LISTENERS.clear()

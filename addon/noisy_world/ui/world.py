@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
-from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,18 +11,15 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
-from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.mesh import Mesh
-from ..core.mixture import perturb_motion
 from ..core.plan import load_trajectory, make_plan
 from ..core.ply import read_ply
 from ..core.room import build_room
-from ..core.trajectory import Trajectory
 from ..perturbations import registry
-from .document import absolute, identifiers_of, preset_of, steps_of, value_of
-from .paths import CLEAN_C2W
-from .properties import LISTENERS
+from .described import LISTENERS
+from .document import absolute, preset_of, value_of
+from .paths import CLEAN_C2W, deviated_poses
 
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 DISPLAY_COLOURS = "Display"
@@ -83,7 +79,8 @@ def _file(path: Path, _changed: int) -> Mesh:
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
     """Return the point to work around: the world's own origin, unless the mesh is far from it."""
-    low_m, high_m = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+    # Column by column numpy is ten times as fast as along the first axis.
+    low_m, high_m = np.array([(column.min(), column.max()) for column in mesh.vertices_m.T]).T
     return np.rint((low_m + high_m) / 2) if max(np.abs(low_m).max(), np.abs(high_m).max()) > FAR_M else np.zeros(3)
 
 
@@ -133,14 +130,9 @@ def key_camera(scene: bpy.types.Scene) -> None:
     if camera is None or CLEAN_C2W not in camera:
         return
     c2w = np.array(camera[CLEAN_C2W], dtype=np.float64).reshape(-1, 4, 4)
-    deviation = next(
-        (step for step in steps_of(scene.noisy_world) if step.perturbation.name == "motion_deviation"), None
-    )
-    if deviation is not None:
-        path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
-        c2w = perturb_motion(deviation, path, identifiers_of(scene.noisy_world)).c2w
+    deviated = deviated_poses(scene, c2w)
     before = camera.animation_data.action if camera.animation_data else None
-    key_trajectory(scene, camera, c2w)
+    key_trajectory(scene, camera, c2w if deviated is None else deviated)
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
     scene.frame_step = scene.noisy_world.speed_factor  # rendered, an animation holds the frames of the sequence
@@ -179,8 +171,7 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
     if name in CAMERA_PROPERTIES:
         apply_intrinsics(scene)
     elif name in PATH_PROPERTIES:
-        with suppress(NoisyWorldError):  # what is wrong is told where it is used
-            key_camera(scene)
+        key_camera(scene)
 
 
 def register() -> None:

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Properties out of the fields of dataclasses, in Blender's wording, and who is told when one changes."""
+
+import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, Field, fields
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import bpy
+
+from ..core.schema import KeyInfo
+
+type Listener = Callable[[bpy.types.Scene, str], None]
+"""Is told the scene and the name of the property that changed; "steps" for anything inside a perturbation."""
+
+LISTENERS: list[Listener] = []
+_collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
+LARGEST_INT = 2**31 - 1
+_LEAST_ABOVE = 1e-6
+_SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
+_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
+_NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
+_CHOICES = {
+    "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
+    "w2c": ("World to Camera", "A pose takes points from the world to the camera"),
+    "opencv": ("OpenCV", "The camera looks along z: x right, y down, z forward"),
+    "opengl": ("OpenGL", "As Blender's cameras: x right, y up, z backward"),
+    "robot": ("Robot", "The camera looks along x: x forward, y left, z up"),
+    "cycles": ("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
+    "eevee": ("EEVEE", "GL: on the graphics card or, where there is none, in software"),
+    "workbench": ("Workbench", "GL without materials: vertex colours as they are"),
+    "compositor": ("Compositor", "Blender's compositor: the node groups that the preview shows"),
+    "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
+    "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
+    "png": ("PNG", "Without loss"),
+    "static": ("Static", "The same for all frames"),
+    "dynamic": ("Dynamic", "Drawn for each frame"),
+    "clamp": ("Clamp", "Take the nearest frame there is"),
+    "drop": ("Drop", "Leave the frame out"),
+}
+"""Label and tooltip of every value that a field chooses from."""
+
+_SMALL_WORDS = ("by", "of", "to", "and")
+
+
+def title(text: str) -> str:
+    """Return a label as Blender writes them: "fog by depth" -> "Fog by Depth"."""
+    words = text.replace("_", " ").split()
+    return " ".join(
+        word if (place and word in _SMALL_WORDS) or not word[0].islower() else word[0].upper() + word[1:]
+        for place, word in enumerate(words)
+    )
+
+
+def parameter_label(name: str) -> str:
+    """Return a parameter's name without its unit, which the slider shows; what is short for something, in a word."""
+    if name in _NAMES:
+        return _NAMES[name]
+    for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
+        name = name.removesuffix(suffix)
+    return title(name)
+
+
+# --- properties out of dataclasses ---
+
+
+def described(cls: type, name: str, *, label: str = "", update: str = "", **other: Any) -> Any:
+    """Make the property of a dataclass's field: its meaning as the tooltip, its range, its unit, its default.
+
+    label: instead of the field's name. update: what listeners are told. other: stands over what the field says.
+    """
+    item: Field[Any] = next(field for field in fields(cls) if field.name == name)
+    info: KeyInfo = item.metadata["key"]
+    hint = _plain(get_type_hints(cls)[name])
+    label = label or parameter_label(name)
+    if info.unit in _SPOKEN_UNITS:
+        label += f" ({_SPOKEN_UNITS[info.unit]})"
+    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": tell(update or name)}
+    if item.default is not MISSING and item.default is not None:
+        common["default"] = item.default
+    if get_origin(hint) is Literal:
+        common["items"] = [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
+        return bpy.props.EnumProperty(**(common | other))
+    if hint is bool:
+        return bpy.props.BoolProperty(**(common | other))
+    if hint is str:
+        return bpy.props.StringProperty(**(common | other))
+    return _number(hint, info, common | other)
+
+
+def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
+    if info.minimum is not None:
+        common.setdefault("min", hint(info.minimum))
+    if info.above is not None:
+        common.setdefault("min", hint(info.above) + (1 if hint is int else _LEAST_ABOVE))
+    if info.maximum is not None:
+        common.setdefault("max", min(hint(info.maximum), LARGEST_INT) if hint is int else info.maximum)
+    if hint is int:
+        return bpy.props.IntProperty(**({"subtype": "PIXEL"} if info.unit == "px" else {}), **common)
+    factor = (common.get("min"), common.get("max")) == (0.0, 1.0) and not info.unit
+    common.setdefault("subtype", "FACTOR" if factor else _SUBTYPES.get(info.unit, "NONE"))
+    return bpy.props.FloatProperty(**({"precision": 3, "step": 1} | common))
+
+
+def _plain(hint: Any) -> Any:
+    if get_origin(hint) in (Union, types.UnionType):
+        return next(option for option in get_args(hint) if option is not type(None))
+    return hint
+
+
+def sentence(text: str) -> str:
+    """Return a tooltip: a capital first, no full stop last."""
+    return text[:1].upper() + text[1:].rstrip(".")
+
+
+def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
+    """Make an update function that tells the listeners what changed in which scene."""
+
+    def update(group: Any, _: bpy.types.Context) -> None:
+        if _collected:
+            _collected[-1].setdefault((group.id_data.session_uid, name), group.id_data)
+            return
+        for listener in LISTENERS:
+            listener(group.id_data, name)
+
+    return update
+
+
+@contextmanager
+def told_once() -> Iterator[None]:
+    """Tell the listeners of everything that changes inside at the end, each property once."""
+    _collected.append({})
+    try:
+        yield
+    finally:
+        changes = _collected.pop()
+        for (_, name), scene in changes.items():
+            for listener in LISTENERS:
+                listener(scene, name)
