@@ -126,7 +126,7 @@ def _draw() -> None:
     # What walls hide shines through: paths lead through rooms, which are looked at from outside.
     for test, alpha in (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0)):
         gpu.state.depth_test_set(test)
-        for batch, rgb in ((drawn.clean, CLEAN_RGB), (drawn.deviated, DEVIATED_RGB)):
+        for batch, rgb in ((drawn.deviated, DEVIATED_RGB), (drawn.clean, CLEAN_RGB)):  # the smoother one above
             if batch is not None:
                 shader.uniform_float("color", (*rgb, alpha))
                 batch.draw(shader)

@@ -91,6 +91,7 @@ def apply(scene: bpy.types.Scene) -> None:
     except NoisyWorldError as error:
         _errors[scene.session_uid] = str(error)
     views.sync_views()
+    views.redraw_sidebars()
     _took_s[scene.session_uid] = time.perf_counter() - began_s
 
 

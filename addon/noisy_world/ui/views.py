@@ -53,6 +53,16 @@ def give_back(screen: bpy.types.Screen) -> None:
         space.shading.use_compositor = former.get(place, "DISABLED")
 
 
+def redraw_sidebars() -> None:
+    """Have the tab drawn anew: what it says of the preview came after the slider had moved."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
 def _views(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.SpaceView3D]]:
     for number, area in enumerate(screen.areas):
         for space in area.spaces:

@@ -55,6 +55,8 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     set_origin(scene, _origin_m(mesh))
     loaded = add_mesh(scene, mesh, settings.scene_name, decoding="shader")
     loaded[OURS] = "mesh"
+    # Its colours are the light that was there; for shadows EEVEE would draw it several times more.
+    loaded.visible_shadow = False
     _add_display_colours(loaded.data, mesh)
     return loaded, mesh.notes
 
