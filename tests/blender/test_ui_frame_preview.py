@@ -16,7 +16,7 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.images import rgb_bytes
 from noisy_world.core.mixture import perturb_depth, perturb_rgb
 from noisy_world.core.overview import colour_depth
-from noisy_world.ui import frame_preview, operators, preview, world
+from noisy_world.ui import frame_preview, operators, presets, preview, world
 
 
 @pytest.fixture
@@ -204,7 +204,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
     misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}
     write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
     bpy.context.view_layer.update()
-    for module in (world, operators):
+    for module in (world, operators, presets):
         module.register()
     try:
         assert bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "preset.yaml"), setting="misty") == {"FINISHED"}
@@ -214,7 +214,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
         picture, _ = frame_preview.draw_colour(scene)
         pair, _ = frame_preview.draw_depth(scene)
     finally:
-        for module in (operators, world):
+        for module in (presets, operators, world):
             module.unregister()
     generate(tmp_path / "preset.yaml", "--out", tmp_path / "out")
     folder = tmp_path / "out" / "misty" / "box" / "results"

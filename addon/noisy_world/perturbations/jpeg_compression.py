@@ -19,7 +19,7 @@ from ._jpeg_nodes import compressed
 class JpegCompression:
     """Encoded and decoded, 4:2:0, libjpeg's tables, as ImageNet-C. The image is rounded to bytes on the way."""
 
-    quality: int = key("quality as libjpeg counts it: the lower, the coarser the blocks", default=15, minimum=1, maximum=100)
+    quality: int = key("quality as libjpeg counts it: lower is coarser", default=15, minimum=1, maximum=100)
 
 
 def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _frame: Frame) -> NDArray[np.float32]:
