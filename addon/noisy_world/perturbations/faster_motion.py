@@ -12,7 +12,7 @@ from ..core.trajectory import Trajectory, subsample
 class FasterMotion:
     """How much faster; the frames between are left out."""
 
-    factor: int = key("times the speed", default=2, minimum=1, maximum=1000)
+    factor: int = key("how many times as fast the camera goes", default=2, minimum=1, maximum=1000)
 
 
 def apply(trajectory: Trajectory, parameters: FasterMotion, _frame: Frame) -> Trajectory:

@@ -36,7 +36,7 @@ class GlassBlur:
     max_delta_px: int = key(
         "how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=MAX_DELTA_PX
     )
-    iterations: int = key("how many times", default=3, minimum=0, maximum=20)
+    iterations: int = key("how many times pixels change places", default=3, minimum=0, maximum=20)
 
 
 def apply(rgb: NDArray[np.float32], parameters: GlassBlur, frame: Frame) -> NDArray[np.float32]:

@@ -30,7 +30,7 @@ class Pixelate:
     As ImageNet-C, whose means round half up (here a thousandth of a byte on every mean), but once and not twice.
     """
 
-    factor: float = key("size of the small image, of the frame's", default=0.4, minimum=0.001, maximum=1)
+    factor: float = key("width and height of the small image, of the frame's", default=0.4, minimum=0.001, maximum=1)
 
 
 def apply(rgb: NDArray[np.float32], parameters: Pixelate, _frame: Frame) -> NDArray[np.float32]:
