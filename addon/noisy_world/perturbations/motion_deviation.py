@@ -15,8 +15,8 @@ from ..core.trajectory import Trajectory
 class MotionDeviation:
     """Standard deviations of a normal deviation, drawn anew for each pose; 0 leaves the pose as it is."""
 
-    rotation_deg: float = key("spread about each of the camera's axes", unit="deg", default=3.0, minimum=0, maximum=180)
-    translation_m: float = key("spread along each of the world's axes", unit="m", default=0.025, minimum=0, maximum=100)
+    rotation_deg: float = key("standard deviation, each camera axis", unit="deg", default=3.0, minimum=0, maximum=180)
+    translation_m: float = key("standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100)
 
 
 def apply(trajectory: Trajectory, parameters: MotionDeviation, frame: Frame) -> Trajectory:
