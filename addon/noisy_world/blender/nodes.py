@@ -15,6 +15,7 @@ from ..core.node_layout import Arrangement, arrange
 
 STAMP = "noisy_world_stamp"
 PICTURE_VERSION = "noisy_world_version"
+GROUP_WIDTH_PX = 180.0  # so that names and values of parameters are not cut off
 _SOCKET_TYPES = {
     "float": "NodeSocketFloat",
     "int": "NodeSocketInt",
@@ -134,6 +135,7 @@ def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | 
     node = tree.nodes.new(item.idname)
     if child is not None:
         node.node_tree = child
+        node.width = GROUP_WIDTH_PX
     if item.picture is not None:
         node.image = ensure_picture(item.picture)
     for name, value in item.properties.items():
