@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photograph Blender with the node groups in use, for the docs: run by a Blender program with a window, on X.
+"""Photograph Blender for the docs, with the node groups and with the add-on in use: run by a Blender program on X.
 
-    blender --factory-startup -P headless/screenshots.py -- docs
+    blender --factory-startup -P headless/screenshots.py -- docs [NAME ...]
 
 Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the viewport through a chain of three groups,
-above the compositor that holds it; and node_group.jpg: a group, opened.
+above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
+beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
+before and half after; and add_on_nodes.jpg, the groups that the preview made. With names, "groups" or "add_on", only
+those.
 """
 
+import itertools
+import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -17,7 +23,9 @@ sys.path.insert(0, str(ROOT / "addon"))
 sys.path.append(str(ROOT / ".blender-env" / str(sys.implementation.cache_tag)))
 
 import bpy
+from mathutils import Euler
 
+import noisy_world
 from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsics
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scene import add_mesh
@@ -31,12 +39,16 @@ DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
 CHAIN = (("fog", 1), ("motion_blur", 3), ("gaussian_noise", 1))
 OPENED = "fog_depth"
+PREVIEWED = (("fog", 2), ("gaussian_noise", 1))
+PATH = {"handheld_frames": 160, "handheld_speed_m_s": 1.0}
 SETTLE_S = 1.5
+LIMIT_S = 180.0
 
 
-def main(folder: Path) -> None:
+def main(folder: Path, names: Sequence[str]) -> None:
     """Run the steps one after another, with time between them for Blender to draw."""
-    steps = take_pictures(folder)
+    takes = {"groups": photograph_groups, "add_on": photograph_add_on}
+    steps = itertools.chain.from_iterable(takes[name](folder) for name in names or takes)
 
     def proceed() -> float | None:
         wait_s = next(steps, None)
@@ -47,8 +59,8 @@ def main(folder: Path) -> None:
     bpy.app.timers.register(proceed, first_interval=SETTLE_S, persistent=True)
 
 
-def take_pictures(folder: Path) -> Iterator[float]:
-    """Prepare each picture, wait, take it; yields the seconds to wait."""
+def photograph_groups(folder: Path) -> Iterator[float]:
+    """Prepare each picture of the groups, wait, take it; yields the seconds to wait."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     yield SETTLE_S
     scene = prepare_scene()
@@ -59,16 +71,136 @@ def take_pictures(folder: Path) -> Iterator[float]:
     open_tree(editor, tree)
     yield SETTLE_S
     in_area(editor, bpy.ops.node.view_all)
-    yield 45.0  # software GL compiles its shaders
+    yield from until_drawn()
     photograph(folder / "compositor.jpg")
     view.ui_type = "OUTLINER"
     open_tree(editor, ensure_group(build_group(registry()[OPENED])))
     in_area(editor, bpy.ops.screen.screen_full_area)
     yield SETTLE_S
-    whole = max(window().screen.areas, key=lambda area: area.width * area.height)
-    in_area(whole, bpy.ops.node.view_all)
+    in_area(largest("NODE_EDITOR"), bpy.ops.node.view_all)
     yield 4.0
     photograph(folder / "node_group.jpg", "1600x220+0+350")
+
+
+def photograph_add_on(folder: Path) -> Iterator[float]:
+    """Prepare each picture of the add-on, wait, take it; yields the seconds to wait."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
+    noisy_world.register()
+    yield SETTLE_S
+    scene, view = bpy.context.scene, largest("VIEW_3D")
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    fill_panel(scene, view)
+    yield from open_tab(view)
+    show_camera(view)
+    view.spaces.active.shading.type = "SOLID"
+    yield from until_drawn()
+    photograph(folder / "add_on_panel.jpg", part_of(view))
+    look_from_above(view)
+    yield from until_drawn()
+    photograph(folder / "add_on_paths.jpg", part_of(view))
+    scene.noisy_world.preview = True
+    scene.noisy_world.preview_split = 0.5
+    scene.frame_set(FRAME)
+    yield SETTLE_S
+    show_camera(view)
+    yield from until_drawn()
+    yield from scroll_to_end(view)  # only now does the tab say all that it has to
+    yield from until_drawn()
+    photograph(folder / "add_on_preview.jpg", part_of(view))
+    view.spaces.active.shading.type = "SOLID"
+    view.ui_type = "CompositorNodeTree"
+    yield SETTLE_S
+    open_chain(view, scene.compositing_node_group)
+    yield SETTLE_S
+    yield from frame_selected(view)
+    yield from until_drawn()
+    photograph(folder / "add_on_nodes.jpg", part_of(view))
+    noisy_world.unregister()
+
+
+def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
+    """Load the room and a deviated path, and add perturbations, by the buttons of the panel."""
+    settings = scene.noisy_world
+    scene.view_settings.view_transform = "Standard"
+    scene.eevee.taa_samples = 4
+    for name, value in PATH.items():
+        setattr(settings, name, value)
+    in_area(view, bpy.ops.noisy_world.load_scene)
+    in_area(view, bpy.ops.noisy_world.load_trajectory)
+    settings.deviation_rotation_deg = 2.0
+    settings.deviation_translation_m = 0.04
+    for name, severity in PREVIEWED:
+        bpy.ops.noisy_world.add_step(perturbation=name)
+        settings.steps[settings.active_step].severity = severity
+
+
+def open_tab(view: bpy.types.Area) -> Iterator[float]:
+    """Show the sidebar's tab beside the view, not over it; yields the seconds to wait."""
+    bpy.context.preferences.system.use_region_overlap = False
+    view.spaces.active.show_region_ui = True
+    view.spaces.active.shading.light = "FLAT"
+    window().cursor_warp(0, 0)  # no tooltips
+    yield SETTLE_S
+    sidebar(view).active_panel_category = "Noisy World"
+    yield SETTLE_S
+
+
+def sidebar(area: bpy.types.Area) -> bpy.types.Region:
+    """Return an area's sidebar."""
+    return next(region for region in area.regions if region.type == "UI")
+
+
+def scroll_to_end(view: bpy.types.Area) -> Iterator[float]:
+    """Scroll the sidebar to the sections that close the tab; yields the seconds to wait."""
+    with bpy.context.temp_override(window=window(), area=view, region=sidebar(view)):
+        for _ in range(100):
+            bpy.ops.view2d.scroll_down()
+    yield SETTLE_S
+
+
+def look_from_above(view: bpy.types.Area) -> None:
+    """Look into the room from above, through its ceiling and walls."""
+    space = view.spaces.active
+    space.overlay.show_overlays = True
+    space.shading.type = "SOLID"
+    space.shading.show_backface_culling = True
+    turned = space.region_3d
+    turned.view_perspective = "PERSP"
+    turned.view_rotation = Euler((math.radians(38), 0.0, math.radians(25))).to_quaternion()
+    turned.view_location = (-0.4, -0.2, 1.3)
+    turned.view_distance = 6.5
+
+
+def open_chain(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
+    """Open the preview's group and select the groups of the perturbations in it."""
+    open_tree(editor, tree)
+    (node,) = (node for node in tree.nodes if node.type == "GROUP")
+    editor.spaces.active.path.append(node.node_tree, node=node)
+    for inner in node.node_tree.nodes:
+        inner.select = inner.type == "GROUP"
+
+
+def frame_selected(editor: bpy.types.Area) -> Iterator[float]:
+    """Look at the selected nodes from some way off, and deselect them; yields the seconds to wait."""
+    in_area(editor, bpy.ops.node.view_selected)
+    yield SETTLE_S
+    for _ in range(3):
+        in_area(editor, bpy.ops.view2d.zoom_out)
+    for node in editor.spaces.active.edit_tree.nodes:
+        node.select = False
+
+
+def until_drawn() -> Iterator[float]:
+    """Yield the seconds to wait until shaders are compiled and the picture no longer changes."""
+    words = ["import", "-window", "root", "rgb:-"]
+    shown, end_s = b"", time.monotonic() + LIMIT_S
+    while time.monotonic() < end_s:
+        yield 3.0
+        now = subprocess.run(words, check=True, capture_output=True).stdout
+        if now == shown and not bpy.app.is_job_running("SHADER_COMPILATION"):
+            return
+        shown = now
 
 
 def prepare_scene() -> bpy.types.Scene:
@@ -122,6 +254,16 @@ def window() -> bpy.types.Window:
     return bpy.context.window_manager.windows[0]
 
 
+def largest(kind: str) -> bpy.types.Area:
+    """Return the largest area of a kind."""
+    return max((area for area in window().screen.areas if area.type == kind), key=lambda area: area.width * area.height)
+
+
+def part_of(area: bpy.types.Area) -> str:
+    """Return what part of the display an area takes, for photograph."""
+    return f"{area.width}x{area.height}+{area.x}+{window().height - area.y - area.height}"
+
+
 def split_window() -> tuple[bpy.types.Area, bpy.types.Area]:
     """Turn the 3D view into one above and a compositor below."""
     view = next(area for area in window().screen.areas if area.type == "VIEW_3D")
@@ -167,4 +309,5 @@ def photograph(path: Path, part: str = "1600x900+0+0") -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[sys.argv.index("--") + 1]).resolve())
+    FOLDER, *NAMES = sys.argv[sys.argv.index("--") + 1 :]
+    main(Path(FOLDER).resolve(), NAMES)

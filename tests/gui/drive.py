@@ -18,6 +18,7 @@ import driver as at
 
 FOLDER, *SOURCE = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :])
 FRAMES = 5
+VISIBLE = 10.0  # of 255; noise of severity 1 differs by 23 from one pixel of a frame to the next
 REMARKS: list[str] = []
 
 
@@ -26,6 +27,7 @@ def steps() -> at.Steps:
     if SOURCE:
         register_source(SOURCE[0])
     bpy.ops.wm.read_homefile(use_splash=False)
+    bpy.context.preferences.system.use_region_overlap = False  # or the room is drawn again wherever the mouse goes
     yield lambda: hasattr(bpy.context.scene, "noisy_world")
     yield 1.0
     yield from at.go(*at.middle(at.region("WINDOW")))
@@ -134,11 +136,11 @@ def preview() -> at.Steps:
     for _ in range(int(at.TIMEOUT_S)):
         yield 1.0
         seen = at.graininess()
-        if seen > 3 * smooth:
+        if seen > smooth + VISIBLE:
             break
     remark(f"graininess: {smooth:.1f} in Solid shading, {seen:.1f} with the noise")
     yield from photograph("preview")
-    assert seen > 3 * smooth, REMARKS
+    assert seen > smooth + VISIBLE, REMARKS
     yield from at.choose_shading("SOLID")
 
 

@@ -124,11 +124,17 @@ def test_the_dataset_follows_the_files_trajectory_and_deviates_from_it(used):
     assert 2 < np.sqrt((turned_deg**2).mean()) < 10
 
 
-def test_the_copied_command_is_the_generators(used):
+def test_the_copied_command_goes_on_with_the_panels_dataset(used):
     program, *words = shlex.split((used / "command.txt").read_text())
     assert Path(program).name.startswith("blender")
     (script,) = (used / "profile").rglob("noisy_world/headless/generate.py")
-    assert words == ["-b", "-P", str(script), "--", str(used / "preset.yaml"), "--out", str(used / "dataset")]
+    assert words[words.index("-P") + 1] == str(script)
+    assert words[words.index("--") + 1 :] == [str(used / "preset.yaml"), "--out", str(used / "dataset")]
+    before = content(used / "dataset")
+    told = blender(used, *words)
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert f"0 frames rendered, {2 * FRAMES} kept" in told.stdout, told.stdout
+    assert content(used / "dataset") == before
 
 
 def test_enabling_and_reloading_twenty_times_leaves_nothing(archive, tmp_path):
