@@ -123,7 +123,7 @@ def show_chain(
     picture, from the left, shows what it was before.
     """
     own = None if image is not None else own_compositing(scene)
-    tree = bpy.data.node_groups.new(f"{scene.name} with {chain.name}", "CompositorNodeTree")
+    tree = bpy.data.node_groups.new(f"Preview of {scene.name}", "CompositorNodeTree")
     tree[SHOWN] = True
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
     source = _source(tree, scene, image)
@@ -135,8 +135,10 @@ def show_chain(
     group.inputs["Encoded"].default_value = encoded
     group.inputs["Reference Width"].default_value = reference_width_px or scene.render.resolution_x
     end = tree.nodes.new("NodeGroupOutput")
-    for node, left in ((source, -660), (group, 0), (end, 640)):
+    for node, left in ((source, -300 if own is None else -600), (group, 0), (end, 300)):
         node.location = (left, 0)
+        node.select = False
+    tree.nodes.active = group
     tree.links.new(before, group.inputs["Image"])
     tree.links.new(group.outputs["Image"], end.inputs["Image"])
     _set_split(tree, split)
@@ -165,7 +167,7 @@ def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.
     """Put the scene's own compositing between the render and the chain; return its picture, if it has one."""
     node = tree.nodes.new("CompositorNodeGroup")
     node.name, node.node_tree, node.width = OWN, own, 240
-    node.location = (-340, 0)
+    node.location, node.select = (-300, 0), False
     entry = next((socket for socket in node.inputs if socket.type == "RGBA"), None)
     if entry is not None:
         tree.links.new(image, entry)
@@ -176,6 +178,7 @@ def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
     """Show this much of the picture, from the left, as it comes to the chain."""
     node, group = tree.nodes.get(SPLIT), tree.nodes[GROUP]
     end = next(item for item in tree.nodes if item.bl_idname == "NodeGroupOutput")
+    end.location = (300 if split <= 0 else 500, 0)
     if split <= 0:
         if node is not None:
             tree.nodes.remove(node)
@@ -183,7 +186,7 @@ def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
         return
     if node is None:
         node = tree.nodes.new("CompositorNodeSplit")
-        node.name, node.location = SPLIT, (340, 0)
+        node.name, node.location, node.select = SPLIT, (300, 0), False
         node.inputs["Rotation"].default_value = math.pi / 2
         first, second = (socket for socket in node.inputs if socket.type == "RGBA")
         tree.links.new(group.inputs["Image"].links[0].from_socket, first)
@@ -251,7 +254,7 @@ def refresh_chain(
     every: the sequence has every n-th frame of the scene.
     """
     chain = shown_chain(scene)
-    name = chain.name if chain is not None else _free_name(f"NW preview {scene.name}")
+    name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
     chain = make_chain(name, steps, frames, identifiers, every=every, now=scene.frame_current)

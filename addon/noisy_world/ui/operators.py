@@ -86,10 +86,11 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
 
 
 def show_colours(context: bpy.types.Context) -> None:
-    """Let the 3D view that is in use show vertex colours, where it is in Solid shading."""
+    """Let the 3D view that is in use show vertex colours as they are, where it is in Solid shading."""
     space = context.space_data
     if space is not None and space.type == "VIEW_3D" and space.shading.type == "SOLID":
         space.shading.color_type = "VERTEX"
+        space.shading.light = "FLAT"
 
 
 class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):

@@ -70,16 +70,14 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
         """Draw it."""
         layout, settings = self.fields(context), context.scene.noisy_world
         layout.prop(settings, "trajectory_source", text="Path")
-        column = layout.column(align=True)
         if settings.trajectory_source == "FILE":
             layout.prop(settings, "trajectory_path")
-            column = layout.column(align=True)
             names = ("trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
-        for name in names:
+        column = layout.column(align=True)
+        for name in (*names, "every"):
             column.prop(settings, name)
-        column.prop(settings, "every")
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if count := world.poses(context.scene):
             layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
@@ -245,13 +243,12 @@ def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturb
     if name not in perturbation.severities or not step.use_severity:
         layout.prop(group, name)
         return
-    row = layout.row(align=True)
+    label, row = _split_row(layout)
+    label.label(text=group.bl_rna.properties[name].name)
     if getattr(group, OVERRIDE + name):
-        row.prop(group, name)
+        row.prop(group, name, text="")
     else:
-        label, value = _split_row(row)
-        label.label(text=group.bl_rna.properties[name].name)
-        value.label(text=_severity_value(step, perturbation, name))
+        row.label(text=_severity_value(step, perturbation, name))
     row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
 
 

@@ -96,10 +96,14 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
     filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start from the preset in use, unless it is one that is shipped."""
-        used = context.scene.noisy_world.preset_path
+        """Start from the preset in use, unless it is one that is shipped; or from a name that says what is in it."""
+        settings = context.scene.noisy_world
+        used = settings.preset_path
+        beside = Path(bpy.data.filepath).parent
         if used and not Path(used).is_relative_to(shipped_folder()):
             self.filepath = used
+        else:
+            self.filepath = str(beside / f"{settings.scene_name}_{settings.setting_name}{self.filename_ext}")
         return super().invoke(context, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:

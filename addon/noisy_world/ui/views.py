@@ -76,8 +76,14 @@ def is_shaded(space: bpy.types.Space | None) -> bool:
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
-    """Return how long the last picture of a scene took in a view that composites; 0 where none was drawn."""
-    return _took_s.get(scene.session_uid, 0.0)
+    """Return how long the last picture of a scene took in a view that composites; 0 where none does now."""
+    shown = any(
+        is_shaded(area.spaces.active)
+        for window in bpy.context.window_manager.windows
+        if window.scene == scene
+        for area in window.screen.areas
+    )
+    return _took_s.get(scene.session_uid, 0.0) if shown else 0.0
 
 
 # --- how long a picture takes ---
