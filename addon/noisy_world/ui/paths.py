@@ -20,9 +20,9 @@ CLEAN_C2W = "noisy_world_clean_c2w"
 
 CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
 DEVIATED_RGB = (0.90, 0.62, 0.0)
-HIDDEN_ALPHA = 0.45
+HIDDEN_ALPHA = 0.75
 CLEAN_ICON, DEVIATED_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02"
-WIDTH_PX = 2.0
+WIDTH_PX = 3.0
 TICKS = 60  # short lines along the path that show where the camera looks
 TICK_SHARE = 0.02  # of the path's extent
 
