@@ -6,7 +6,8 @@
 Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the viewport through a chain of three groups,
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
 beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
-before and half after; and add_on_nodes.jpg, the groups that the preview made. With names, "groups" or "add_on", only
+before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
+written, beside the sliders. With names, "groups" or "add_on", only
 those.
 """
 
@@ -116,6 +117,12 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     yield from frame_selected(view)
     yield from until_drawn()
     photograph(folder / "add_on_nodes.jpg", part_of(view))
+    view.ui_type, whole = "VIEW_3D", part_of(view)
+    scene.noisy_world.preview_split = 0.0
+    yield SETTLE_S
+    in_area(view, bpy.ops.noisy_world.preview_frame)  # beside what is left of the view
+    yield from until_drawn()
+    photograph(folder / "add_on_frame.jpg", whole)
     noisy_world.unregister()
 
 
