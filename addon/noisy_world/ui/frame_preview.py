@@ -257,7 +257,7 @@ class _Preview:
 
 
 class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame with Cycles and show it in an image editor as the generator writes it; while Preview is on \
+    """Render this frame with one sample of Cycles and show it in an image editor as it is written; while Preview is on \
 it follows the sliders"""
 
     bl_idname = "noisy_world.preview_frame"
