@@ -257,8 +257,8 @@ class _Preview:
 
 
 class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame with one sample of Cycles and show it in an image editor as it is written; while Preview is on \
-it follows the sliders"""
+    """Render this frame with one sample of Cycles and show it in an image editor as it is written; \
+while Preview is on it follows the sliders"""
 
     bl_idname = "noisy_world.preview_frame"
     bl_label = "Preview Frame"
