@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures in the image editor: the generator's bytes, following the sliders without rendering again."""
 
+import time
+
 import bpy
 import cv2
 import numpy as np
@@ -135,6 +137,35 @@ def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, 
     noise.severity = 4.0
     preview.flush()
     assert np.array_equal(pixels(image), before)
+
+
+def test_pictures_that_take_long_wait_for_a_pause(editor, scene, monkeypatch):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    noise = add(scene, "gaussian_noise", severity=1.0)
+    scene.noisy_world.preview = True
+    preview.flush()
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    before = pixels(editor.spaces.active.image)
+    monkeypatch.setattr(frame_preview, "seconds_taken", lambda _: 2.0)
+    noise.severity = 5.0
+    assert preview._follow() == preview.POLL_S
+    assert np.array_equal(pixels(editor.spaces.active.image), before)
+    time.sleep(preview.PAUSE_S)
+    assert preview._follow() is None
+    assert not np.array_equal(pixels(editor.spaces.active.image), before)
+
+
+def test_a_mistake_is_told_and_the_picture_stays(editor, scene):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    add(scene, "gaussian_noise", severity=1.0)
+    scene.noisy_world.preview = True
+    preview.flush()
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    before = pixels(editor.spaces.active.image)
+    for _ in range(2):
+        add(scene, "desync")
+    assert "twice" in preview._errors[scene.session_uid]
+    assert np.array_equal(pixels(editor.spaces.active.image), before)
 
 
 def test_what_no_editor_shows_is_not_drawn(editor, scene):  # noqa: F811

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A frame as the generator writes it, in the image editor, following the sliders: its colour, or its depth."""
 
+import time
 from collections import OrderedDict
 from typing import Any, Literal
 
@@ -30,6 +31,7 @@ CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.ty
 
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
+_took_s: dict[int, float] = {}  # by scene: how long the pictures took that followed
 
 
 # --- what a frame looks like ---
@@ -182,16 +184,30 @@ def _split_off(context: bpy.types.Context) -> bpy.types.Area | None:
     return shown
 
 
-def follow(scene: bpy.types.Scene) -> None:
-    """Draw the pictures of a scene anew that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
-    editors = _editors()
+def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Area]]]:
+    """Return the pictures of a scene that image editors show: kind, frame, and the editors."""
+    editors, found = _editors(), []
     for kind, index in _followed.get(scene.session_uid, {}).items():
         image = _image(kind)
-        watching = [area for area in editors if image is not None and area.spaces.active.image == image]
-        if watching:
-            make_picture(scene, kind, index)
-        for area in watching:
+        areas = [area for area in editors if image is not None and area.spaces.active.image == image]
+        if areas:
+            found.append((kind, index, areas))
+    return found
+
+
+def follow(scene: bpy.types.Scene) -> None:
+    """Draw the pictures of a scene anew that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
+    began_s = time.perf_counter()
+    for kind, index, areas in watching(scene):
+        make_picture(scene, kind, index)
+        for area in areas:
             area.tag_redraw()
+    _took_s[scene.session_uid] = time.perf_counter() - began_s
+
+
+def seconds_taken(scene: bpy.types.Scene) -> float:
+    """Return how long a scene's pictures took when last drawn; 0 where none were."""
+    return _took_s.get(scene.session_uid, 0.0)
 
 
 @persistent
@@ -216,8 +232,8 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Another file was opened."""
-    _stills.clear()
-    _followed.clear()
+    for kept in (_stills, _followed, _took_s):
+        kept.clear()
 
 
 # --- the panel's part ---

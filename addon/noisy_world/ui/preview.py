@@ -3,6 +3,8 @@
 
 import textwrap
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -28,7 +30,6 @@ SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RE
 """What a preview depends on."""
 
 _changed_s: dict[int, float] = {}  # by scene: when it last changed and was not shown yet
-_took_s: dict[int, float] = {}  # by scene: how long the chain itself took to follow
 _errors: dict[int, str] = {}  # by scene
 
 
@@ -36,14 +37,26 @@ _errors: dict[int, str] = {}  # by scene
 
 
 def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
-    """Have the preview of a scene follow soon: at once where that is quick, in a pause where it is not."""
+    """Have the preview of a scene follow: its chain at once, its pictures in a pause where they are not quick.
+
+    Blender draws all views anew whatever changes, so a chain that waited would only have them drawn twice.
+    """
     if not isinstance(scene, bpy.types.Scene) or what not in SHOWN_BY:
         return
     if what in RENDERED_BY:
         frame_preview.forget(scene)
-    if not (scene.noisy_world.preview or what == "preview"):
+    if what == "preview":
+        _changed_s[scene.session_uid] = 0.0
+    elif scene.noisy_world.preview:
+        apply(scene)
+        if not frame_preview.watching(scene):
+            return
+        if not is_costly(scene):
+            draw_pictures(scene)
+            return
+        _changed_s[scene.session_uid] = time.perf_counter()
+    else:
         return
-    _changed_s[scene.session_uid] = 0.0 if what == "preview" else time.perf_counter()
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=0.0)
 
@@ -53,9 +66,10 @@ def _follow() -> float | None:
     now_s = time.perf_counter()
     for scene in bpy.data.scenes:
         changed_s = _changed_s.get(scene.session_uid)
-        if changed_s is not None and (not is_costly(scene) or now_s - changed_s >= PAUSE_S):
+        if changed_s is not None and now_s - changed_s >= PAUSE_S:
             del _changed_s[scene.session_uid]
             apply(scene)
+            draw_pictures(scene)
     known = {scene.session_uid for scene in bpy.data.scenes}
     for gone in _changed_s.keys() - known:
         del _changed_s[gone]
@@ -67,32 +81,42 @@ def flush() -> None:
     for scene in bpy.data.scenes:
         if _changed_s.pop(scene.session_uid, None) is not None:
             apply(scene)
+            draw_pictures(scene)
 
 
 def is_costly(scene: bpy.types.Scene) -> bool:
-    """Tell whether a change takes so long to show that it waits for a pause."""
-    return _took_s.get(scene.session_uid, 0.0) + views.seconds_taken(scene) > COSTLY_S
+    """Tell whether a scene's pictures take so long that they wait for a pause."""
+    return frame_preview.seconds_taken(scene) > COSTLY_S
 
 
 def apply(scene: bpy.types.Scene) -> None:
     """Make what a scene shows what its settings say; what is wrong with them is kept for the panel."""
     if scene.library is not None:
         return
-    settings = scene.noisy_world
-    began_s = time.perf_counter()
-    _errors.pop(scene.session_uid, None)
-    try:
-        if settings.preview:
+    with _errors_kept(scene):
+        if scene.noisy_world.preview:
             _prefer_processor(scene)
             show(scene)
-            frame_preview.follow(scene)
         else:
             hide(scene)
+    views.sync_views()
+
+
+def draw_pictures(scene: bpy.types.Scene) -> None:
+    """Draw the pictures of a scene anew that an image editor shows, while it is in preview."""
+    if scene.library is None and scene.noisy_world.preview and scene.session_uid not in _errors:
+        with _errors_kept(scene):
+            frame_preview.follow(scene)
+    views.redraw_sidebars()
+
+
+@contextmanager
+def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
+    _errors.pop(scene.session_uid, None)
+    try:
+        yield
     except NoisyWorldError as error:
         _errors[scene.session_uid] = str(error)
-    views.sync_views()
-    views.redraw_sidebars()
-    _took_s[scene.session_uid] = time.perf_counter() - began_s
 
 
 def show(scene: bpy.types.Scene) -> None:
@@ -241,10 +265,12 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row()
         row.operator_context = "INVOKE_DEFAULT"
         row.operator("wm.set_working_color_space", text="Use Linear Rec.709").working_space = "Linear Rec.709"
-    if is_costly(scene):
-        taken_s = views.seconds_taken(scene) + _took_s.get(scene.session_uid, 0.0)
+    if (view_s := views.seconds_taken(scene)) > COSTLY_S:
+        write(layout, context, f"This view takes {view_s:.1f} s: Solid shading and Preview Frame are quicker", "TIME")
+    if frame_preview.watching(scene) and is_costly(scene):
         waits = ", waiting" if scene.session_uid in _changed_s else ""
-        write(layout, context, f"A picture takes {taken_s:.1f} s: it follows when the slider rests{waits}", "TIME")
+        took_s = frame_preview.seconds_taken(scene)
+        write(layout, context, f"The picture takes {took_s:.1f} s: it follows when the slider rests{waits}", "TIME")
 
 
 def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
@@ -294,5 +320,5 @@ def unregister() -> None:
     views.unregister()
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
-    for cache in (_changed_s, _took_s, _errors):
+    for cache in (_changed_s, _errors):
         cache.clear()
