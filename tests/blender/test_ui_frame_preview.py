@@ -278,3 +278,24 @@ def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders): 
     noise.severity = 3.0
     preview.flush()
     assert len(renders) == 2
+
+
+def test_undo_makes_a_frame_stale_where_it_moved_something(editor, scene, renders):  # noqa: F811
+    cycles_scene((0.1, 0.2, 0.05))
+    noise = add(scene, "gaussian_noise", severity=1.0)
+    scene.noisy_world.preview = True
+    preview.flush()
+    bpy.ops.ed.undo_push(message="made")
+    scene.camera.location.x = 1.0
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="moved")
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="shown")
+    noise.severity = 2.0
+    bpy.ops.ed.undo_push(message="noisier")
+    assert len(renders) == 1
+    for _ in range(3):
+        bpy.ops.ed.undo()
+    assert bpy.context.scene.camera.location.x == 0.0
+    bpy.context.view_layer.update()
+    assert not frame_preview._stills

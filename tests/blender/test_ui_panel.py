@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tab's properties and operators: presets in and out, the list's order, the user's own file left alone."""
+"""The tab's properties and operators: the list's order, the user's own file left alone, what registration leaves."""
 
 import time
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -10,15 +9,12 @@ import pytest
 
 import noisy_world
 from noisy_world.blender.camera import read_trajectory_keys
-from noisy_world.core.errors import InputError
 from noisy_world.core.mesh import Mesh
-from noisy_world.core.mixture import parse_settings
 from noisy_world.core.perturbation import CATEGORIES
 from noisy_world.core.ply_writer import write_ply
-from noisy_world.core.preset import read_preset
+from noisy_world import ui
 from noisy_world.perturbations import registry
-
-PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
+from noisy_world.ui import described, presets
 
 
 @pytest.fixture(autouse=True)
@@ -53,110 +49,6 @@ def use_files(tmp_path, count=10):
     item.mesh_path = square(tmp_path / "square.ply")
     item.trajectory_path, poses = straight(tmp_path / "traj.txt", count)
     return poses
-
-
-def parsed(preset):
-    return {item.name: item for item in parse_settings(
-        preset.spec.settings, preset.place("settings"), registry(), preset.spec.render.backend
-    )}  # fmt: skip
-
-
-# --- presets ---
-
-
-@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
-def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
-    from noisy_world.ui.document import open_preset, save_preset
-
-    shipped = read_preset(path)
-    for name, setting in parsed(shipped).items():
-        open_preset(settings(), path, name)
-        save_preset(settings(), tmp_path / "saved.yaml")
-        saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("camera", "render", "seed", "scenes", "rig"):
-            assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
-        assert saved.spec.output.layout == shipped.spec.output.layout
-        assert saved.spec.output.overview == shipped.spec.output.overview
-        again = parsed(saved)
-        assert list(again) == (["clean", name] if setting.steps else ["clean"])
-        for one, other in zip(again[name].steps, setting.steps, strict=True):
-            for member in ("perturbation", "place", "severity", "levels", "temporal"):
-                assert getattr(one, member) == getattr(other, member), (name, member)
-            level = one.severity or None
-            assert one.parameters(level) == other.parameters(level), name
-
-
-def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
-    from noisy_world.ui.document import from_document, to_document
-
-    document = {
-        "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
-        "camera": {"width": 64, "height": 48, "fx": 52.123456789012, "fy": 1 / 3, "cx": 31.5, "cy": 23.5},
-        "settings": [{"name": "fog", "perturb": [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]}],
-    }
-    from_document(document, settings(), path=tmp_path / "p.yaml")
-    said = to_document(settings())
-    assert said["camera"]["fx"] == 52.123456789012
-    assert said["camera"]["fy"] == 1 / 3
-    assert said["settings"][1]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
-    settings().fx_px = 50.1  # by hand: what was typed counts
-    assert to_document(settings())["camera"]["fx"] == 50.1
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),
-        ({"scenes": [{"sequence": "room0"}]}, "scenes.0.sequence"),
-        ({"scenes": [{"mesh": "*.ply", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
-        ({"scenes": [{"mesh": "a.ply", "trajectory": {"file": "t.txt", "start": 2}}]}, "scenes.0.trajectory.start"),
-        ({"rig": {"rgb": {}}}, "rig"),
-        ({"render": {"device": "gpu"}}, "render.device"),
-        ({"seed": 2**40}, "seed"),
-        ({"settings": [{"name": "x", "perturb": [{"fog": {"mode": "dynamic", "levels": [1, 5]}}]}]}, "settings"),
-    ],
-)
-def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
-    from noisy_world.ui.document import from_document, to_document
-
-    document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
-    settings().seed = 77
-    before = to_document(settings())
-    with pytest.raises(InputError) as raised:
-        from_document(document, settings(), path=tmp_path / "p.yaml")
-    assert f"p.yaml: {key}: " in str(raised.value)
-    assert "\n" not in str(raised.value)
-    assert to_document(settings()) == before
-
-
-def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
-    monkeypatch.setattr(bpy.utils, "user_resource", lambda *_, **words: str(tmp_path / words["path"]))
-    settings().seed = 12
-    assert bpy.ops.noisy_world.add_preset(name="Mine") == {"FINISHED"}
-    path = tmp_path / "presets/noisy_world/Mine.yaml"
-    assert settings().preset_path == str(path)
-    with pytest.raises(RuntimeError, match="there is a preset of this name"):
-        bpy.ops.noisy_world.add_preset(name="Mine")
-    with pytest.raises(RuntimeError, match="cannot name a file"):
-        bpy.ops.noisy_world.add_preset(name="../Mine")
-    settings().seed = 3
-    assert bpy.ops.noisy_world.use_preset(filepath=str(path)) == {"FINISHED"}
-    assert settings().seed == 12
-    assert bpy.ops.noisy_world.remove_preset() == {"FINISHED"}
-    assert not path.exists()
-    assert not bpy.ops.noisy_world.remove_preset.poll()
-
-
-def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
-    from noisy_world.ui.document import open_preset, save_preset
-
-    use_files(tmp_path)
-    save_preset(settings(), tmp_path / "kitchen.yaml")
-    (scene,) = read_preset(tmp_path / "kitchen.yaml").spec.scenes
-    assert (scene.mesh, scene.trajectory.file) == ("square.ply", "traj.txt")
-    settings().mesh_path = ""
-    open_preset(settings(), tmp_path / "kitchen.yaml")
-    assert Path(settings().mesh_path) == tmp_path / "square.ply"
 
 
 # --- the list ---
@@ -420,3 +312,22 @@ def test_twenty_times_on_and_off_leaves_nothing():
     assert paths._handles == []
     assert not any(bpy.app.timers.is_registered(item) for item in (preview._follow, preview._resume))
     noisy_world.register()
+
+
+def test_a_registration_that_fails_leaves_nothing(monkeypatch):
+    noisy_world.unregister()
+    before = set(dir(bpy.types))
+
+    def fail():
+        raise RuntimeError("no room")
+
+    try:
+        with monkeypatch.context() as patched:
+            patched.setattr(presets, "register", fail)  # the last
+            with pytest.raises(RuntimeError, match="no room"):
+                ui.register()
+        assert set(dir(bpy.types)) == before
+        assert not hasattr(bpy.types.Scene, "noisy_world")
+        assert described.LISTENERS == []
+    finally:
+        noisy_world.register()

@@ -2,6 +2,7 @@
 """The add-on's windows: thin, over the functions that the generator calls."""
 
 import importlib
+from contextlib import ExitStack
 from types import ModuleType
 
 MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "asset_library", "panels", "presets")
@@ -15,15 +16,11 @@ def modules() -> list[ModuleType]:
 
 def register() -> None:
     """Register everything, or nothing where something fails."""
-    done: list[ModuleType] = []
-    try:
+    with ExitStack() as registered:
         for module in modules():
             module.register()
-            done.append(module)
-    except Exception:
-        for module in reversed(done):
-            module.unregister()
-        raise
+            registered.callback(module.unregister)
+        registered.pop_all()  # all went well: they stay
 
 
 def unregister() -> None:

@@ -19,13 +19,13 @@ from ..core.mixture import Setting, perturb_depth, perturb_rgb
 from ..core.overview import colour_depth
 from ..core.plan import Sequence, lay_out
 from .document import identifiers_of, steps_of
+from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_poses
 from .properties import perturbation_of
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
-ABOUT = "noisy_world_shows"
 STILLS_KEPT = 4  # of a scene: with desynchronisation sliders go from one to the next
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
@@ -143,7 +143,6 @@ def make_picture(scene: bpy.types.Scene, kind: Kind, index: int | None = None) -
     rgba[..., :3] = picture[::-1] / np.float32(255)
     image.pixels.foreach_set(rgba.ravel())
     image.update()
-    image[ABOUT] = about
     return image, about
 
 
@@ -239,17 +238,16 @@ def _forget_all(*_: object) -> None:
 # --- the panel's part ---
 
 
-class _Preview:
+class _Preview(OnScene):
     """Render the scene's frame, and show it perturbed."""
 
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = UNDOABLE
     kind: Kind
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Where there is a camera to see through, in a scene of this file."""
-        if context.scene is None or context.scene.library is not None:
-            cls.poll_message_set("The scene is linked from another file")
+        """Where there is a camera to see through."""
+        if not super().poll(context):
             return False
         if context.scene.camera is None:
             cls.poll_message_set("The scene has no camera")
@@ -258,18 +256,17 @@ class _Preview:
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Render and show."""
-        scene = context.scene
-        forget(scene)
-        try:
+
+        def work() -> str:
+            scene = context.scene
+            forget(scene)
             _, index = sequence_of(scene)
             image, about = make_picture(scene, self.kind, index)
-        except NoisyWorldError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        _followed.setdefault(scene.session_uid, {})[self.kind] = index
-        open_picture(context, image)
-        self.report({"INFO"}, about)
-        return {"FINISHED"}
+            _followed.setdefault(scene.session_uid, {})[self.kind] = index
+            open_picture(context, image)
+            return about
+
+        return guarded(self, work)
 
 
 class PreviewFrame(_Preview, bpy.types.Operator):
@@ -303,13 +300,12 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
 
 
-CLASSES = (PreviewFrame, PreviewDepth)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))
 
 
 def register() -> None:
     """Register the operators, and watch for what makes a rendered frame stale."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    _register_classes()
     bpy.app.handlers.depsgraph_update_post.append(_on_change)
     bpy.app.handlers.load_post.append(_forget_all)
 
@@ -318,6 +314,5 @@ def unregister() -> None:
     """Take them away; the pictures stay the file's."""
     bpy.app.handlers.depsgraph_update_post.remove(_on_change)
     bpy.app.handlers.load_post.remove(_forget_all)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister_classes()
     _forget_all()

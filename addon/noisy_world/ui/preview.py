@@ -16,6 +16,7 @@ from ..core.errors import NoisyWorldError
 from ..core.perturbation import RGB_CATEGORIES
 from . import frame_preview, properties, views
 from .document import identifiers_of, steps_of
+from .operators import DONE, UNDOABLE, OnScene
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 COSTLY_S = 0.5
@@ -194,18 +195,17 @@ def is_working_space_wrong() -> bool:
     return bpy.data.colorspace.working_space != "Linear Rec.709"
 
 
-class UseStandardView(bpy.types.Operator):
+class UseStandardView(OnScene, bpy.types.Operator):
     """Show colours as they are written: the Standard view transform without look, exposure, gamma or curves"""
 
     bl_idname = "noisy_world.use_standard_view"
     bl_label = "Use Standard View"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = UNDOABLE
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Where something is to be mended."""
-        if context.scene is None or context.scene.library is not None:
-            cls.poll_message_set("The scene is linked from another file")
+        if not super().poll(context):
             return False
         if not falsified_by(context.scene):
             cls.poll_message_set("The view is Standard already")
@@ -215,7 +215,7 @@ class UseStandardView(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Set the view."""
         use_standard_view(context.scene)
-        return {"FINISHED"}
+        return DONE
 
 
 def use_standard_view(scene: bpy.types.Scene) -> None:
@@ -254,7 +254,8 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
         write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
         row = layout.row(align=True)
-        row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
+        if scene.render.engine != "BLENDER_WORKBENCH":  # for which there is no such shading
+            row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
@@ -286,14 +287,12 @@ def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, ico
 
 # --- registration ---
 
-CLASSES = (UseStandardView,)
 _HANDLERS = ("undo_post", "redo_post", "load_post")
 
 
 def register() -> None:
     """Follow the properties, undo and files that are opened."""
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    bpy.utils.register_class(UseStandardView)
     views.register(_touch_view)
     frame_preview.register()
     properties.LISTENERS.append(touch)
@@ -318,7 +317,6 @@ def unregister() -> None:
     views.give_back_all()
     frame_preview.unregister()
     views.unregister()
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    bpy.utils.unregister_class(UseStandardView)
     for cache in (_changed_s, _errors):
         cache.clear()
