@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
-from noisy_world.core.groups import build_group
-from noisy_world.core.perturbation import RGB_CATEGORIES, Perturbation
+from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, Perturbation
 from showcase import demo_frame, perturbed, shown_perturbations
 
 FILE = "noisy_world_assets.blend"

@@ -14,10 +14,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "addon"))
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.ply import read_ply
-from noisy_world.core.ply_writer import write_ply
-from noisy_world.core.preset import EMBEDDED_ROOM
-from noisy_world.core.room import build_room
+from noisy_world.core.presets.preset import EMBEDDED_ROOM
+from noisy_world.core.scenes.ply import read_ply
+from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.core.scenes.room import build_room
 
 
 def main(arguments: list[str]) -> int:

@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.perturbation import Category
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.perturbing.kinds import Category
 from showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)

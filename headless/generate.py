@@ -30,7 +30,7 @@ INTERRUPTED = 130
 KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
 
 if TYPE_CHECKING:
-    from noisy_world.core.plan import Plan
+    from noisy_world.core.planning.plan import Plan
     from noisy_world.core.progress import JsonProgress, Progress
     from noisy_world.pipeline import Report
 
@@ -156,8 +156,8 @@ def positive(text: str) -> int:
 
 def run(options: argparse.Namespace) -> int:
     """Do what the command line asks."""
-    from noisy_world.core.plan import make_plan  # noqa: PLC0415
-    from noisy_world.core.preset import read_preset  # noqa: PLC0415
+    from noisy_world.core.planning.plan import make_plan  # noqa: PLC0415
+    from noisy_world.core.presets.preset import read_preset  # noqa: PLC0415
     from noisy_world.perturbations import registry  # noqa: PLC0415
 
     if options.list in KNOWN:
@@ -180,7 +180,7 @@ def out_folder(options: argparse.Namespace) -> Path:
 
 def list_known(what: str) -> int:
     """List what does not depend on a preset."""
-    from noisy_world.core.preset import PresetSpec  # noqa: PLC0415
+    from noisy_world.core.presets.preset import PresetSpec  # noqa: PLC0415
     from noisy_world.core.schema import list_keys  # noqa: PLC0415
 
     if what == "presets":
@@ -228,7 +228,7 @@ def list_plan(plan: "Plan", what: str) -> int:
 
 def print_plan(plan: "Plan", out: Path) -> int:
     """Print what a run would do."""
-    from noisy_world.core.plan import estimate  # noqa: PLC0415
+    from noisy_world.core.planning.plan import estimate  # noqa: PLC0415
 
     guess = estimate(plan)
     camera = plan.camera

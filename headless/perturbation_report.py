@@ -27,7 +27,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 from bench import node_groups, tables
 from bench.contestant import Contestant
 from noisy_world.core.machine import keep_freed_memory
-from noisy_world.core.perturbation import RGB_CATEGORIES, SEVERITIES
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, SEVERITIES
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 

@@ -28,13 +28,13 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench import errors, pictures, tables
 from bench.contestant import Contestant, ContestantError
+from noisy_world.core.datasets.provenance import package_version
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.handheld import handheld_path
 from noisy_world.core.machine import available_threads, processor_features
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.ply_writer import write_ply
-from noisy_world.core.provenance import package_version
-from noisy_world.core.room import build_room
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.core.scenes.room import build_room
+from noisy_world.core.trajectories.handheld import handheld_path
 
 CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)
 PATH_FRAMES = 24

@@ -30,10 +30,10 @@ import noisy_world
 from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsics
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scene import add_mesh
-from noisy_world.core.groups import build_group, socket_name
-from noisy_world.core.plan import load_trajectory, make_plan
-from noisy_world.core.preset import read_preset
-from noisy_world.core.scenes import load_mesh
+from noisy_world.core.node_graphs.groups import build_group, socket_name
+from noisy_world.core.planning.plan import load_trajectory, make_plan
+from noisy_world.core.planning.scenes import load_mesh
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 
 DEMO = ROOT / "presets" / "demo.yaml"

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.session import Session
-from noisy_world.core.mixture import Step, parse_steps
-from noisy_world.core.perturbation import RGB_CATEGORIES, Perturbation
-from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories
-from noisy_world.core.preset import read_preset
-from noisy_world.core.scenes import load_mesh
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, Perturbation
+from noisy_world.core.perturbing.mixture import Step, parse_steps
+from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories
+from noisy_world.core.planning.scenes import load_mesh
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import render_options

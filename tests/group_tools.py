@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.mixture import parse_steps
+from noisy_world.core.perturbing.mixture import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 

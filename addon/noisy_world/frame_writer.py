@@ -12,13 +12,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.dataset import Dataset, FrameRecord
+from .core.datasets.dataset import Dataset, FrameRecord
+from .core.datasets.existing import StoredFrame
+from .core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
+from .core.datasets.storage import sha256_of_file
 from .core.errors import InputError
-from .core.existing import StoredFrame
-from .core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
-from .core.mixture import perturb_depth, perturb_rgb
-from .core.plan import Sequence
-from .core.storage import sha256_of_file
+from .core.perturbing.mixture import perturb_depth, perturb_rgb
+from .core.planning.plan import Sequence
 
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
 WAITING_FRAMES = 3

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.existing import find_sequence
-from .core.mixture import Setting, parse_steps, perturb_colour, perturb_depth, perturb_motion, perturb_rgb
-from .core.plan import lay_out
+from .core.datasets.existing import find_sequence
+from .core.perturbing.mixture import Setting, parse_steps, perturb_colour, perturb_depth, perturb_motion, perturb_rgb
+from .core.planning.plan import lay_out
 from .core.schema import Place
 from .perturbations import registry
 

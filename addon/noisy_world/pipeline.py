@@ -12,18 +12,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .core.dataset import OVERVIEW, RUN, Dataset, FrameRecord
+from .core.datasets.dataset import OVERVIEW, RUN, Dataset, FrameRecord
+from .core.datasets.overview import draw_overview
+from .core.datasets.provenance import identity, manifest, render_seed
 from .core.errors import InterruptedRunError
 from .core.machine import available_threads, keep_freed_memory, peak_memory_bytes
-from .core.mesh import Mesh
-from .core.overview import draw_overview
-from .core.plan import Plan, Render, Sequence, estimate, load_trajectory, render_trajectories, written_trajectories
-from .core.preset import canonical
+from .core.planning.plan import (
+    Plan,
+    Render,
+    Sequence,
+    estimate,
+    load_trajectory,
+    render_trajectories,
+    written_trajectories,
+)
+from .core.planning.scenes import Scene, load_mesh
+from .core.presets.preset import canonical
 from .core.progress import Progress
-from .core.provenance import identity, manifest, render_seed
-from .core.scenes import Scene, load_mesh
-from .core.selfcheck import reprojection_problem
-from .core.trajectory import Trajectory
+from .core.scenes.mesh import Mesh
+from .core.scenes.selfcheck import reprojection_problem
+from .core.trajectories.trajectory import Trajectory
 from .frame_writer import Composited, FrameWriter, SourceFrame
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.images import rgb_bytes
+from noisy_world.core.datasets.images import rgb_bytes
 
 EDGE_JUMP = 0.05  # of the nearer depth, between neighbours
 EDGE_REACH_PX = 2

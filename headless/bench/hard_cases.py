@@ -23,6 +23,7 @@ from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_m
 from noisy_world.blender import session as session_module
 from noisy_world.blender.render import RenderedFrame
 from noisy_world.blender.session import RenderOptions, Session
+from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.core.geometry import (
     Intrinsics,
     nearest_rotation,
@@ -32,9 +33,8 @@ from noisy_world.core.geometry import (
     rotation_from_quat_wxyz,
     slerp,
 )
-from noisy_world.core.images import quantise_depth, rgb_bytes
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = CAMERAS["fx above fy"]
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
-from noisy_world.core.groups import build_group
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.mixture import Step, parse_steps, perturb_colour
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.core.perturbing.mixture import Step, parse_steps, perturb_colour
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 

@@ -23,10 +23,10 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
-    from noisy_world.core.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories  # noqa: PLC0415
-    from noisy_world.core.preset import read_preset  # noqa: PLC0415
-    from noisy_world.core.scenes import load_mesh  # noqa: PLC0415
+    from noisy_world.core.datasets.dataset import Dataset  # noqa: PLC0415 - the start is measured
+    from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories  # noqa: PLC0415
+    from noisy_world.core.planning.scenes import load_mesh  # noqa: PLC0415
+    from noisy_world.core.presets.preset import read_preset  # noqa: PLC0415
 
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]
@@ -154,7 +154,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
 
     from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415  # noqa: PLC0415
     from noisy_world.blender.session import Session  # noqa: PLC0415
-    from noisy_world.core.trajectory import evenly_stamped  # noqa: PLC0415
+    from noisy_world.core.trajectories.trajectory import evenly_stamped  # noqa: PLC0415
 
     camera = CAMERAS["fx above fy"]
     eye = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])

@@ -12,9 +12,9 @@ from analytic import look_at, quads_mesh, rays
 
 from noisy_world.blender.session import RenderOptions, Session
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 160, 100.0, 100.0, 79.5, 79.5)
 OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=1, seed=0)

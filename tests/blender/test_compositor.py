@@ -13,9 +13,9 @@ from worlds import ROOT
 
 from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.mixture import parse_steps
-from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.perturbing.mixture import parse_steps
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 

@@ -21,7 +21,7 @@ from analytic import (
 )
 
 from noisy_world.blender.session import RenderOptions, Session
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
 POINTS = {

@@ -14,8 +14,8 @@ from noisy_world.blender.probe import gl_version
 from noisy_world.blender.session import RenderOptions, Session, renderer_versions
 from noisy_world.core.errors import MissingDependencyError, NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 120, 110.0, 90.0, 70.0, 66.5)
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)

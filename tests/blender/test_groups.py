@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
-from noisy_world.core.graph import Graph, GroupInput, Picture
-from noisy_world.core.groups import build_group, socket_name
-from noisy_world.core.node_layout import arrange
-from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.core.node_graphs.graph import Graph, GroupInput, Picture
+from noisy_world.core.node_graphs.groups import build_group, socket_name
+from noisy_world.core.node_graphs.node_layout import arrange
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
 from noisy_world.perturbations import registry
 
 NAMES = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]

@@ -10,8 +10,8 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from noisy_world.blender.camera import add_camera, key_trajectory, read_trajectory_keys
 from noisy_world.blender.scene import empty_scene, set_origin
-from noisy_world.core.trajectory import evenly_stamped
-from noisy_world.core.trajectory_files import read_trajectory, replica_text, tum_text
+from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.core.trajectories.files import read_trajectory, replica_text, tum_text
 
 
 def random_poses(count, *, place_m=(0.0, 0.0, 0.0)):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from group_tools import IDENTIFIERS, by_reference, levels_apart, picture, step_of
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.groups import build_group
+from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.perturbations import registry
 from noisy_world.perturbations._jpeg_nodes import CHROMA, LUMA
 

@@ -7,7 +7,7 @@ import pytest
 from group_tools import IDENTIFIERS, by_nodes, by_reference, levels_apart, picture, step_of
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import defocus_depth
 from noisy_world.perturbations._kernels import disk_kernel
 from noisy_world.perturbations.glass_blur import offset_shares

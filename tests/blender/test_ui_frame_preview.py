@@ -15,9 +15,9 @@ from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.scene import add_mesh
 from noisy_world.blender.still import render_stills
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.mixture import perturb_depth, perturb_rgb
-from noisy_world.core.overview import colour_depth
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.perturbing.mixture import perturb_depth, perturb_rgb
+from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.ui import frame_preview, operators, presets, preview, world
 
 

@@ -9,9 +9,9 @@ import pytest
 
 import noisy_world
 from noisy_world.blender.camera import read_trajectory_keys
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.perturbation import CATEGORIES
-from noisy_world.core.ply_writer import write_ply
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.perturbing.kinds import CATEGORIES
+from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
 from noisy_world.ui import described, presets
@@ -171,7 +171,7 @@ def test_solid_shading_gets_its_own_colours_and_the_render_keeps_its(tmp_path):
 
 
 def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tmp_path):
-    from noisy_world.core.plan import load_trajectory, make_plan, render_trajectories
+    from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories
     from noisy_world.ui.document import preset_of
 
     poses = use_files(tmp_path)

@@ -13,9 +13,9 @@ from noisy_world.blender.chain_scene import (
     PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
 )  # fmt: skip
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.mixture import parse_steps, perturb_motion
+from noisy_world.core.perturbing.mixture import parse_steps, perturb_motion
 from noisy_world.core.schema import Place
-from noisy_world.core.trajectory import Trajectory
+from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.ui import paths, preview, properties, views
 

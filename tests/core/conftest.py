@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.ply import read_ply
+from noisy_world.core.scenes.ply import read_ply
 
 pytest.register_assert_rewrite("ply_files")
 

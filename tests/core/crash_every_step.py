@@ -18,8 +18,8 @@ sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parents[1] / "addon")]
 import fake_session
 from worlds import content
 
-from noisy_world.core.plan import make_plan
-from noisy_world.core.preset import read_preset
+from noisy_world.core.planning.plan import make_plan
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run

@@ -13,10 +13,10 @@ import fake_session
 import pytest
 from worlds import ROOT, content, write_world
 
-from noisy_world.core import storage
+from noisy_world.core.datasets import storage
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
-from noisy_world.core.plan import make_plan
-from noisy_world.core.preset import read_preset
+from noisy_world.core.planning.plan import make_plan
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
@@ -305,7 +305,7 @@ def test_the_lock_goes_with_its_process(tmp_path):
 import os, sys, time
 sys.path.insert(0, {str(ROOT / "addon")!r})
 from pathlib import Path
-from noisy_world.core.storage import FolderLock
+from noisy_world.core.datasets.storage import FolderLock
 lock = FolderLock(Path({str(path)!r}))
 print("taken", flush=True)
 time.sleep(60)

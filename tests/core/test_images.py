@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
-from noisy_world.core.layouts import REPLICA_SCALE_PER_M, TUM_SCALE_PER_M, Layout
+from noisy_world.core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
+from noisy_world.core.datasets.layouts import REPLICA_SCALE_PER_M, TUM_SCALE_PER_M, Layout
 
 
 @pytest.mark.parametrize("scale", [REPLICA_SCALE_PER_M, TUM_SCALE_PER_M])

@@ -39,9 +39,9 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
     shutil.copytree(ADDON, tmp_path / "addon", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(root / "pyproject.toml", tmp_path)
     breaches = {
-        "addon/noisy_world/core/mesh.py": "import bpy\n",
-        "addon/noisy_world/core/ply.py": "from ..blender import scene\n",
-        "addon/noisy_world/core/images.py": "import cv2\n",
+        "addon/noisy_world/core/scenes/mesh.py": "import bpy\n",
+        "addon/noisy_world/core/scenes/ply.py": "from ...blender import scene\n",
+        "addon/noisy_world/core/datasets/images.py": "import cv2\n",
         "addon/noisy_world/blender/camera.py": "from ..pipeline import Run\n",
         "addon/noisy_world/pipeline.py": "from .blender.session import Session\n",
     }

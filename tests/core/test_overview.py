@@ -6,8 +6,8 @@ import os
 import cv2
 import numpy as np
 
-from noisy_world.core.layouts import Layout
-from noisy_world.core.overview import GAP_PX, LABEL_PX, draw_overview
+from noisy_world.core.datasets.layouts import Layout
+from noisy_world.core.datasets.overview import GAP_PX, LABEL_PX, draw_overview
 
 LAYOUT = Layout("replica", "png")
 TILE_PX = 160 + GAP_PX  # 320 x 160 tiles of 40 x 20 images

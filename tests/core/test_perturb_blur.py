@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import defocus_blur, gaussian_blur, glass_blur, motion_blur
 from noisy_world.perturbations._kernels import correlate, disk_kernel, line_kernel
 

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from noisy_world.core.images import quantise_depth
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.datasets.images import quantise_depth
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import _ice, fog, frost, snow, spatter
 
 MODULES = {module.PERTURBATION.name: module for module in (fog, frost, snow, spatter)}

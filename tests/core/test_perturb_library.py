@@ -13,9 +13,9 @@ import pytest
 from worlds import ROOT, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.images import quantise_depth, rgb_bytes
-from noisy_world.core.plan import make_plan
-from noisy_world.core.preset import read_preset
+from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
+from noisy_world.core.planning.plan import make_plan
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry

@@ -6,8 +6,8 @@ from math import cos, erf, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbation import Frame
-from noisy_world.core.trajectory import Trajectory, evenly_stamped
+from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
 from noisy_world.perturbations import registry
 
 FRAME = Frame(0, (7, "room", "shaky", "motion_deviation", 0))

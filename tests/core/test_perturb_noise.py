@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import gaussian_noise, impulse_noise, registry, shot_noise, speckle_noise
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -8,8 +8,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from noisy_world.core.images import rgb_bytes
-from noisy_world.core.perturbation import Frame
+from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")

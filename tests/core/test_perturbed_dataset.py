@@ -13,11 +13,11 @@ import pytest
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.images import encode_rgb
-from noisy_world.core.mixture import parse_steps
-from noisy_world.core.perturbation import Frame
-from noisy_world.core.plan import make_plan
-from noisy_world.core.preset import read_preset
+from noisy_world.core.datasets.images import encode_rgb
+from noisy_world.core.perturbing.mixture import parse_steps
+from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.planning.plan import make_plan
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry

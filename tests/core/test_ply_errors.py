@@ -9,7 +9,7 @@ import pytest
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, TRIANGLES, XYZ, assert_is, face, ply, vertex
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.ply import read_ply
+from noisy_world.core.scenes.ply import read_ply
 
 
 class TestErrors:

@@ -27,8 +27,8 @@ from ply_files import (
     vertex,
 )
 
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.ply import read_ply
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.scenes.ply import read_ply
 
 REAL_ROOM = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "real_room"
 

@@ -6,9 +6,9 @@ import yaml
 from worlds import write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.plan import make_plan
+from noisy_world.core.planning.plan import make_plan
 from noisy_world.perturbations import registry
-from noisy_world.core.preset import PresetSpec, read_preset
+from noisy_world.core.presets.preset import PresetSpec, read_preset
 from noisy_world.core.schema import list_keys
 
 MINIMAL = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from noisy_world.core.mesh import Mesh
-from noisy_world.core.room import INTERIOR_MAX_M, INTERIOR_MIN_M, build_room
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.scenes.room import INTERIOR_MAX_M, INTERIOR_MIN_M, build_room
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"
 DIGEST_IN_ANOTHER_PROCESS = """
@@ -17,7 +17,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 sys.path.insert(0, sys.argv[2])
 from test_room import digest
-from noisy_world.core.room import build_room
+from noisy_world.core.scenes.room import build_room
 print(digest(build_room()))
 """
 

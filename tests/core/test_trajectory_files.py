@@ -13,8 +13,8 @@ from noisy_world.core.geometry import (
     rotation_error,
     rotation_from_euler_deg,
 )
-from noisy_world.core.trajectory import Trajectory, evenly_stamped, subsample
-from noisy_world.core.trajectory_files import detect_format, kitti_text, read_trajectory, replica_text, tum_text
+from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, subsample
+from noisy_world.core.trajectories.files import detect_format, kitti_text, read_trajectory, replica_text, tum_text
 
 REAL_ROOM = Path(__file__).parents[3] / "shared/data/real_room"
 

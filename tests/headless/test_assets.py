@@ -13,9 +13,9 @@ import pytest
 from group_tools import IDENTIFIERS, by_nodes, picture, step_of
 from worlds import ROOT
 
-from noisy_world.core.chain import socket_values
-from noisy_world.core.groups import build_group
-from noisy_world.core.perturbation import RGB_CATEGORIES
+from noisy_world.core.node_graphs.chain import socket_values
+from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
 from noisy_world.perturbations import registry
 
 PERTURBATIONS = [item for item in registry().values() if item.category in RGB_CATEGORIES]

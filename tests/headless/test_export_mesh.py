@@ -7,8 +7,8 @@ import sys
 import numpy as np
 from worlds import ROOT, write_box_ply
 
-from noisy_world.core.ply import read_ply
-from noisy_world.core.room import build_room
+from noisy_world.core.scenes.ply import read_ply
+from noisy_world.core.scenes.room import build_room
 
 
 def export(*arguments):

@@ -157,7 +157,7 @@ def test_the_scripts_use_the_package_that_blender_loaded(tmp_path):
         import installation
         installation.prepare_imports()
         from noisy_world.core.errors import NoisyWorldError
-        from noisy_world.core import trajectory
+        from noisy_world.core.trajectories import trajectory
         import noisy_world.perturbations.fog as fog
         assert NoisyWorldError is sys.modules["user_default.noisy_world.core.errors"].NoisyWorldError
         files = [getattr(module, "__file__", None) or "" for module in set(sys.modules.values())]
@@ -184,7 +184,7 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
         sys.path.insert(0, {str(extension / "headless")!r})
         import installation
         installation.prepare_imports()
-        import noisy_world.core.provenance as provenance
+        import noisy_world.core.datasets.provenance as provenance
         print(provenance.__file__, provenance.package_version())
     """
     said = python(code, tmp_path).split()

@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT / "headless"))
 import report
 from bench import contestant, errors, pictures, tables
 
-from noisy_world.core.mesh import Mesh
+from noisy_world.core.scenes.mesh import Mesh
 
 
 def test_the_pareto_front_is_what_nothing_beats():
@@ -88,7 +88,7 @@ def test_a_contestant_answers_beside_the_noise_that_others_print():
 
 
 def test_the_million_quads_are_a_million(tmp_path):
-    from noisy_world.core.ply import read_ply
+    from noisy_world.core.scenes.ply import read_ply
 
     report.write_million(tmp_path)
     mesh = read_ply(tmp_path / "million.ply")

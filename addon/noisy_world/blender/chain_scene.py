@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.chain import build_chain, socket_values, step_node
-from ..core.mixture import Identifiers, Step
+from ..core.node_graphs.chain import build_chain, socket_values, step_node
+from ..core.perturbing.mixture import Identifiers, Step
 from .nodes import ensure_group, remove_group
 
 PREVIOUS = "noisy_world_previous_compositing"

@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.chain import build_chain, is_active, socket_values, step_node
+from ..core.datasets.images import rgb_bytes
 from ..core.errors import StorageError
-from ..core.images import rgb_bytes
-from ..core.mixture import Identifiers, Step
+from ..core.node_graphs.chain import build_chain, is_active, socket_values, step_node
+from ..core.perturbing.mixture import Identifiers, Step
 from .nodes import ensure_group, remove_group
 from .render import muted_output, scratch_folder
 

@@ -10,8 +10,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
-from ..core.node_layout import Arrangement, arrange
+from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
+from ..core.node_graphs.node_layout import Arrangement, arrange
 
 STAMP = "noisy_world_stamp"
 PICTURE_VERSION = "noisy_world_version"

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.mesh import Mesh
+from ..core.scenes.mesh import Mesh
 
 COLOUR_ATTRIBUTE = "Col"
 MATERIAL = "Noisy World vertex colours"

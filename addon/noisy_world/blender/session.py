@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
-from ..core.mesh import Mesh
-from ..core.trajectory import Trajectory
+from ..core.scenes.mesh import Mesh
+from ..core.trajectories.trajectory import Trajectory
 from .camera import add_camera, key_trajectory, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu
 from .probe import gl_version

@@ -5,7 +5,7 @@ import importlib
 import pkgutil
 from functools import cache
 
-from ..core.perturbation import CATEGORIES, Perturbation
+from ..core.perturbing.kinds import CATEGORIES, Perturbation
 
 
 @cache

@@ -10,7 +10,7 @@ with libjpeg's constants, so that what lies near the middle between two steps is
 import math
 from collections.abc import Sequence
 
-from ..core.graph import Graph, GroupInput, Socket, Value
+from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 
 SIZE = 8
 RUN = range(SIZE)

@@ -13,8 +13,8 @@ counted; in Blender's images they go upwards.
 import math
 from dataclasses import dataclass
 
-from ..core.graph import Graph, GroupInput, Socket, Value
-from ..core.groups import Canvas
+from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
+from ..core.node_graphs.groups import Canvas
 from ._block_dct import BUNDLES, RUN, cosines, frequencies, pixels, sample
 
 # The standard's tables for quality 50 (K.1 and K.2): a row for each vertical frequency.

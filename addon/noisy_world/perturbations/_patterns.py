@@ -9,7 +9,7 @@ from typing import Concatenate
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbation import Frame
+from ..core.perturbing.kinds import Frame
 
 _KEPT = 8  # patterns of as many sequences, so that memory does not grow
 

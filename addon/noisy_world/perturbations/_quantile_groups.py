@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 from functools import cache, reduce
 
-from ..core.graph import Graph, GroupInput, Socket
+from ..core.node_graphs.graph import Graph, GroupInput, Socket
 
 # The normal quantile of u is (u - 1/2) RISE(s) / FALL(s) with s = 256 u (1 - u): minimax in probability over a uniform
 # number's 24 bits. Off by 4e-5 of probability, by 0.004 sigma up to 3.5 sigma, by 0.008 up to the last, 5.6 sigma.

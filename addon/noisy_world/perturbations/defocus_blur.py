@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Graph, GroupInput, Kind, Socket
-from ..core.groups import Canvas
-from ..core.perturbation import Frame, Perturbation
+from ..core.node_graphs.graph import Graph, GroupInput, Kind, Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import correlate, disk_kernel, gaussian
 

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Socket
-from ..core.groups import Canvas
-from ..core.perturbation import Frame, Perturbation
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 
 NEAREST_M = 1e-3  # a lens focuses on nothing nearer than its focal length: at least so far beyond it

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbation import Frame, Perturbation
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 from ._void import without_void

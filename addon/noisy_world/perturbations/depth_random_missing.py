@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbation import Frame, Perturbation
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._void import without_void
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbation import Frame, Perturbation
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 
 

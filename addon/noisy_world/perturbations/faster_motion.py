@@ -3,9 +3,9 @@
 
 from dataclasses import dataclass
 
-from ..core.perturbation import Frame, Perturbation
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
-from ..core.trajectory import Trajectory, subsample
+from ..core.trajectories.trajectory import Trajectory, subsample
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Graph, GroupInput, Socket
-from ..core.groups import PURPOSES, Canvas
-from ..core.perturbation import Frame, Perturbation
+from ..core.node_graphs.graph import Graph, GroupInput, Socket
+from ..core.node_graphs.groups import PURPOSES, Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._patterns import kept_for_sequence, three_channels, torus_window
 

@@ -10,9 +10,9 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Kind, Picture, Socket, Value
-from ..core.groups import Canvas
-from ..core.perturbation import Frame, Perturbation
+from ..core.node_graphs.graph import Kind, Picture, Socket, Value
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from . import _ice
 

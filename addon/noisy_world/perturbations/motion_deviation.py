@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.geometry import rotation_from_euler_deg
-from ..core.perturbation import Frame, Perturbation
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
-from ..core.trajectory import Trajectory
+from ..core.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from functools import cache, lru_cache
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..core.graph import Graph, GroupInput, Socket, Value
-from ..core.groups import Canvas
-from ..core.images import rgb_bytes
-from ..core.perturbation import Frame, Perturbation
+from ..core.datasets.images import rgb_bytes
+from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 
 LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits

@@ -8,10 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Socket
-from ..core.groups import Canvas
-from ..core.images import rgb_bytes
-from ..core.perturbation import Frame, Perturbation
+from ..core.datasets.images import rgb_bytes
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantile_groups import poisson_quantile

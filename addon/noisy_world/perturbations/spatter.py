@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.graph import Kind, Socket
-from ..core.groups import Canvas
-from ..core.perturbation import Frame, Perturbation
+from ..core.node_graphs.graph import Kind, Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import Frame, Perturbation
 from ..core.schema import key
 from ._kernels import gaussian
 from ._patterns import kept_for_sequence, three_channels, torus_window

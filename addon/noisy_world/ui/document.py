@@ -9,11 +9,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..core.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
-from ..core.plan import make_plan
-from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
+from ..core.datasets.storage import storage_errors, write_atomic
+from ..core.perturbing.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
+from ..core.planning.plan import make_plan
+from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
-from ..core.storage import storage_errors, write_atomic
 from ..perturbations import registry
 from .described import LARGEST_INT, tell, told_once
 from .properties import OVERRIDE, parameters_of, perturbation_of

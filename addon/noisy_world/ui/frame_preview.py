@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ..blender.compositor import Compositor
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
+from ..core.datasets.images import rgb_bytes
+from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
-from ..core.images import rgb_bytes
-from ..core.mixture import Setting, perturb_depth, perturb_rgb
-from ..core.overview import colour_depth
-from ..core.plan import Sequence, lay_out
+from ..core.perturbing.mixture import Setting, perturb_depth, perturb_rgb
+from ..core.planning.plan import Sequence, lay_out
 from .document import identifiers_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_poses

@@ -6,7 +6,7 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbation import SEVERITIES, Category, Perturbation
+from ..core.perturbing.kinds import SEVERITIES, Category, Perturbation
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
 from .described import title

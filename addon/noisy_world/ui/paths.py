@@ -11,8 +11,8 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
-from ..core.mixture import perturb_motion
-from ..core.trajectory import Trajectory
+from ..core.perturbing.mixture import perturb_motion
+from ..core.trajectories.trajectory import Trajectory
 from .document import deviation_of, identifiers_of
 
 CLEAN_C2W = "noisy_world_clean_c2w"

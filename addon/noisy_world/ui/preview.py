@@ -13,7 +13,7 @@ from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import hide_chain, refresh_chain
 from ..core.errors import NoisyWorldError
-from ..core.perturbation import RGB_CATEGORIES
+from ..core.perturbing.kinds import RGB_CATEGORIES
 from . import frame_preview, properties, views
 from .document import identifiers_of, steps_of
 from .operators import DONE, UNDOABLE, OnScene

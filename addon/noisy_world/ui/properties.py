@@ -7,8 +7,8 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbation import SEVERITIES, Perturbation
-from ..core.preset import (
+from ..core.perturbing.kinds import SEVERITIES, Perturbation
+from ..core.presets.preset import (
     REPLICA_CAMERA,
     CameraSpec,
     HandheldSpec,

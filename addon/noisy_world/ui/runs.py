@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
+from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
 

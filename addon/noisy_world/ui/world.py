@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
 from ..core.geometry import Intrinsics
-from ..core.mesh import Mesh
-from ..core.plan import load_trajectory, make_plan
-from ..core.ply import read_ply
-from ..core.room import build_room
+from ..core.planning.plan import load_trajectory, make_plan
+from ..core.scenes.mesh import Mesh
+from ..core.scenes.ply import read_ply
+from ..core.scenes.room import build_room
 from ..perturbations import registry
 from .described import LISTENERS
 from .document import absolute, preset_of, value_of

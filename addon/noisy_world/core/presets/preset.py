@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from .errors import InputError
-from .schema import Place, key, parse
+from ..errors import InputError
+from ..schema import Place, key, parse
 
 EMBEDDED_ROOM = "embedded:room"
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)

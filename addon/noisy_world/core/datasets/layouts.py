@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from .geometry import Intrinsics
+from ..geometry import Intrinsics
+from ..trajectories.files import replica_text, tum_text
+from ..trajectories.trajectory import Trajectory
 from .images import UINT16_MAX
-from .trajectory import Trajectory
-from .trajectory_files import replica_text, tum_text
 
 REPLICA_SCALE_PER_M = 6553.5  # 16 bits are 10 m
 TUM_SCALE_PER_M = 5000.0

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from .existing import ExistingSequence, find_sequence
-from .mesh import Mesh
-from .ply import check_ply, read_ply
-from .preset import EMBEDDED_ROOM, Preset, SceneSpec, TrajectorySpec
-from .room import build_room
-from .schema import Place
-from .trajectory import Trajectory, evenly_stamped, resample, subsample
-from .trajectory_files import read_trajectory
+from ..datasets.existing import ExistingSequence, find_sequence
+from ..presets.preset import EMBEDDED_ROOM, Preset, SceneSpec, TrajectorySpec
+from ..scenes.mesh import Mesh
+from ..scenes.ply import check_ply, read_ply
+from ..scenes.room import build_room
+from ..schema import Place
+from ..trajectories.files import read_trajectory
+from ..trajectories.trajectory import Trajectory, evenly_stamped, resample, subsample
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .streams import stream
+from ..streams import stream
 
 type Category = Literal["motion", "environment", "lens", "sensor", "post", "depth", "sync"]
 """A stage of the image's way, in the paper's propagation order (section "Perturbation Taxonomy")."""

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import NoisyWorldError
-from .geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg
-from .mesh import Mesh
-from .streams import stream
+from ..errors import NoisyWorldError
+from ..geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg
+from ..scenes.mesh import Mesh
+from ..streams import stream
 from .trajectory import Trajectory, evenly_stamped
 
 type Float64 = NDArray[np.float64]

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from .errors import InputError, NoisyWorldError
-from .geometry import Intrinsics
-from .handheld import handheld_path
-from .layouts import Layout
-from .mesh import Mesh
-from .mixture import Identifiers, Registry, Setting, Step, paired_depth, parse_settings, perturb_motion
-from .preset import EMBEDDED_ROOM, Preset, SensorSpec
-from .rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
+from ..datasets.layouts import Layout
+from ..datasets.storage import sha256_of_file
+from ..errors import InputError, NoisyWorldError
+from ..geometry import Intrinsics
+from ..perturbing.mixture import Identifiers, Registry, Setting, Step, paired_depth, parse_settings, perturb_motion
+from ..presets.preset import EMBEDDED_ROOM, Preset, SensorSpec
+from ..scenes.mesh import Mesh
+from ..schema import Place
+from ..trajectories.handheld import handheld_path
+from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
+from ..trajectories.trajectory import Trajectory
 from .scenes import Scene, check_existing, chosen_poses, find_scenes, load_mesh
-from .schema import Place
-from .storage import sha256_of_file
-from .trajectory import Trajectory
 
 # Measured on two cores: what a ray, a pixel and a scene cost, and what a pixel weighs. An estimate for --dry-run.
 SECONDS_PER_SAMPLE = 3.5e-7

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from .errors import StorageError
+from ..errors import StorageError
 
 _UNFINISHED = itertools.count()
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}

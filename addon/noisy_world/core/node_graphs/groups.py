@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, get_type_hints
 
+from ..perturbing.kinds import Perturbation
+from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Socket, Value
-from .perturbation import Perturbation
-from .streams import stream
 
 REFERENCE_WIDTH_PX = 1200
 SEEDS = 2**24  # whole numbers that float32 holds exactly

@@ -17,9 +17,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from .errors import StorageError
+from ..errors import StorageError
+from ..presets.preset import canonical
 from .layouts import Layout
-from .preset import canonical
 from .storage import (
     FolderLock,
     link_or_copy,

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
+from ..perturbing.mixture import Identifiers, Step
 from .graph import Graph
 from .groups import (
     DEPTH_INPUT,
@@ -18,7 +19,6 @@ from .groups import (
     socket_value,
     to_encoded,
 )
-from .mixture import Identifiers, Step
 
 
 def build_chain(name: str, steps: Sequence[Step]) -> Graph:

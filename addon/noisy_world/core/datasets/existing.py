@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from ..errors import InputError
+from ..trajectories.files import read_trajectory
+from ..trajectories.trajectory import Trajectory
 from .layouts import REPLICA_SCALE_PER_M, TUM_SCALE_PER_M
-from .trajectory import Trajectory
-from .trajectory_files import read_trajectory
 
 PAIRING_S = 0.02  # the TUM benchmark's own tolerance between stamps that belong together
 

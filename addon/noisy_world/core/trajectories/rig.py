@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .geometry import (
+from ..geometry import (
     invert_pose,
     nearest_rotation,
     pose,

@@ -13,10 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .images import rgb_bytes
-from .perturbation import CATEGORIES, RGB_CATEGORIES, SEVERITIES, Frame, Perturbation, Temporal
-from .schema import Place, describe, parse, unknown_name
-from .trajectory import Trajectory
+from ..datasets.images import rgb_bytes
+from ..schema import Place, describe, parse, unknown_name
+from ..trajectories.trajectory import Trajectory
+from .kinds import CATEGORIES, RGB_CATEGORIES, SEVERITIES, Frame, Perturbation, Temporal
 
 type Registry = Mapping[str, Perturbation]
 type Identifiers = tuple[str | int, ...]

@@ -8,7 +8,7 @@ the pose went wrong on the way through the renderer, vertices turn up in front o
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .geometry import Intrinsics, invert_pose
+from ..geometry import Intrinsics, invert_pose
 from .mesh import Mesh
 
 SAMPLES = 20_000

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from .machine import processor_features
-from .plan import Plan, input_hashes
+from ..machine import processor_features
+from ..planning.plan import Plan, input_hashes
 
 FORMAT = 1
 
@@ -26,7 +26,7 @@ CONVENTIONS = {
 
 def package_version() -> str:
     """Return this package's version, which blender_manifest.toml alone holds: beside the package or at the top."""
-    package = Path(__file__).resolve().parents[1]
+    package = Path(__file__).resolve().parents[2]
     for folder in (package, *package.parents[:2]):
         manifest = folder / "blender_manifest.toml"
         if manifest.is_file():

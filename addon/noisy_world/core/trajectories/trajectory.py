@@ -7,7 +7,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .geometry import (
+from ..geometry import (
     invert_pose,
     opencv_from_blender_c2w,
     opencv_from_robot_c2w,

@@ -15,8 +15,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .geometry import (
+from ..errors import InputError
+from ..geometry import (
     continuous_quats,
     nearest_rotation,
     pose,
