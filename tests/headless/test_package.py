@@ -128,7 +128,7 @@ def test_what_is_staged(wheels, tmp_path):
     folder, _ = wheels
     package.stage(tmp_path / "staged", "linux-x64", sorted(folder.iterdir()))
     there = {path.relative_to(tmp_path / "staged").as_posix() for path in (tmp_path / "staged").rglob("*.*")}
-    assert {"__init__.py", "pipeline.py", "core/ply.py", "perturbations/ice/rime.jpg"} <= there
+    assert {"__init__.py", "pipeline.py", "core/scenes/ply.py", "perturbations/ice/rime.jpg"} <= there
     assert {"blender_manifest.toml", "presets/demo.yaml", "presets/perturbations/fog.yaml"} <= there
     assert {f"wheels/{name}" for name in NAMES.values()} <= there
     assert not [name for name in there if "__pycache__" in name or name.endswith((".pyc", ".toml.txt"))]
@@ -188,7 +188,7 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
         print(provenance.__file__, provenance.package_version())
     """
     said = python(code, tmp_path).split()
-    assert said[0] == str(extension / "core/provenance.py")
+    assert said[0] == str(extension / "core/datasets/provenance.py")
     assert said[1] == tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
 
