@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.dataset import Dataset, FrameRecord
-from .core.datasets.existing import StoredFrame
-from .core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
 from .core.datasets.storage import sha256_of_file
+from .core.datasets.stored import StoredFrame
 from .core.errors import InputError
 from .core.perturbing.mixture import perturb_depth, perturb_rgb
 from .core.planning.plan import Sequence
@@ -57,6 +56,7 @@ class FrameWriter:
         self._dataset = dataset
         self._sequences = [sequence for sequence in sequences if sequence.frames]
         self._stamps_s = stamps_s
+        self._names = dataset.format.names(stamps_s)
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[None]] = deque()
@@ -97,9 +97,9 @@ class FrameWriter:
     def _write_rgb(
         self, sequence: Sequence, source: int, clean: "CleanFiles", composited: Composited
     ) -> Iterator[FrameRecord]:
-        layout = self._dataset.layout
+        output = self._dataset.format
         frame = sequence.rgb_shown_by.get(source)
-        if frame is None or "rgb" not in layout.modalities:
+        if frame is None or "rgb" not in output.modalities:
             return
         pixels, notes = None, []
         if sequence.setting.composited:
@@ -107,17 +107,17 @@ class FrameWriter:
         elif sequence.setting.rgb:
             depth_m = clean.depth_m if sequence.setting.needs_depth else None
             pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, frame, sequence.identifiers, depth_m)
-        name = layout.rgb_name(frame)
+        name = self._names.rgb(frame)
         if pixels is None:
             digest = clean.give("rgb", sequence.folder, name)
         else:
-            digest = self._dataset.write_file(sequence.folder, name, encode_rgb(pixels, layout.image))
+            digest = self._dataset.write_file(sequence.folder, name, output.encode_rgb(pixels))
         yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, {"rgb": notes} if notes else {})
 
     def _write_depth(self, sequence: Sequence, source: int, clean: "CleanFiles") -> Iterator[FrameRecord]:
-        layout = self._dataset.layout
+        output = self._dataset.format
         shown_by = sequence.depth_shown_by.get(source, [])
-        if not shown_by or "depth" not in layout.modalities:
+        if not shown_by or "depth" not in output.modalities:
             return
         depth_m, notes = None, []
         taken = source // sequence.every  # the frame that the depth belongs to, and its randomness with it
@@ -126,12 +126,11 @@ class FrameWriter:
         first = None
         digest = ""
         for frame in shown_by:
-            name = layout.depth_name(frame)
+            name = self._names.depth(frame)
             if depth_m is None:
                 digest = clean.give("depth", sequence.folder, name)
             elif first is None:
-                data = encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m))
-                digest = self._dataset.write_file(sequence.folder, name, data)
+                digest = self._dataset.write_file(sequence.folder, name, output.encode_depth(depth_m))
                 first = self._dataset.out / sequence.folder / name
             else:
                 self._dataset.link_file(first, sequence.folder, name)
@@ -183,20 +182,18 @@ class CleanFiles:
         return digest
 
     def _encoded(self, modality: str) -> bytes:
-        layout = self._dataset.layout
-        if modality == "rgb":
-            pixels = self.rgb if self.rgb.dtype == np.uint8 else rgb_bytes(self.rgb)
-            return encode_rgb(pixels, layout.image)
-        return encode_depth(quantise_depth(self.depth_m, layout.depth_scale_per_m))
+        output = self._dataset.format
+        return output.encode_rgb(self.rgb) if modality == "rgb" else output.encode_depth(self.depth_m)
 
     def _take_stored(self, modality: str, image: StoredFrame) -> None:
         """Use the file of an existing sequence as it is, where the dataset's are of the same kind."""
-        layout = self._dataset.layout
+        output = self._dataset.format
         if modality == "rgb":
-            path, same = image.rgb_file, image.rgb_file.suffix == f".{layout.image}"
+            path = image.rgb_file
+            same = path.suffix == f".{output.image}" and image.colour == output.colour
         else:
             path = image.depth_file
-            same = image.depth_scale_per_m == layout.depth_scale_per_m and path.suffix == ".png"
+            same = image.depth_scale_per_m == output.depth_scale_per_m and path.suffix == ".png"
         if not same:
             return
         digest = sha256_of_file(path)

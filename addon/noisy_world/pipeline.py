@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .core.datasets.dataset import OVERVIEW, RUN, Dataset, FrameRecord
+from .core.datasets.layouts import SequenceFacts
 from .core.datasets.overview import draw_overview
 from .core.datasets.provenance import identity, manifest, render_seed
 from .core.errors import InterruptedRunError
@@ -102,7 +103,7 @@ class Run:
         self._overwrite = overwrite
         self._jobs = jobs
         self._workers = workers
-        self._dataset = Dataset(out, plan.layout)
+        self._dataset = Dataset(out, plan.format)
         self._trajectories: dict[str, Mapping[str, Trajectory]] = {}
         self._nominals: dict[str, Trajectory] = {}
         self.report = Report(jobs=jobs)
@@ -159,16 +160,16 @@ class Run:
     def _missing(self) -> Work:
         """Find what is to be rendered: frames that some sequence needs for a file it does not have."""
         work: Work = {}
-        layout = self._dataset.layout
         for render in self._plan.renders:
             missing: set[int] = set()
+            names = self._plan.format.names(render.scene.stamps_s)
             for sequence in render.sequences:
                 there = self._dataset.take_stock(sequence.folder)
                 for frame in sequence.frames:
-                    lacking = layout.names(frame) - there.get(frame, set())
-                    if layout.rgb_name(frame) in lacking:
+                    lacking = names.of(frame) - there.get(frame, set())
+                    if names.rgb(frame) in lacking:
                         missing.add(sequence.rgb_source(frame))
-                    if layout.depth_name(frame) in lacking:
+                    if names.depth(frame) in lacking:
                         missing.add(sequence.depth_source(frame))
             self.report.frames_kept += len(render.frames) - len(missing)
             if missing:
@@ -255,7 +256,7 @@ class Run:
     def _compositor(self, render: Render) -> "AbstractContextManager[Compositor | None]":
         """Make the node groups of the settings that show a render, where they are to be had from the compositor."""
         chains = {item.folder: item.setting.rgb for item in render.sequences if item.frames and item.setting.composited}
-        if not chains or "rgb" not in self._plan.layout.modalities:
+        if not chains or "rgb" not in self._plan.format.modalities:
             return nullcontext()
         from .blender.compositor import Compositor
 
@@ -285,30 +286,32 @@ class Run:
         with_overview = self._plan.preset.spec.output.overview
         for render in self._plan.renders:
             for sequence in render.sequences:
-                records = self._finished_frames(sequence)
+                records = self._finished_frames(sequence, render.scene)
                 if not records:
                     continue  # --frames chose none of it
                 trajectories = self._trajectories_of(render)
                 written = written_trajectories(self._plan, render, sequence, trajectories, self._nominal(render.scene))
-                texts = self._plan.layout.sequence_texts(list(records), written)
+                facts = SequenceFacts(self._plan.format, self._plan.camera, self._plan.rig, tuple(records), written)
+                texts = self._plan.format.layout.sequence_texts(facts)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 if with_overview:
                     pictured[sequence.folder] = list(records)
         for setting in {folder.split("/")[0]: None for folder in counts}:
-            for name, text in self._plan.layout.setting_texts(self._plan.camera).items():
+            for name, text in self._plan.format.setting_texts(self._plan.camera).items():
                 path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if with_overview:
-            picture = draw_overview(self._dataset.out, self._plan.layout, pictured)
+            stamps_s = {render.scene.name: render.scene.stamps_s for render in self._plan.renders}
+            picture = draw_overview(self._dataset.out, self._plan.format, pictured, stamps_s)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         self._dataset.write_text("manifest.json", canonical(manifest(self._plan, who, files, counts)))
 
-    def _finished_frames(self, sequence: Sequence) -> dict[int, FrameRecord]:
+    def _finished_frames(self, sequence: Sequence, scene: Scene) -> dict[int, FrameRecord]:
         """Return the whole frames of a sequence, those of earlier runs too, and remove what is there in part."""
-        layout = self._plan.layout
+        names = self._plan.format.names(scene.stamps_s)
         records = self._dataset.records(sequence.folder)
-        whole = {frame: record for frame, record in records.items() if set(record.files) >= layout.names(frame)}
+        whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
         if lost := [frame for frame in sequence.frames if frame not in whole]:
             raise RuntimeError(f"{sequence.folder}: {len(lost)} frames were not made, {lost[0]} the first")
         self._dataset.drop_frames(sequence.folder, [records[frame] for frame in records.keys() - whole.keys()])

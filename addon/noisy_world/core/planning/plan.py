@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from ..datasets.layouts import Layout
+from ..datasets.layouts import OutputFormat
 from ..datasets.storage import sha256_of_file
 from ..errors import InputError, NoisyWorldError
 from ..geometry import Intrinsics
@@ -96,7 +96,7 @@ class Plan:
 
     preset: Preset
     camera: Intrinsics
-    layout: Layout
+    format: OutputFormat
     rig: Rig | None
     settings: tuple[Setting, ...]
     renders: tuple[Render, ...]
@@ -114,7 +114,7 @@ class Plan:
     @property
     def composites(self) -> bool:
         """Whether anything is perturbed in Blender's compositor."""
-        return "rgb" in self.layout.modalities and any(setting.composited for setting in self.settings)
+        return "rgb" in self.format.modalities and any(setting.composited for setting in self.settings)
 
     @property
     def needs_blender(self) -> bool:
@@ -145,6 +145,7 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
     camera = spec.camera
     settings = parse_settings(spec.settings, preset.place("settings"), registry or {}, spec.render.backend)
     _check_depth_aware(settings, preset)
+    form = spec.output.format
     scenes = [scene for index, item in enumerate(spec.scenes) for scene in find_scenes(preset, index, item)]
     names = [scene.name for scene in scenes]
     for scene in scenes:
@@ -152,19 +153,16 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
         if scene.existing is not None:
             check_existing(scene.existing, preset, scene.place.at("sequence"))
-    layout = Layout(
-        spec.output.layout,
-        spec.output.image or ("jpg" if spec.output.layout == "replica" else "png"),
-        spec.output.modalities,
-    )
+        if problem := form.layout.stamps_problem(scene.stamps_s):
+            raise scene.place.error(problem)
     return Plan(
         preset=preset,
         camera=Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
-        layout=layout,
+        format=form,
         rig=_rig(preset, {scene.spec.trajectory.axes for scene in scenes if scene.spec.trajectory}),
         settings=settings,
         renders=tuple(
-            render for scene in scenes for render in _renders(preset, scene, settings, frames, layout.modalities)
+            render for scene in scenes for render in _renders(preset, scene, settings, frames, form.modalities)
         ),
     )
 
@@ -218,7 +216,7 @@ def lay_out(
 def estimate(plan: Plan) -> Estimate:
     """Guess the bytes and the time of a plan from what a pixel cost where it was measured."""
     pixels = plan.camera.width_px * plan.camera.height_px
-    kinds = {modality: plan.layout.image if modality == "rgb" else "depth" for modality in plan.layout.modalities}
+    kinds = {modality: plan.format.image if modality == "rgb" else "depth" for modality in plan.format.modalities}
     clean = plan.frame_count * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
     perturbed = [
         (kind, len(sequence.frames))

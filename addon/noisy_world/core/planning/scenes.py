@@ -3,12 +3,14 @@
 
 import glob
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..datasets.existing import ExistingSequence, find_sequence
+from ..datasets.layouts import find_sequence
+from ..datasets.stored import StoredSequence
 from ..presets.preset import EMBEDDED_ROOM, Preset, SceneSpec, TrajectorySpec
 from ..scenes.mesh import Mesh
 from ..scenes.ply import check_ply, read_ply
@@ -23,7 +25,8 @@ class Scene:
     """A scene of the preset, its files found.
 
     mesh_path: None is the embedded room, or an existing sequence. trajectory: None where the path is made from the
-    mesh (handheld).
+    mesh (handheld). stamps_s: (N,) float64, the time stamps of its frames, seconds: known before the path is made. A
+    setting's i-th frame has the i-th of them.
     """
 
     name: str
@@ -32,8 +35,13 @@ class Scene:
     mesh_path: Path | None
     trajectory_path: Path | None
     trajectory: Trajectory | None
-    frame_count: int
-    existing: ExistingSequence | None = None
+    stamps_s: NDArray[np.float64] = field(compare=False)
+    existing: StoredSequence | None = None
+
+    @property
+    def frame_count(self) -> int:
+        """How many frames it has."""
+        return len(self.stamps_s)
 
 
 def load_mesh(scene: Scene) -> Mesh:
@@ -78,11 +86,11 @@ def _existing_scene(
     _check_name(name, place)
     existing = find_sequence(path)
     return Scene(
-        name, spec, place, None, existing.trajectory_path, existing.trajectory, len(existing.trajectory), existing
+        name, spec, place, None, existing.trajectory_path, existing.trajectory, existing.trajectory.stamps_s, existing
     )
 
 
-def check_existing(existing: ExistingSequence, preset: Preset, place: Place) -> None:
+def check_existing(existing: StoredSequence, preset: Preset, place: Place) -> None:
     """Hold an existing sequence against the preset: its size, and what is asked of it."""
     camera = preset.spec.camera
     if existing.size_px != (camera.width, camera.height):
@@ -109,22 +117,22 @@ def _scene(
     where = place.at("trajectory")
     if spec.trajectory.file is None:
         assert spec.trajectory.handheld is not None
-        count = _planned_frames(spec.trajectory, where)
-        return Scene(name, spec, place, mesh_path, None, None, count)
+        stamps_s = _planned_stamps_s(spec.trajectory, where)
+        return Scene(name, spec, place, mesh_path, None, None, stamps_s)
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
     path = _existing(preset, where, text)
     whole = read_trajectory(
         path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
     )
     trajectory = chosen_poses(whole, spec.trajectory, where)
-    return Scene(name, spec, place, mesh_path, path, trajectory, len(trajectory))
+    return Scene(name, spec, place, mesh_path, path, trajectory, trajectory.stamps_s)
 
 
-def _planned_frames(spec: TrajectorySpec, place: Place) -> int:
-    """Count the poses of a path that is not made yet, by choosing from one that stands still."""
+def _planned_stamps_s(spec: TrajectorySpec, place: Place) -> NDArray[np.float64]:
+    """Return the stamps of a path that is not made yet, by choosing from one that stands still."""
     assert spec.handheld is not None
     still = evenly_stamped(np.broadcast_to(np.eye(4), (spec.handheld.frames, 4, 4)), spec.handheld.rate_hz)
-    return len(chosen_poses(still, spec, place))
+    return chosen_poses(still, spec, place).stamps_s
 
 
 def chosen_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
