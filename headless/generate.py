@@ -233,7 +233,7 @@ def print_plan(plan: "Plan", out: Path) -> int:
     guess = estimate(plan)
     camera = plan.camera
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
-    print(f"dataset    {out} ({plan.layout.name} layout, {plan.layout.image} and 16-bit png)")
+    print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
     print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:

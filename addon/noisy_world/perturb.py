@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.datasets.existing import find_sequence
+from .core.datasets.layouts import find_sequence
 from .core.perturbing.mixture import Setting, parse_steps, perturb_colour, perturb_depth, perturb_motion, perturb_rgb
 from .core.planning.plan import lay_out
 from .core.schema import Place
@@ -92,7 +92,7 @@ def frames(
     setting: str = "setting",
     scene: str | None = None,
 ) -> Iterator[PerturbedFrame]:
-    """Perturb a sequence in Replica's or TUM's layout, frame by frame, without writing anything.
+    """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name): name
     the random streams; a preset with the same ones makes the same pixels.

@@ -21,9 +21,10 @@ from .core.machine import available_threads, peak_memory_bytes
 from .core.planning.estimate import estimate
 from .core.planning.plan import Plan, Render, source_paths
 from .core.planning.sequence import Sequence, written_paths
-from .core.planning.source import OpenSource, RenderOptions, SensorPaths
+from .core.planning.source import OpenSource, RenderOptions
 from .core.presets.preset import canonical
 from .core.progress import Progress
+from .core.trajectories.sensor_paths import SensorPaths
 from .frame_writer import FrameWriter
 from .run_report import Report
 
@@ -196,18 +197,18 @@ class Run:
                 if not records:
                     continue  # --frames chose none of it
                 paths = written_paths(sequence, self._paths_of(render))
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths.named())
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths)
                 texts = format_.layout.sequence_texts(facts)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
         for setting in {folder.split("/")[0]: None for folder in counts}:
-            texts = format_.layout.setting_texts(self._plan.camera, format_.depth_scale_per_m)
-            for name, text in texts.items():
+            for name, text in format_.setting_texts(self._plan.camera).items():
                 path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if self._plan.preset.spec.output.overview:
-            picture = draw_overview(self._dataset.out, format_, pictured)
+            stamps_s = {scene.name: scene.source.stamps_s for scene in self._plan.scenes}
+            picture = draw_overview(self._dataset.out, format_, pictured, stamps_s)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         self._dataset.write_text(MANIFEST, canonical(manifest(self._plan, made_from, files, counts)))
 

@@ -39,7 +39,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     mesh = load_mesh(render.scene)
     trajectories = render_trajectories(plan, render, load_trajectory(plan, render.scene, mesh))
     options = render_options(plan, jobs=2 if "--one-thread" in flags else 1)
-    dataset = Dataset(Path(out), plan.layout)
+    dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path}, overwrite=True)
     with Session(mesh, "bench", trajectories, plan.camera, options) as session:
         del mesh

@@ -13,7 +13,7 @@ import pytest
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.datasets.images import encode_rgb
+from noisy_world.core.datasets.images import encode_colour
 from noisy_world.core.perturbing.mixture import parse_steps
 from noisy_world.core.perturbing.kinds import Frame
 from noisy_world.core.planning.plan import make_plan
@@ -338,7 +338,7 @@ def test_what_an_existing_sequence_cannot_do(out, tmp_path):
         run(existing(tmp_path, tmp_path / "nowhere"), tmp_path / "x")
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match="is no sequence"):
+    with pytest.raises(InputError, match="is no sequence; it has to have the files of a layout: Replica or TUM"):
         run(existing(tmp_path, empty), tmp_path / "x")
     gone = existing(
         tmp_path, out / "clean/box", settings=[{"name": "s", "perturb": [{"desync": {"offset": 99, "edge": "drop"}}]}]
@@ -402,5 +402,5 @@ def test_any_parameter_stands_over_the_severity():
 def test_storing_adds_no_visible_perturbation():
     rng = np.random.default_rng(0)
     smooth = cv2.GaussianBlur(rng.integers(0, 256, (120, 160, 3)).astype(np.uint8), (0, 0), 3)
-    stored = cv2.imdecode(np.frombuffer(encode_rgb(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    stored = cv2.imdecode(np.frombuffer(encode_colour(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert cv2.PSNR(smooth, np.ascontiguousarray(stored)) > 48

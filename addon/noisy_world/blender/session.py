@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Moment, RenderOptions, SensorPaths
+from ..core.planning.source import RenderOptions
 from ..core.scenes.mesh import Mesh
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Trajectory
 from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Gives, Moment, RenderOptions, SensorPaths, SourceFrame
+from ..core.planning.source import Gives, RenderOptions, SourceFrame
 from ..core.presets.preset import EMBEDDED_ROOM, HandheldSpec, TrajectorySpec
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.ply import read_ply
@@ -22,6 +22,7 @@ from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
 from ..core.trajectories.handheld import handheld_path
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
 
 if TYPE_CHECKING:

@@ -5,16 +5,19 @@ import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import sha256_of_file
-from ..core.datasets.stored import StoredSequence
+from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Gives, Moment, RenderOptions, SensorPaths, SourceFrame
+from ..core.planning.source import Gives, Modality, RenderOptions
 from ..core.schema import Place
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
 
 
@@ -83,6 +86,32 @@ class OpenRecording:
 
     stored: StoredSequence
 
-    def frame(self, moment: Moment) -> SourceFrame:
+    def frame(self, moment: Moment) -> "RecordedFrame":
         """Return the frame of a moment; its images are read when they are asked for."""
-        return self.stored.frame(moment.index)
+        return RecordedFrame(self.stored.frame(moment.index))
+
+
+@dataclass(frozen=True)
+class RecordedFrame:
+    """A frame on disk."""
+
+    stored: StoredFrame
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
+        return self.stored.rgb
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
+        return self.stored.depth_m
+
+    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+        """Return the file of an image where a dataset would write just that: the same kind, colours and scale."""
+        stored = self.stored
+        if modality == "rgb":
+            same = stored.rgb_file.suffix == f".{format_.image}" and stored.colour == format_.colour
+            return stored.rgb_file if same else None
+        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == format_.depth_scale_per_m
+        return stored.depth_file if same else None

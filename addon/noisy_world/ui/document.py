@@ -265,7 +265,7 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
     settings.engine, settings.samples = spec.render.engine, spec.render.samples
     settings.backend = setting.backend
     settings.layout = spec.output.layout
-    settings.image = spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")
+    settings.image = spec.output.format.image
     settings.use_rgb = "rgb" in spec.output.modalities
     settings.use_depth = "depth" in spec.output.modalities
     settings.overview = spec.output.overview

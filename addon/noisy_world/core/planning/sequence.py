@@ -10,10 +10,13 @@ from collections.abc import Sequence as Many
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..perturbing.execution import chosen_poses, paired_depth, split_motion
+import numpy as np
+
+from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
 from ..perturbing.kinds import Identifiers
 from ..perturbing.steps import Setting
-from .source import Modality, SensorPaths
+from ..trajectories.sensor_paths import SensorPaths
+from .source import Modality
 
 
 @dataclass(frozen=True)
@@ -88,12 +91,14 @@ class Sequence:
 def lay_out(
     setting: Setting, scene: str, source_count: int, identifiers: Identifiers, chosen: slice | None = None
 ) -> Sequence:
-    """Return what a setting makes of a path with so many source frames.
+    """Return what a setting makes of a scene whose path has so many frames.
 
     identifiers: the preset's seed, the scene, the setting. chosen: which of the sequence's frames are to be made, start
     and stop only.
     """
-    _, choosing = split_motion(setting.motion)
+    moving, choosing = split_motion(setting.motion)
+    before = chosen_poses(moving, source_count, identifiers)
+    source_count = source_count if before is None else len(before)
     poses = chosen_poses(choosing, source_count, identifiers)
     source_frames = tuple(range(source_count)) if poses is None else tuple(int(pose) for pose in poses)
     pairs = paired_depth(setting.pairing, len(source_frames), identifiers)
@@ -108,4 +113,5 @@ def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
 
     The camera's rate stays what it was: frame i has the i-th stamp.
     """
-    return paths.each(lambda path: path.at(sequence.source_frames))
+    rows = np.array(sequence.source_frames, dtype=np.int64)
+    return paths.each(lambda path: take_poses(path, rows))
