@@ -16,7 +16,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.datasets.images import encode_colour
 from noisy_world.core.perturbing.mixture import parse_steps
 from noisy_world.core.perturbing.kinds import Frame
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
@@ -53,9 +53,8 @@ def _no_blender(monkeypatch):
 
 
 def run(preset, out, *, frames=None, overrides=(), stop=None):
-    plan = make_plan(read_preset(preset, overrides), frames, registry())
-    make = Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event())
-    return make()
+    plan = make_plan(read_preset(preset, overrides), frames)
+    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()).make_dataset()
 
 
 @pytest.fixture
@@ -191,7 +190,7 @@ def test_a_frame_alone_is_that_of_the_whole_run(world, out, tmp_path):
 
 
 def test_order_and_workers_change_no_byte(world, out, tmp_path):
-    plan = make_plan(read_preset(world), None, registry())
+    plan = make_plan(read_preset(world))
     pieces = []
 
     def workers(work, progress):
@@ -203,10 +202,8 @@ def test_order_and_workers_change_no_byte(world, out, tmp_path):
             report = done if report is None else (report.merge(done), report)[1]
         return report
 
-    make = Run(
-        plan, tmp_path / "jobs", progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=3, workers=workers
-    )
-    make()
+    progress = PlainProgress(sys.stderr)
+    Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3, workers=workers).make_dataset()
     assert len(pieces) == 3
     assert content(tmp_path / "jobs") == content(out)
     assert split_work({"a": [1, 2]}, 5) == [{"a": [1]}, {"a": [2]}]
@@ -226,19 +223,19 @@ def test_parts_that_an_interrupted_choice_of_frames_left_go(world, out, tmp_path
     # Frame 1 of `late` needs depth 3: with frames 1 to 2 alone it is whole, but a run killed between leaves halves.
     stop = threading.Event()
     part = tmp_path / "part"
-    rendered = fake_session.Session.render
+    rendered = fake_session.Session.frame
 
     def render(self, frame):
-        if frame == 2:
+        if frame.index == 2:
             stop.set()
         return rendered(self, frame)
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         with pytest.raises(Exception, match="stopped"):
             run(world, part, stop=stop)
     finally:
-        fake_session.Session.render = rendered
+        fake_session.Session.frame = rendered
     run(world, part, frames=slice(0, 1))
     for setting in ("late", "mixed", "early", "clean"):
         folder = part / setting / "box"

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.perturbing.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
-from ..core.planning.plan import make_plan
+from ..planning import make_plan
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
@@ -169,7 +169,7 @@ def save_preset(settings: Any, path: Path) -> None:
     import yaml
 
     preset = preset_of(settings, path)
-    make_plan(preset, None, registry())  # what cannot be generated is not saved either
+    make_plan(preset)  # what cannot be generated is not saved either
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
