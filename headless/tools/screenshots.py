@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photograph Blender for the docs, with the node groups and with the add-on in use: run by a Blender program on X.
 
-    blender --factory-startup -P headless/screenshots.py -- docs [NAME ...]
+    blender --factory-startup -P headless/tools/screenshots.py -- docs [NAME ...]
 
 Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the viewport through a chain of three groups,
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "addon"))
 sys.path.append(str(ROOT / ".blender-env" / str(sys.implementation.cache_tag)))
 

@@ -18,7 +18,7 @@ from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import render_options
 
-DEMO = Path(__file__).resolve().parents[1] / "presets" / "demo.yaml"
+DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"
 FRAME = 8
 SEED = 1
 

@@ -14,12 +14,11 @@ import threading
 from dataclasses import asdict
 from typing import Any
 
-from noisy_world.core.errors import InterruptedRunError, NoisyWorldError
-from noisy_world.core.machine import peak_memory_bytes
-from noisy_world.core.progress import JsonProgress, Progress, read_message
-from noisy_world.pipeline import Report, Run, Work
-
-INTERRUPTED = 130
+from ..core.errors import InterruptedRunError, NoisyWorldError
+from ..core.machine import peak_memory_bytes
+from ..core.progress import JsonProgress, Progress, read_message
+from ..pipeline import Report, Run, Work
+from .entry import INTERRUPTED
 
 
 def run_workers(commands: list[list[str]], pieces: list[Work], progress: Progress, stop: threading.Event) -> Report:
