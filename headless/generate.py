@@ -202,7 +202,7 @@ def list_perturbations() -> int:
     from noisy_world.perturbations import registry  # noqa: PLC0415
 
     for item in registry().values():
-        print(f"{item.name}  ({item.category}; {item.label})")
+        print(f"{item.name}  ({item.stage}; {item.label})")
         for name, meaning in list_keys(item.parameters):
             levels = item.severities.get(name)
             at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""

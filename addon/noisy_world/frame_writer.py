@@ -17,7 +17,9 @@ from .core.datasets.existing import StoredFrame
 from .core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
 from .core.datasets.storage import sha256_of_file
 from .core.errors import InputError
-from .core.perturbing.mixture import perturb_depth, perturb_rgb
+from .core.geometry import Intrinsics
+from .core.perturbing.execution import perturb_depth, perturb_rgb
+from .core.perturbing.kinds import FrameContext
 from .core.planning.plan import Sequence
 
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
@@ -25,8 +27,8 @@ WAITING_FRAMES = 3
 ENCODERS = 2
 
 
-type Composited = Mapping[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]
-"""By the sequence's folder: (H, W, 3) perturbed colour, None where nothing changes it; and what was done."""
+type Composited = Mapping[tuple[str, int], tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]
+"""By the sequence's folder and its frame: perturbed colour (H, W, 3), None where it stays clean; and what was done."""
 
 
 class SourceFrame(Protocol):
@@ -48,12 +50,18 @@ class FrameWriter:
     """
 
     def __init__(
-        self, dataset: Dataset, sequences: tuple[Sequence, ...], worker: int, stamps_s: NDArray[np.float64]
+        self,
+        dataset: Dataset,
+        sequences: tuple[Sequence, ...],
+        worker: int,
+        stamps_s: NDArray[np.float64],
+        intrinsics: Intrinsics,
     ) -> None:
         """Open the journals.
 
-        stamps_s: time stamps of the sequences' frames, whose i-th is the same in all.
+        stamps_s: time stamps of the sequences' frames, whose i-th is the same in all. intrinsics: of all sensors.
         """
+        self._intrinsics = intrinsics
         self._dataset = dataset
         self._sequences = [sequence for sequence in sequences if sequence.frames]
         self._stamps_s = stamps_s
@@ -65,7 +73,7 @@ class FrameWriter:
     def submit(self, source: int, image: SourceFrame, composited: Composited | None = None) -> int:
         """Hand over a frame of the render; wait while too many wait. Return how many were finished meanwhile.
 
-        composited: by the sequence's folder, colour that the compositor has perturbed already, and what was done.
+        composited: what the compositor has perturbed already.
 
         Raises what went wrong with an earlier frame.
         """
@@ -98,47 +106,64 @@ class FrameWriter:
         self, sequence: Sequence, source: int, clean: "CleanFiles", composited: Composited
     ) -> Iterator[FrameRecord]:
         layout = self._dataset.layout
-        frame = sequence.rgb_shown_by.get(source)
-        if frame is None or "rgb" not in layout.modalities:
+        if "rgb" not in layout.modalities:
             return
-        pixels, notes = None, []
-        if sequence.setting.composited:
-            pixels, notes = composited[sequence.folder]
-        elif sequence.setting.rgb:
-            depth_m = clean.depth_m if sequence.setting.needs_depth else None
-            pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, frame, sequence.identifiers, depth_m)
-        name = layout.rgb_name(frame)
-        if pixels is None:
-            digest = clean.give("rgb", sequence.folder, name)
-        else:
-            digest = self._dataset.write_file(sequence.folder, name, encode_rgb(pixels, layout.image))
-        yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, {"rgb": notes} if notes else {})
+        for frame in sequence.rgb_shown_by.get(source, ()):
+            pixels, notes = None, []
+            if sequence.setting.composited:
+                pixels, notes = composited[sequence.folder, frame]
+            elif sequence.setting.rgb:
+                pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, self._context(sequence, frame, clean))
+            name = layout.rgb_name(frame)
+            if pixels is None:
+                digest = clean.give("rgb", sequence.folder, name)
+            else:
+                digest = self._dataset.write_file(sequence.folder, name, encode_rgb(pixels, layout.image))
+            yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, {"rgb": notes} if notes else {})
 
     def _write_depth(self, sequence: Sequence, source: int, clean: "CleanFiles") -> Iterator[FrameRecord]:
         layout = self._dataset.layout
-        shown_by = sequence.depth_shown_by.get(source, [])
-        if not shown_by or "depth" not in layout.modalities:
+        if "depth" not in layout.modalities:
             return
-        depth_m, notes = None, []
-        taken = source // sequence.every  # the frame that the depth belongs to, and its randomness with it
-        if sequence.setting.depth:
-            depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, taken, sequence.identifiers)
-        first = None
-        digest = ""
-        for frame in shown_by:
+        made: dict[int, tuple[Path | None, str, list[dict[str, Any]]]] = {}  # by the frame that the depth belongs to
+        for frame in sequence.depth_shown_by.get(source, ()):
             name = layout.depth_name(frame)
-            if depth_m is None:
+            taken = sequence.depth_frame(frame)
+            if taken not in made:
+                made[taken] = self._perturbed_depth(sequence, taken, clean, name)
+            elif made[taken][0] is not None:
+                self._dataset.link_file(made[taken][0], sequence.folder, name)
+            path, digest, notes = made[taken]
+            if path is None:
                 digest = clean.give("depth", sequence.folder, name)
-            elif first is None:
-                data = encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m))
-                digest = self._dataset.write_file(sequence.folder, name, data)
-                first = self._dataset.out / sequence.folder / name
-            else:
-                self._dataset.link_file(first, sequence.folder, name)
             done: dict[str, object] = {"depth": notes} if notes else {}
             if sequence.depth_of is not None:
-                done["sync"] = {"depth_of_frame": taken}
+                done["pairing"] = {"depth_of_frame": taken}
             yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, done)
+
+    def _perturbed_depth(
+        self, sequence: Sequence, taken: int, clean: "CleanFiles", name: str
+    ) -> tuple[Path | None, str, list[dict[str, Any]]]:
+        """Write a frame's depth; return the file, None where depth stays clean, its SHA-256, and what was done."""
+        if not sequence.setting.depth:
+            return None, "", []
+        where = self._context(sequence, taken, clean)
+        depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, where)
+        if depth_m is None:
+            return None, "", notes
+        data = encode_depth(quantise_depth(depth_m, self._dataset.layout.depth_scale_per_m))
+        digest = self._dataset.write_file(sequence.folder, name, data)
+        return self._dataset.out / sequence.folder / name, digest, notes
+
+    def _context(self, sequence: Sequence, frame: int, clean: "CleanFiles") -> FrameContext:
+        return FrameContext(
+            frame,
+            sequence.identifiers,
+            stamp_s=float(self._stamps_s[frame]),
+            intrinsics=self._intrinsics,
+            read_rgb=lambda: clean.float_rgb,
+            read_depth_m=lambda: clean.depth_m,
+        )
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -163,6 +188,11 @@ class CleanFiles:
         """Colour (H, W, 3), float32 in [0, 1] or uint8."""
         assert self._image.rgb is not None
         return self._image.rgb
+
+    @cached_property
+    def float_rgb(self) -> NDArray[np.float32]:
+        """Colour (H, W, 3), float32 in [0, 1]."""
+        return self.rgb / np.float32(255) if self.rgb.dtype == np.uint8 else self.rgb
 
     @cached_property
     def depth_m(self) -> NDArray[np.float32]:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -242,7 +242,7 @@ class Run:
     ) -> None:
         stamps_s = self._trajectories_of(render)[""].stamps_s
         with (
-            FrameWriter(self._dataset, render.sequences, worker, stamps_s) as writer,
+            FrameWriter(self._dataset, render.sequences, worker, stamps_s, self._plan.camera) as writer,
             self._compositor(render) as compositor,
         ):
             for frame in frames:
@@ -331,9 +331,18 @@ def _composited(compositor: "Compositor | None", render: Render, source: int, im
     if compositor is None or image.rgb is None:
         return {}
     shown = [item for item in render.sequences if item.setting.composited and source in item.rgb_shown_by]
-    frames = {item.folder: (item.rgb_shown_by[source], item.identifiers) for item in shown}
     needs_depth = any(item.setting.needs_depth for item in render.sequences)
-    return compositor.perturb(image.rgb, frames, image.depth_m if needs_depth else None)
+    made: dict[tuple[str, int], Any] = {}
+    # A chain makes one picture at a time: of a sequence that shows the frame several times, one after another.
+    for turn in range(max((len(item.rgb_shown_by[source]) for item in shown), default=0)):
+        frames = {
+            item.folder: (item.rgb_shown_by[source][turn], item.identifiers)
+            for item in shown
+            if turn < len(item.rgb_shown_by[source])
+        }
+        pictures = compositor.perturb(image.rgb, frames, image.depth_m if needs_depth else None)
+        made |= {(folder, frames[folder][0]): picture for folder, picture in pictures.items()}
+    return made
 
 
 def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
@@ -348,7 +357,7 @@ def render_options(plan: Plan, jobs: int = 1) -> "RenderOptions":
         seed=render_seed(spec.seed),
         engine=spec.render.engine,
         device=spec.render.device,
-        rgb="rgb" in spec.output.modalities,
+        rgb="rgb" in spec.output.modalities or any(setting.needs_rgb for setting in plan.settings),
         depth="depth" in spec.output.modalities or any(setting.needs_depth for setting in plan.settings),
         threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
     )

@@ -8,7 +8,7 @@ import pytest
 from test_ui_panel import _ui, settings, square, use_files  # noqa: F401 - fixtures
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.perturbing.mixture import parse_settings
+from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 

@@ -16,9 +16,11 @@ from ..blender.still import render_stills
 from ..core.datasets.images import rgb_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.mixture import Setting, perturb_depth, perturb_rgb
+from ..core.perturbing.execution import perturb_depth, perturb_rgb
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext, PairingPerturbation
+from ..core.perturbing.steps import Setting
 from ..core.planning.plan import Sequence, lay_out
-from .document import identifiers_of, steps_of
+from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_poses
 from .properties import perturbation_of
@@ -63,8 +65,7 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
     count = scene.frame_end + 1 if poses is None else len(poses)
     setting = Setting(settings.setting_name, steps_of(settings), settings.backend)
     sequence = lay_out(setting, settings.scene_name, count, identifiers_of(settings))
-    last = (count - 1) // sequence.every
-    return sequence, max(0, min(scene.frame_current // sequence.every, last))
+    return sequence, max(0, min(sequence.frame_at(scene.frame_current), sequence.count - 1))
 
 
 def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
@@ -77,7 +78,7 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     index = now if index is None else index
     still = still_of(scene, sequence.rgb_source(index))
     clean = rgb_bytes(still.rgb)
-    made, notes = _perturb(sequence, index, still, scene.noisy_world.width_px)
+    made, notes = _perturb(sequence, index, still, scene.noisy_world)
     picture = clean if made is None else made
     edge = round(scene.noisy_world.preview_split * picture.shape[1])
     if edge and made is not None:
@@ -86,15 +87,35 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
 
 
 def _perturb(
-    sequence: Sequence, index: int, still: RenderedFrame, reference_width_px: int
+    sequence: Sequence, index: int, still: RenderedFrame, settings: Any
 ) -> tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]:
     setting = sequence.setting
-    rgb = np.clip(still.rgb, 0.0, 1.0)  # not rounded yet, as the generator's; lights of the user's may exceed 1
+    rgb = _encoded(still)
     if not setting.composited:
-        return perturb_rgb(setting.rgb, rgb, index, sequence.identifiers, still.depth_m)
+        return perturb_rgb(setting.rgb, rgb, _context(sequence, index, still, settings))
     height, width = rgb.shape[:2]
-    with Compositor((width, height), {"": setting.rgb}, reference_width_px) as compositor:
+    with Compositor((width, height), {"": setting.rgb}, settings.width_px) as compositor:
         return compositor.perturb(rgb, {"": (index, sequence.identifiers)}, still.depth_m)[""]
+
+
+def _encoded(still: RenderedFrame) -> NDArray[np.float32]:
+    """Return colour as the generator has it: not rounded yet; lights of the user's may exceed 1."""
+    assert still.rgb is not None
+    return np.clip(still.rgb, 0.0, 1.0)
+
+
+def _context(sequence: Sequence, index: int, still: RenderedFrame, settings: Any) -> FrameContext:
+    def depth_m() -> NDArray[np.float32]:
+        assert still.depth_m is not None
+        return still.depth_m
+
+    return FrameContext(
+        index,
+        sequence.identifiers,
+        intrinsics=intrinsics_of(settings),
+        read_rgb=lambda: _encoded(still),
+        read_depth_m=depth_m,
+    )
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
@@ -109,9 +130,10 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     if sequence.depth_of is not None and sequence.depth_of[index] < 0:
         raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
     source = sequence.depth_source(index)
-    taken = source // sequence.every
-    clean_m = still_of(scene, source).depth_m
-    depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, taken, sequence.identifiers)
+    taken = sequence.depth_frame(index)
+    still = still_of(scene, source)
+    clean_m = still.depth_m
+    depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, _context(sequence, taken, still, scene.noisy_world))
     depth_m = clean_m if depth_m is None else depth_m
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
@@ -289,7 +311,10 @@ Preview is on it follows the sliders"""
 
 def has_depth_steps(settings: Any) -> bool:
     """Tell whether something is done to depth, or to what it is paired with."""
-    return any(step.enabled and perturbation_of(step).category in ("depth", "sync") for step in settings.steps)
+    return any(
+        step.enabled and isinstance(perturbation_of(step), (DepthPerturbation, PairingPerturbation))
+        for step in settings.steps
+    )
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -11,7 +11,7 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
-from ..core.perturbing.mixture import perturb_motion
+from ..core.perturbing.execution import move
 from ..core.trajectories.trajectory import Trajectory
 from .document import deviation_of, identifiers_of
 
@@ -65,7 +65,7 @@ def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[
     if made_from not in _deviated:
         _deviated.clear()
         path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
-        _deviated[made_from] = perturb_motion(step, path, identifiers).c2w
+        _deviated[made_from] = move([step], path, identifiers).c2w
     return _deviated[made_from]
 
 

@@ -7,18 +7,24 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..datasets.layouts import Layout
 from ..datasets.storage import sha256_of_file
 from ..errors import InputError, NoisyWorldError
 from ..geometry import Intrinsics
-from ..perturbing.mixture import Identifiers, Registry, Setting, Step, paired_depth, parse_settings, perturb_motion
+from ..perturbing.execution import chosen_poses, move, paired_depth, split_motion, take_poses
+from ..perturbing.kinds import Identifiers, MotionPerturbation
+from ..perturbing.reading import Registry, parse_settings
+from ..perturbing.steps import Setting, Step
 from ..presets.preset import EMBEDDED_ROOM, Preset, SensorSpec
 from ..scenes.mesh import Mesh
 from ..schema import Place
 from ..trajectories.handheld import handheld_path
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from ..trajectories.trajectory import Trajectory
-from .scenes import Scene, check_existing, chosen_poses, find_scenes, load_mesh
+from .scenes import Scene, check_existing, find_scenes, load_mesh, selected_poses
 
 # Measured on two cores: what a ray, a pixel and a scene cost, and what a pixel weighs. An estimate for --dry-run.
 SECONDS_PER_SAMPLE = 3.5e-7
@@ -33,14 +39,17 @@ BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
 class Sequence:
     """One setting of one scene: a folder of the dataset.
 
-    identifiers: name its random streams. every: its frame i shows frame every * i of the render. depth_of: for each of
-    its frames the one whose depth goes with it; None where that is the same. frames: those that are to be made.
+    identifiers: name its random streams. count: how many frames it has, those that are left out too. poses: for each of
+    its frames the frame of the render that it shows; None where that is the same. depth_of: for each of its frames the
+    one whose depth goes with it, -1 where it is left out; None where that is the same. frames: those that are to be
+    made.
     """
 
     setting: Setting
     scene: str
     identifiers: Identifiers
-    every: int
+    count: int
+    poses: tuple[int, ...] | None
     depth_of: tuple[int, ...] | None
     frames: tuple[int, ...]
 
@@ -51,11 +60,15 @@ class Sequence:
 
     def rgb_source(self, frame: int) -> int:
         """Return the frame of the render whose colour a frame shows."""
-        return self.every * frame
+        return frame if self.poses is None else self.poses[frame]
 
     def depth_source(self, frame: int) -> int:
         """Return the frame of the render whose depth a frame shows."""
-        return self.every * (frame if self.depth_of is None else self.depth_of[frame])
+        return self.rgb_source(self.depth_frame(frame))
+
+    def depth_frame(self, frame: int) -> int:
+        """Return the frame of the sequence that the depth beside a frame's colour belongs to."""
+        return frame if self.depth_of is None else self.depth_of[frame]
 
     @cached_property
     def depth_shown_by(self) -> dict[int, list[int]]:
@@ -66,9 +79,24 @@ class Sequence:
         return shown
 
     @cached_property
-    def rgb_shown_by(self) -> dict[int, int]:
-        """The frame that shows the colour of a frame of the render."""
-        return {self.rgb_source(frame): frame for frame in self.frames}
+    def rgb_shown_by(self) -> dict[int, list[int]]:
+        """The frames that show the colour of a frame of the render."""
+        shown: dict[int, list[int]] = {}
+        for frame in self.frames:
+            shown.setdefault(self.rgb_source(frame), []).append(frame)
+        return shown
+
+    @cached_property
+    def _sorted_poses(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The frames of the render that are shown, sorted, and the first frame that shows each."""
+        return np.unique(np.array(self.poses, dtype=np.int64), return_index=True)
+
+    def frame_at(self, source: int) -> int:
+        """Return the frame that shows a frame of the render: the first one or, without any, of the nearest before."""
+        if self.poses is None:
+            return source
+        known, first = self._sorted_poses
+        return int(first[max(int(np.searchsorted(known, source, side="right")) - 1, 0)])
 
     def sources(self, modalities: tuple[str, ...]) -> set[int]:
         """Return the frames of the render that it needs."""
@@ -80,14 +108,15 @@ class Sequence:
 class Render:
     """What is rendered (or read) once for all the sequences that show it.
 
-    deviation: what is done to the trajectory, with the names of its streams.
+    motion: what moves the poses of the trajectory, in order. identifiers: name the random streams of that.
     """
 
     name: str
     scene: Scene
     frames: tuple[int, ...]
     sequences: tuple[Sequence, ...]
-    deviation: tuple[Step, Identifiers] | None = None
+    motion: tuple[Step[MotionPerturbation], ...] = ()
+    identifiers: Identifiers = ()
 
 
 @dataclass(frozen=True)
@@ -144,7 +173,8 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
     spec = preset.spec
     camera = spec.camera
     settings = parse_settings(spec.settings, preset.place("settings"), registry or {}, spec.render.backend)
-    _check_depth_aware(settings, preset)
+    _check_same_eye(settings, preset)
+    _check_executions(settings, preset)
     scenes = [scene for index, item in enumerate(spec.scenes) for scene in find_scenes(preset, index, item)]
     names = [scene.name for scene in scenes]
     for scene in scenes:
@@ -175,44 +205,52 @@ def _renders(
     """Group the settings of a scene by what has to be rendered: one for all that leave the path alone."""
     _check_chosen(scene, frames, preset)
     shared: list[Sequence] = []
-    deviated: list[Render] = []
+    moved: list[Render] = []
     for setting in settings:
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, frames)
         if frames is None and not sequence.frames:
+            pairing = ", ".join(step.perturbation.name for step in setting.pairing)
             raise preset.place("settings").error(
-                f"{setting.name}: desync leaves none of the {scene.frame_count} frames of {scene.name}",
-                "use edge: clamp",
+                f"{setting.name}: {pairing} leaves none of the {scene.frame_count} frames of {scene.name}",
+                "change its parameters; desync has edge: clamp",
             )
-        step = setting.named("motion_deviation")
-        if step is None:
+        moving, _ = split_motion(setting.motion)
+        if not moving:
             shared.append(sequence)
             continue
         if scene.existing is not None:
             problem = (
-                f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
+                f"deviates from its path in {setting.name} ({moving[-1].perturbation.name}), but an existing sequence "
+                "cannot be seen from elsewhere"
             )
             raise scene.place.at("sequence").error(problem, "take that setting out, or render the scene's mesh")
         needed = tuple(sorted(sequence.sources(modalities)))
-        name = f"{scene.name}@{setting.name}"
-        deviated.append(Render(name, scene, needed, (sequence,), (step, identifiers)))
+        moved.append(Render(f"{scene.name}@{setting.name}", scene, needed, (sequence,), moving, identifiers))
     if shared:
         needed = tuple(sorted(set().union(*(sequence.sources(modalities) for sequence in shared))))
-        deviated.insert(0, Render(scene.name, scene, needed, tuple(shared)))
-    return deviated
+        moved.insert(0, Render(scene.name, scene, needed, tuple(shared)))
+    return moved
 
 
 def lay_out(
     setting: Setting, scene: str, frame_count: int, identifiers: Identifiers, frames: slice | None = None
 ) -> Sequence:
-    """Return what a setting makes of a scene with so many frames. frames: which of its own, start and stop only."""
-    faster, desync = setting.named("faster_motion"), setting.named("desync")
-    every = faster.parameters(None).factor if faster else 1
-    count = -(-frame_count // every)
-    depth_of = tuple(paired_depth(desync, count, identifiers)) if desync else None
+    """Return what a setting makes of a scene with so many frames. frames: which of its own, start and stop only.
+
+    Raises NoisyWorldError where a perturbation of motion or pairing breaks its contract.
+    """
+    moving, choosing = split_motion(setting.motion)
+    in_render = chosen_poses(moving, frame_count, identifiers)
+    rendered = frame_count if in_render is None else len(in_render)
+    shown = chosen_poses(choosing, rendered, identifiers)
+    count = rendered if shown is None else len(shown)
+    paired = paired_depth(setting.pairing, count, identifiers)
+    poses = None if shown is None else tuple(shown.tolist())
+    depth_of = None if paired is None else tuple(paired.tolist())
     chosen = range(count)[frames or slice(None)]
     kept = tuple(frame for frame in chosen if depth_of is None or depth_of[frame] >= 0)
-    return Sequence(setting, scene, identifiers, every, depth_of, kept)
+    return Sequence(setting, scene, identifiers, count, poses, depth_of, kept)
 
 
 def estimate(plan: Plan) -> Estimate:
@@ -256,14 +294,12 @@ def load_trajectory(plan: Plan, scene: Scene, mesh: Mesh | None = None) -> Traje
         )
     except NoisyWorldError as error:
         raise scene.place.at("trajectory").at("handheld").error(str(error)) from error
-    return chosen_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
+    return selected_poses(path, scene.spec.trajectory, scene.place.at("trajectory"))
 
 
 def render_trajectories(plan: Plan, render: Render, nominal: Trajectory) -> dict[str, Trajectory]:
-    """Return where each thing goes in a render: as sensor_trajectories, after the deviation that there may be."""
-    if render.deviation is None:
-        return sensor_trajectories(plan, nominal)
-    return sensor_trajectories(plan, perturb_motion(render.deviation[0], nominal, render.deviation[1]))
+    """Return where each thing goes in a render: as sensor_trajectories, after what moves the poses."""
+    return sensor_trajectories(plan, move(render.motion, nominal, render.identifiers))
 
 
 def written_trajectories(
@@ -271,13 +307,11 @@ def written_trajectories(
 ) -> dict[str, Trajectory]:
     """Return the trajectories of a sequence's own frames: the true ones and, where they deviate, the "nominal" one."""
     paths = dict(true)
-    if render.deviation is not None:
-        paths["nominal"] = sensor_trajectories(plan, nominal)[""]
-    faster = sequence.setting.named("faster_motion")
-    return {
-        key: path if faster is None else perturb_motion(faster, path, sequence.identifiers)
-        for key, path in paths.items()
-    }
+    if render.motion:
+        in_render = chosen_poses(render.motion, len(nominal), render.identifiers)
+        paths["nominal"] = sensor_trajectories(plan, take_poses(nominal, in_render))[""]
+    shown = None if sequence.poses is None else np.array(sequence.poses)
+    return {key: take_poses(path, shown) for key, path in paths.items()}
 
 
 def sensor_trajectories(plan: Plan, trajectory: Trajectory) -> dict[str, Trajectory]:
@@ -311,14 +345,27 @@ def input_hashes(plan: Plan) -> dict[str, dict[str, Any]]:
     return inputs
 
 
-def _check_depth_aware(settings: tuple[Setting, ...], preset: Preset) -> None:
-    """Refuse what needs the depth of the colour's own place, where depth is measured elsewhere."""
+def _check_same_eye(settings: tuple[Setting, ...], preset: Preset) -> None:
+    """Refuse what needs colour and depth of the same pixel, where depth is measured elsewhere."""
     rig = preset.spec.rig
+    if rig is None or rig.depth is None:
+        return
     for setting in settings:
-        if setting.needs_depth and rig is not None and rig.depth is not None:
+        if setting.needs_depth or setting.needs_rgb:
+            needed = "depth that the colour" if setting.needs_depth else "colour that the depth"
             raise preset.place("settings").error(
-                f"{setting.name}: needs the depth that the colour camera sees, but rig.depth is another place",
+                f"{setting.name}: needs the {needed} camera sees, but rig.depth is another place",
                 "take that setting out, or rig.depth",
+            )
+
+
+def _check_executions(settings: tuple[Setting, ...], preset: Preset) -> None:
+    """Refuse what the compositor cannot do."""
+    for setting in settings:
+        lacking = [step.perturbation.name for step in setting.rgb if step.perturbation.build is None]
+        if setting.composited and lacking:
+            raise preset.place("settings").error(
+                f"{setting.name}: {lacking[0]} has no node group for the compositor", "give it backend: reference"
             )
 
 

@@ -116,7 +116,7 @@ def _scene(
     whole = read_trajectory(
         path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
     )
-    trajectory = chosen_poses(whole, spec.trajectory, where)
+    trajectory = selected_poses(whole, spec.trajectory, where)
     return Scene(name, spec, place, mesh_path, path, trajectory, len(trajectory))
 
 
@@ -124,10 +124,10 @@ def _planned_frames(spec: TrajectorySpec, place: Place) -> int:
     """Count the poses of a path that is not made yet, by choosing from one that stands still."""
     assert spec.handheld is not None
     still = evenly_stamped(np.broadcast_to(np.eye(4), (spec.handheld.frames, 4, 4)), spec.handheld.rate_hz)
-    return len(chosen_poses(still, spec, place))
+    return len(selected_poses(still, spec, place))
 
 
-def chosen_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
+def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
     """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left."""
     if spec.resample_hz is not None:
         trajectory = resample(trajectory, spec.resample_hz)
