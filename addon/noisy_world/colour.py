@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Perturbed colour, by Blender's compositor or by the reference: both are asked here, in the same words."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from .clean_frame import CleanFrame, Perturbed, frame_context
+from .clean_frame import Camera, CleanFrame, Perturbed
 from .core.machine import keep_freed_memory
 from .core.perturbing.execution import perturb_rgb
-from .core.planning.plan import Render
 from .core.planning.sequence import Sequence
 
 if TYPE_CHECKING:
@@ -30,16 +29,16 @@ class ColourExecutor(Protocol):
 class ReferenceColour:
     """numpy and OpenCV. The work is done where the result is asked for, beside the rendering."""
 
-    def __init__(self, render: Render) -> None:
-        """Prepare for the sequences of a render."""
-        self._render = render
+    def __init__(self, camera: Camera) -> None:
+        """Take what is known of the camera."""
+        self._camera = camera
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
         """Return what perturbs each frame when it is called."""
         return {(sequence.folder, frame): partial(self._one, clean, sequence, frame) for sequence, frame in asked}
 
     def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> Perturbed:
-        return perturb_rgb(sequence.setting.rgb, clean.rgb, frame_context(self._render, sequence, frame, clean))
+        return perturb_rgb(sequence.setting.rgb, clean.rgb, self._camera.context(sequence, frame, clean))
 
 
 class CompositorColour:
@@ -86,12 +85,15 @@ class Colour:
 
 
 @contextmanager
-def colour_of(render: Render, *, written: bool) -> Iterator[Colour]:
-    """Prepare the executors that a render's sequences need. written: whether colour is written at all."""
-    perturbed = [item for item in render.sequences if written and item.frames and item.setting.rgb]
+def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int, int]) -> Iterator[Colour]:
+    """Prepare the executors that sequences need.
+
+    size_px: width and height of the frames; the width is the one that sizes in pixels are meant at.
+    """
+    perturbed = [item for item in sequences if item.frames and item.setting.rgb]
     composited = [item for item in perturbed if item.setting.composited]
     executors: dict[ColourExecutor, list[Sequence]] = {
-        ReferenceColour(render): [item for item in perturbed if not item.setting.composited]
+        ReferenceColour(camera): [item for item in perturbed if not item.setting.composited]
     }
     if not composited:
         yield Colour(executors)
@@ -99,7 +101,6 @@ def colour_of(render: Render, *, written: bool) -> Iterator[Colour]:
     from .blender.compositor import Compositor
 
     keep_freed_memory()
-    camera = render.camera
     chains = {item.folder: item.setting.rgb for item in composited}
-    with Compositor((camera.width_px, camera.height_px), chains, camera.width_px) as compositor:
+    with Compositor(size_px, chains, size_px[0]) as compositor:
         yield Colour({**executors, CompositorColour(compositor): composited})

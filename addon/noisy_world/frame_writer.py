@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from .clean_frame import CleanFrame, frame_context
+from .clean_frame import Camera, CleanFrame
 from .colour import Colours
 from .core.datasets.dataset import Dataset, FrameRecord
 from .core.datasets.storage import sha256_of_file
@@ -32,8 +32,8 @@ class FrameWriter:
     def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
         """Open the journals."""
         self._dataset = dataset
-        self._render = render
         self._stamps_s = render.scene.source.stamps_s
+        self._camera = Camera(render.camera, self._stamps_s)
         self._names = dataset.format.names(self._stamps_s)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
@@ -97,7 +97,7 @@ class FrameWriter:
                 written[taken] = (self._dataset.out / sequence.folder / name, digest, notes)
             done: dict[str, object] = {"depth": notes} if notes else {}
             if sequence.paired:
-                done["sync"] = {"depth_of_frame": taken}
+                done["pairing"] = {"depth_of_frame": taken}
             yield self._record(frame, {name: digest}, done)
 
     def _write_one_depth(
@@ -106,7 +106,7 @@ class FrameWriter:
         """Write the depth of a frame, perturbed as it was taken; return the file's SHA-256 and what was done."""
         depth_m, notes = None, []
         if sequence.setting.depth:
-            context = frame_context(self._render, sequence, taken, clean)
+            context = self._camera.context(sequence, taken, clean)
             depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
         if depth_m is None:
             return files.give("depth", sequence.folder, name), notes

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .clean_frame import CleanFrame
+from .clean_frame import Camera, CleanFrame
 from .colour import colour_of
 from .core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset, FrameRecord
 from .core.datasets.layouts import SequenceFacts
@@ -158,9 +158,12 @@ class Run:
 
     def _write_frames(self, render: Render, frames: list[int], worker: int, source: OpenSource) -> None:
         paths = self._paths_of(render)
+        coloured = render.sequences if "rgb" in self._plan.format.modalities else ()
+        camera = Camera(render.camera, render.scene.source.stamps_s)
+        size_px = (render.camera.width_px, render.camera.height_px)
         with (
             FrameWriter(self._dataset, render, worker) as writer,
-            colour_of(render, written="rgb" in self._dataset.format.modalities) as colour,
+            colour_of(coloured, camera, size_px) as colour,
         ):
             for frame in frames:
                 if self._stop.is_set():

@@ -33,8 +33,8 @@ from noisy_world.core.geometry import (
     rotation_from_quat_wxyz,
     slerp,
 )
-from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 

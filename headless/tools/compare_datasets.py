@@ -45,7 +45,9 @@ def differences(before: Path, after: Path) -> tuple[list[str], int]:
 
 
 def _files(folder: Path) -> list[str]:
-    return [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() and path.name not in FREE]
+    return [
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() and path.name not in FREE
+    ]
 
 
 def _content(path: Path) -> object:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.clean_frame import CleanFrame
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, Perturbation
-from noisy_world.core.perturbing.mixture import Step, parse_steps
+from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.planning.plan import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
@@ -23,9 +24,9 @@ FRAME = 8
 SEED = 1
 
 
-def shown_perturbations() -> list[Perturbation]:
-    """Return the perturbations of colour, in propagation order."""
-    return [item for item in registry().values() if item.category in RGB_CATEGORIES]
+def shown_perturbations() -> list[ColourPerturbation]:
+    """Return the perturbations of colour that have a node group, in the order of propagation."""
+    return [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
 
 
 def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -51,7 +52,7 @@ def perturbed(
     return {(name.split()[0], float(name.split()[1])): image for name, (image, _) in made.items() if image is not None}
 
 
-def step(perturbation: Perturbation, severity: float) -> Step:
+def step(perturbation: ColourPerturbation, severity: float) -> Step:
     """Return the step of a preset's `{name: {severity: ...}}`."""
     (found,) = parse_steps([{perturbation.name: {"severity": severity}}], Place("showcase"), registry())
     return found

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from worlds import ROOT, write_world
 
+from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.errors import InputError
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.planning import make_plan
@@ -21,8 +22,8 @@ from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
-RGB = [name for name, item in registry().items() if item.category in ("environment", "lens", "sensor", "post")]
-DEPTH = [name for name, item in registry().items() if item.category == "depth"]
+RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
+DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
 MIXED = [
     {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
     {"contrast": {"severity": 3}},

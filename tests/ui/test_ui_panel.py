@@ -10,7 +10,7 @@ import pytest
 import noisy_world
 from noisy_world.blender.camera import read_trajectory_keys
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.perturbing.kinds import CATEGORIES
+from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
@@ -55,10 +55,10 @@ def use_files(tmp_path, count=10):
 
 
 def test_the_list_keeps_the_propagation_order():
-    for name in reversed([item.name for item in registry().values() if item.category != "motion"]):
+    for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
     names = [step.perturbation for step in settings().steps]
-    assert names == sorted(names, key=lambda name: (CATEGORIES.index(registry()[name].category), name))
+    assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), name))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
     assert names[:1] == ["fog"]
     assert [step.perturbation for step in settings().steps][:2] == ["fog", "fog"]

@@ -34,7 +34,7 @@ class RenderedFrame:
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> None:  # noqa: ARG002 - the protocol's
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
         """Return nothing: what was rendered lies in no file yet."""
 
 

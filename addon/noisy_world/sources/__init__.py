@@ -14,7 +14,7 @@ from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory
-from .mesh import MeshSource, chosen_poses
+from .mesh import MeshSource, selected_poses
 from .recording import Recording
 
 
@@ -74,7 +74,7 @@ def _mesh_scene(
     whole = read_trajectory(
         path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
     )
-    chosen = chosen_poses(whole, spec.trajectory, where)
+    chosen = selected_poses(whole, spec.trajectory, where)
     return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, path, chosen, seed))
 
 

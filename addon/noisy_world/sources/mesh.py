@@ -62,7 +62,7 @@ class MeshSource:
             return self.known_path.stamps_s
         handheld = self._handheld
         still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
-        return chosen_poses(still, self.spec, self.place.at("trajectory")).stamps_s
+        return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
 
     @property
     def robot_axes(self) -> Axes | None:
@@ -96,7 +96,7 @@ class MeshSource:
             )
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error
-        return chosen_poses(path, self.spec, self.place.at("trajectory"))
+        return selected_poses(path, self.spec, self.place.at("trajectory"))
 
     def hashes(self) -> dict[str, Any]:
         """Return the names and hashes of the mesh and of the path's file."""
@@ -180,7 +180,7 @@ def forget_meshes() -> None:
     _read.cache_clear()
 
 
-def chosen_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
+def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
     """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left."""
     if spec.resample_hz is not None:
         trajectory = resample(trajectory, spec.resample_hz)

@@ -10,14 +10,14 @@ from ..datasets.layouts import OutputFormat
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
-from ..perturbing.kinds import Identifiers, Registry
-from ..perturbing.reading import parse_settings
+from ..perturbing.kinds import Identifiers, MotionPerturbation
+from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.preset import Preset, SensorSpec
 from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
-from ..trajectories.trajectory import Axes, Trajectory
 from ..trajectories.sensor_paths import SensorPaths
+from ..trajectories.trajectory import Axes, Trajectory
 from .sequence import Sequence, lay_out
 from .source import Modality, Scene
 
@@ -35,7 +35,7 @@ class Render:
     frames: tuple[int, ...]
     sequences: tuple[Sequence, ...]
     camera: Intrinsics
-    moving: tuple[Step, ...] = ()
+    moving: tuple[Step[MotionPerturbation], ...] = ()
     identifiers: Identifiers = ()
 
     @property
@@ -101,6 +101,7 @@ def lay_out_plan(preset: Preset, scenes: Many[Scene], registry: Registry, chosen
     spec = preset.spec
     settings = parse_settings(spec.settings, preset.place("settings"), registry, spec.render.backend)
     _check_sensors(settings, preset)
+    _check_executions(settings, preset)
     _check_scenes(scenes, preset)
     camera = Intrinsics(
         spec.camera.width, spec.camera.height, spec.camera.fx, spec.camera.fy, spec.camera.cx, spec.camera.cy
@@ -128,9 +129,10 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
+            pairing = ", ".join(step.perturbation.name for step in setting.pairing)
             raise preset.place("settings").error(
-                f"{setting.name}: desync leaves none of the {scene.frame_count} frames of {scene.name}",
-                "use edge: clamp",
+                f"{setting.name}: {pairing} leaves none of the {scene.frame_count} frames of {scene.name}",
+                "change its parameters; desync has edge: clamp",
             )
         moving, _ = split_motion(setting.motion)
         if not moving:
@@ -198,6 +200,16 @@ def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
             raise preset.place("settings").error(
                 f"{setting.name}: needs the {seen} sees, but rig.depth is another place",
                 "take that setting out, or rig.depth",
+            )
+
+
+def _check_executions(settings: tuple[Setting, ...], preset: Preset) -> None:
+    """Refuse what the compositor cannot do."""
+    for setting in settings:
+        lacking = [step.perturbation.name for step in setting.rgb if step.perturbation.build is None]
+        if setting.composited and lacking:
+            raise preset.place("settings").error(
+                f"{setting.name}: {lacking[0]} has no node group for the compositor", "give it backend: reference"
             )
 
 

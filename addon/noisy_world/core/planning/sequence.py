@@ -54,9 +54,22 @@ class Sequence:
         return f"{self.setting.name}/{self.scene}"
 
     @property
+    def skips(self) -> bool:
+        """Whether its frames are others of the path than those of the same numbers."""
+        return self.source_frames != tuple(range(len(self.source_frames)))
+
+    @property
     def paired(self) -> bool:
         """Whether colours go with depths of other frames."""
         return self.depth_frames is not None
+
+    def frame_at(self, source: int) -> int:
+        """Return the frame that shows a source frame: the first one or, without any, of the nearest before."""
+        known = np.array(self.source_frames)
+        before = np.flatnonzero(known <= source)
+        if not before.size:
+            return 0
+        return int(before[np.argmax(known[before])])
 
     def leaves_out(self, frame: int) -> bool:
         """Tell whether there is no depth to go with a frame, which is then not made."""

@@ -95,7 +95,7 @@ class Source(Protocol):
 
     @property
     def robot_axes(self) -> Axes | None:
-        """The axes that the path's poses were declared in, which a rig's extrinsics refer to; None where it has none."""
+        """The axes that the path's poses were declared in, and a rig's extrinsics refer to; None without."""
         ...
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
