@@ -16,15 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.datasets.existing import find_sequence
+from .clean_frame import Camera, CleanFrame
+from .core.datasets.layouts import find_sequence
 from .core.geometry import Intrinsics
-from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion, take_poses
+from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
 from .core.perturbing.reading import parse_steps
 from .core.perturbing.steps import Setting
-from .core.planning.plan import lay_out
+from .core.planning.sequence import lay_out, written_paths
 from .core.schema import Place
+from .core.trajectories.sensor_paths import SensorPaths
 from .perturbations import registry
+from .sources.recording import RecordedFrame
 
 
 def apply[Pixel: (np.uint8, np.float32)](
@@ -112,7 +115,7 @@ def frames(
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
 ) -> Iterator[PerturbedFrame]:
-    """Perturb a sequence in Replica's or TUM's layout, frame by frame, without writing anything.
+    """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name): name
     the random streams; a preset with the same ones makes the same pixels. intrinsics: of the sequence's camera, for
@@ -120,37 +123,26 @@ def frames(
 
     Raises InputError for a folder that holds no sequence, and for what a preset could not say either.
     """
-    existing = find_sequence(Path(folder))
-    steps = parse_steps(perturb, Place("frames"), registry())
-    moving, _ = split_motion(Setting(setting, steps).motion)
+    stored = find_sequence(Path(folder))
+    whole = Setting(setting, parse_steps(perturb, Place("frames"), registry()))
+    moving, _ = split_motion(whole.motion)
     if moving:
         name = moving[-1].perturbation.name
         raise Place("frames").error(f"{name} needs a mesh: a sequence cannot be seen from elsewhere")
     name = Path(folder).name if scene is None else scene
-    whole = Setting(setting, steps)
-    sequence = lay_out(whole, name, len(existing.trajectory), (seed, name, setting))
-    shown = None if sequence.poses is None else np.array(sequence.poses)
-    path = take_poses(existing.trajectory, shown)
-
-    def where(index: int, source: int) -> FrameContext:
-        return FrameContext(
-            index,
-            sequence.identifiers,
-            stamp_s=float(path.stamps_s[index]),
-            intrinsics=intrinsics,
-            read_rgb=lambda: _as_float(existing.frame(source).rgb),
-            read_depth_m=lambda: existing.frame(source).depth_m,
-        )
-
+    sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
+    path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
+    camera = Camera(intrinsics, path.stamps_s)
     for index in sequence.frames:
-        rgb_source, depth_source = sequence.rgb_source(index), sequence.depth_source(index)
-        rgb, depth_m = existing.frame(rgb_source).rgb, existing.frame(depth_source).depth_m
-        new_rgb, _ = perturb_rgb(whole.rgb, rgb, where(index, rgb_source))
-        new_depth_m, _ = perturb_depth(whole.depth, depth_m, where(sequence.depth_frame(index), depth_source))
+        shown = sequence.shown(index)
+        clean = CleanFrame(shown.rgb_source, RecordedFrame(stored.frame(shown.rgb_source)))
+        taken = CleanFrame(shown.depth_source, RecordedFrame(stored.frame(shown.depth_source)))
+        rgb, _ = perturb_rgb(whole.rgb, clean.rgb, camera.context(sequence, index, clean))
+        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, camera.context(sequence, shown.depth_frame, taken))
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),
             path.c2w[index],
-            rgb if new_rgb is None else new_rgb,
-            depth_m if new_depth_m is None else new_depth_m,
+            clean.byte_rgb() if rgb is None else rgb,
+            taken.depth_m if depth_m is None else depth_m,
         )

@@ -26,7 +26,7 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assets")
-    command = [sys.executable, str(ROOT / "headless/assets.py"), "--out", str(folder)]
+    command = [sys.executable, str(ROOT / "headless/tools/assets.py"), "--out", str(folder)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert result.returncode == 0, result.stderr
     assert f"{len(PERTURBATIONS)} node groups" in result.stdout

@@ -13,10 +13,10 @@ import pytest
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.datasets.images import encode_rgb
+from noisy_world.core.datasets.images import encode_colour
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
@@ -53,9 +53,8 @@ def _no_blender(monkeypatch):
 
 
 def run(preset, out, *, frames=None, overrides=(), stop=None):
-    plan = make_plan(read_preset(preset, overrides), frames, registry())
-    make = Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event())
-    return make()
+    plan = make_plan(read_preset(preset, overrides), frames)
+    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()).make_dataset()
 
 
 @pytest.fixture
@@ -191,7 +190,7 @@ def test_a_frame_alone_is_that_of_the_whole_run(world, out, tmp_path):
 
 
 def test_order_and_workers_change_no_byte(world, out, tmp_path):
-    plan = make_plan(read_preset(world), None, registry())
+    plan = make_plan(read_preset(world))
     pieces = []
 
     def workers(work, progress):
@@ -203,10 +202,8 @@ def test_order_and_workers_change_no_byte(world, out, tmp_path):
             report = done if report is None else (report.merge(done), report)[1]
         return report
 
-    make = Run(
-        plan, tmp_path / "jobs", progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=3, workers=workers
-    )
-    make()
+    progress = PlainProgress(sys.stderr)
+    Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3, workers=workers).make_dataset()
     assert len(pieces) == 3
     assert content(tmp_path / "jobs") == content(out)
     assert split_work({"a": [1, 2]}, 5) == [{"a": [1]}, {"a": [2]}]
@@ -226,19 +223,19 @@ def test_parts_that_an_interrupted_choice_of_frames_left_go(world, out, tmp_path
     # Frame 1 of `late` needs depth 3: with frames 1 to 2 alone it is whole, but a run killed between leaves halves.
     stop = threading.Event()
     part = tmp_path / "part"
-    rendered = fake_session.Session.render
+    rendered = fake_session.Session.frame
 
     def render(self, frame):
-        if frame == 2:
+        if frame.index == 2:
             stop.set()
         return rendered(self, frame)
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         with pytest.raises(Exception, match="stopped"):
             run(world, part, stop=stop)
     finally:
-        fake_session.Session.render = rendered
+        fake_session.Session.frame = rendered
     run(world, part, frames=slice(0, 1))
     for setting in ("late", "mixed", "early", "clean"):
         folder = part / setting / "box"
@@ -338,7 +335,7 @@ def test_what_an_existing_sequence_cannot_do(out, tmp_path):
         run(existing(tmp_path, tmp_path / "nowhere"), tmp_path / "x")
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match="is no sequence"):
+    with pytest.raises(InputError, match="is no sequence; it has to have the files of a layout: Replica or TUM"):
         run(existing(tmp_path, empty), tmp_path / "x")
     gone = existing(
         tmp_path, out / "clean/box", settings=[{"name": "s", "perturb": [{"desync": {"offset": 99, "edge": "drop"}}]}]
@@ -402,5 +399,5 @@ def test_any_parameter_stands_over_the_severity():
 def test_storing_adds_no_visible_perturbation():
     rng = np.random.default_rng(0)
     smooth = cv2.GaussianBlur(rng.integers(0, 256, (120, 160, 3)).astype(np.uint8), (0, 0), 3)
-    stored = cv2.imdecode(np.frombuffer(encode_rgb(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    stored = cv2.imdecode(np.frombuffer(encode_colour(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert cv2.PSNR(smooth, np.ascontiguousarray(stored)) > 48

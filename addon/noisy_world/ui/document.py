@@ -14,10 +14,10 @@ from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import Identifiers
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step
-from ..core.planning.plan import make_plan
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
+from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
 from .properties import OVERRIDE, parameters_of, perturbation_of
 
@@ -179,7 +179,7 @@ def save_preset(settings: Any, path: Path) -> None:
     import yaml
 
     preset = preset_of(settings, path)
-    make_plan(preset, None, registry())  # what cannot be generated is not saved either
+    make_plan(preset)  # what cannot be generated is not saved either
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -275,7 +275,7 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
     settings.engine, settings.samples = spec.render.engine, spec.render.samples
     settings.backend = setting.backend
     settings.layout = spec.output.layout
-    settings.image = spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")
+    settings.image = spec.output.format.image
     settings.use_rgb = "rgb" in spec.output.modalities
     settings.use_depth = "depth" in spec.output.modalities
     settings.overview = spec.output.overview

@@ -126,7 +126,7 @@ def show(scene: bpy.types.Scene) -> None:
         scene,
         sequence.setting.rgb,
         sequence.identifiers,
-        index_of=None if sequence.poses is None else sequence.frame_at,
+        index_of=sequence.frame_at if sequence.skips else None,
         reference_width_px=settings.width_px,
         split=settings.preview_split,
     )

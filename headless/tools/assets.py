@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the asset library: every perturbation of colour as a compositor node group, for Blender's asset browser.
 
-    python headless/assets.py [--out FOLDER]
+    python headless/tools/assets.py [--out FOLDER]
 
 The groups work without the add-on: append one, or point Blender's preferences at the folder, and drag it from the
 compositor's asset shelf.
@@ -12,7 +12,7 @@ import sys
 import uuid
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
@@ -24,7 +24,7 @@ from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
-from showcase import demo_frame, perturbed, shown_perturbations
+from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 FILE = "noisy_world_assets.blend"
 CATALOGS = "blender_assets.cats.txt"

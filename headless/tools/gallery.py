@@ -3,7 +3,7 @@
 
 The environment's are shown on the whole frame, the others on a part of it, pixel for pixel.
 
-python headless/gallery.py docs/gallery.jpg
+python headless/tools/gallery.py docs/gallery.jpg
 """
 
 import argparse
@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.perturbing.kinds import ColourStage
-from showcase import demo_frame, perturbed, shown_perturbations
+from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)
 TILE_PX = (300, 170)

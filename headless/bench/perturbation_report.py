@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The perturbations, both backends, beside a peer on the same frames: time, error, distance from the peer's severities.
 
-    python headless/perturbation_report.py FRAMES [--targets TARGETS.csv] [--out DIR] [--seeds N]
+    python headless/bench/perturbation_report.py FRAMES [--targets TARGETS.csv] [--out DIR] [--seeds N]
 
 FRAMES: a folder of colour images; they are resized to 1200 x 680. TARGETS.csv: what the severities should look like
 (columns corruption, severity, psnr, ssim, mean_shift). The peer is imagecorruptions, in the environment that
@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PEER_PYTHON = ROOT / ".venv-corruptions" / "bin" / "python"
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
