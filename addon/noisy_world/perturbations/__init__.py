@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The perturbations, one file each. Adding one is adding a file with a `PERTURBATION`, here or in an installed package.
+"""The perturbations, one file each. To add one, add a file with a `PERTURBATION`, here or in an installed package.
 
-docs/perturbations.md, "Your own", says how a package brings some.
+docs/perturbations.md, "Your own", says how a package brings its own.
 """
 
 import importlib
@@ -15,9 +15,9 @@ from ._installed import installed_perturbations
 
 @cache
 def registry() -> dict[str, Perturbation]:
-    """Return all perturbations by name, in the order of propagation: our own, and those of installed packages.
+    """Return all perturbations by name, our own and those of installed packages, in the order of propagation.
 
-    Raises NoisyWorldError naming an installed package whose perturbations cannot be had.
+    Raises NoisyWorldError naming an installed package whose perturbations cannot be loaded or have a name in use.
     """
     found = {item.name: item for item in _own()}
     for item in installed_perturbations():

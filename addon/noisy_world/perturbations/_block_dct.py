@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The discrete cosine transform of 8 x 8 blocks as node groups, three channels at once.
 
-The eight pixels of a run are gathered into images an eighth as long; so each coefficient is an image of its own, in
-which a block is one pixel, and calculating with it costs next to nothing. The way back weighs the coefficients,
-enlarged to whole blocks, with cosines. Orthonormal, as JPEG's (ITU-T T.81, A.3.3), rows and columns apart; forwards
-with libjpeg's constants, so that what lies near the middle between two steps is rounded to the same one.
+The eight pixels of a run (part of a row or a column) are gathered into eight images that are an eighth as long. So each
+coefficient is an image in which a block is one pixel, and calculating with it is cheap. The inverse transform enlarges
+the coefficients to whole blocks and sums them, weighted by cosines. The transform is orthonormal, as JPEG's (ITU-T
+T.81, A.3.3), and separable: first rows, then columns. The forward transform uses libjpeg's integer constants, so that
+coefficients close to a tie between two quantisation steps are rounded as libjpeg rounds them.
 """
 
 import math
@@ -14,7 +15,8 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 
 SIZE = 8
 RUN = range(SIZE)
-# sqrt(2) cos((2k + 1) u pi / 16) in 8192ths, as libjpeg's 13-bit constants add up: a row for each u, k from 0 to 3.
+# sqrt(2) cos((2k + 1) u pi / 16) in 8192ths, as sums of libjpeg's 13-bit constants (jfdctint.c) give it, which differs
+# from the rounded cosine by 1 at times. A row for each frequency u, k from 0 to 3.
 COSINES = (
     (8192, 8192, 8192, 8192),
     (11363, 9633, 6437, 2260),
@@ -29,12 +31,12 @@ _NOTHING = (0.0, 0.0, 0.0)
 _BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
-def sample(graph: Graph, image: Socket, place: Value, interpolation: str = "Nearest") -> Socket:
-    """Return the image at places (x, y, 1) from 0 to 1, its border replicated; as large as the image of places.
+def sample(graph: Graph, image: Socket, position: Value, interpolation: str = "Nearest") -> Socket:
+    """Return the image's values at `position`, an image of (x, y, weight); x and y from 0 to 1, weight 1 or a factor.
 
-    What stands for the 1 weighs the result.
+    The result is as large as `position`. The image's border is replicated.
     """
-    inputs = {"Image": image, "UV": place, "Interpolation": interpolation}
+    inputs = {"Image": image, "UV": position, "Interpolation": interpolation}
     extension = {"Extension X": "Extend", "Extension Y": "Extend"}
     return graph.node("CompositorNodeMapUV", inputs | extension).out("Image", "color")
 
@@ -69,19 +71,19 @@ def _weighted(graph: Graph, values: Sequence[Socket], weights: Sequence[Value]) 
 
 
 def cosines() -> Graph:
-    """Describe the group of the cosines that coefficients 1 to 7 weigh at each pixel of a run."""
+    """Describe the group that gives the cosines by which coefficients 1 to 7 are weighted at each pixel of a run."""
     graph = Graph("NW DCT cosines", "What each coefficient adds to the pixels of a run")
-    place = graph.input(GroupInput("Place", "float", 0.0, "The pixel's number, from 0"))
+    position = graph.input(GroupInput("Place", "float", 0.0, "The pixel's number, from 0"))
     with graph.section("Angle"):
-        within = graph.math("FLOORED_MODULO", place, 8.0)
+        within = graph.math("FLOORED_MODULO", position, 8.0)
         double = graph.math("COSINE", graph.math("MULTIPLY_ADD", within, math.pi / 8, math.pi / 16)) * 2.0
     with graph.section("Multiples of the angle"):
         found: list[Value] = [0.5, double * 0.25]
         for u in range(2, SIZE):
             found.append(double * found[u - 1] - found[u - 2])
     with graph.section("Three at once"):
-        for name, places in BUNDLES.items():
-            three = [*(found[u] for u in places), 0.0, 0.0][:3]
+        for name, positions in BUNDLES.items():
+            three = [*(found[u] for u in positions), 0.0, 0.0][:3]
             graph.output(name, graph.vector(*three), "vector")
     return graph
 
@@ -92,14 +94,14 @@ BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
 def pixels() -> Graph:
     """Describe the group that turns eight images of coefficients into runs of eight pixels."""
     graph = Graph("NW DCT pixels", "Runs of eight pixels from their DCT coefficients")
-    place = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
+    position = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
     bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in BUNDLES]
     given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]
     with graph.section("Whole blocks"):
-        wide = [sample(graph, item, place) for item in given]
+        wide = [sample(graph, item, position) for item in given]
     with graph.section("Weigh"):
         weights: list[Value] = [_weight(0)]
-        for bundle, places in zip(bundles, BUNDLES.values(), strict=True):
-            weights += [getattr(bundle, axis) for axis, _ in zip("xyz", places, strict=False)]
+        for bundle, positions in zip(bundles, BUNDLES.values(), strict=True):
+            weights += [getattr(bundle, axis) for axis, _ in zip("xyz", positions, strict=False)]
         graph.output("Image", _weighted(graph, wide, weights))
     return graph

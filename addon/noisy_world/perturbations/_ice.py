@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of ice on a pane, which `headless/tools/draw_ice.py` drew: loaded, and tinted as photographs of ice are."""
+"""Pictures of ice on a pane, drawn by `headless/tools/draw_ice.py`: loaded, and tinted like photographs of ice."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+# Chosen: a frame of 1200 x 680 and the tenth that frost's crop moves in (1320 x 748) fit without enlarging the ice.
 HEIGHT_PX, WIDTH_PX = 1024, 1536
 
 type Rgb = tuple[float, float, float]
@@ -15,14 +16,15 @@ type Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Ice:
-    """A grey picture, and the factors on its shadows and its lights that tint it."""
+    """A grey picture, and the factors per channel that tint its darkest and its brightest greys."""
 
     name: str
     shadow_rgb: Rgb
     light_rgb: Rgb
 
 
-# The tints are those of the photographs that ImageNet-C draws from, among them white ice twice.
+# The tints follow those of the five photographs that ImageNet-C picks from; two of these show white ice, so the white
+# picture (number 1) is picked twice as often as each of the others.
 PICTURES = (
     Ice("sheet", (0.0, 1.33, 1.50), (1.15, 0.95, 1.03)),
     Ice("needles", (0.94, 0.96, 1.0), (0.98, 0.99, 1.04)),
@@ -33,7 +35,7 @@ EQUALLY_OFTEN = (0, 1, 1, 2, 3)
 
 
 def picture_file(name: str) -> Path:
-    """Return where a grey picture lies."""
+    """Return the path of a grey picture."""
     return Path(__file__).parent / "ice" / f"{name}.jpg"
 
 

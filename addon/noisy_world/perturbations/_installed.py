@@ -14,14 +14,15 @@ from ..core.perturbing.kinds import KINDS, Distribution, Perturbation
 from ..other_name import give_other_name
 
 GROUP = "noisy_world.perturbations"
-PACKAGE = "noisy_world"  # how installed packages know us, whatever our name is here
+PACKAGE = "noisy_world"  # the name by which installed packages import us; inside Blender our own name is another
 
 
 def installed_perturbations() -> Iterator[Perturbation]:
-    """Yield what installed packages bring, package after package.
+    """Yield the perturbations of installed packages, sorted by package and entry point.
 
-    An entry point of the group leads to a perturbation, or to a package whose modules each hold a `PERTURBATION`; those
-    whose names begin with an underscore are left out. Raises NoisyWorldError naming the package where one does not.
+    An entry point of the group names a perturbation, or a package whose modules each hold a `PERTURBATION`; modules
+    whose names begin with an underscore are left out. Raises NoisyWorldError naming the package whose entry point is
+    neither or cannot be loaded.
     """
     root = __name__.removesuffix(".perturbations._installed")
     if root != PACKAGE:
@@ -56,7 +57,7 @@ def _brought_by(entry: EntryPoint, distribution: Distribution) -> Iterator[Pertu
 def _loaded(load: Any, where: str) -> Any:
     try:
         return load()
-    except Exception as error:  # whatever another's code raises is told in a line
+    except Exception as error:  # the package's code may raise anything; the user gets one line
         told = " ".join(f"{type(error).__name__}: {error}".split())
         raise NoisyWorldError(f"{where} cannot be loaded: {told}; mend or uninstall the package") from error
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What JPEG does to an image between encoding and decoding, as nodes.
+"""What encoding to JPEG and decoding again do to an image, as nodes.
 
-After ITU-T T.81 and JFIF 1.02, and libjpeg where they leave a choice: every step rounds where and as libjpeg's
-default ("slow integer") transforms do. What is left is single precision, which now and then rounds a tie to the other
-side; and the chroma of frames less than five pixels wide, which libjpeg enlarges without interpolation.
+This follows ITU-T T.81 and JFIF 1.02, and libjpeg where these leave a choice: every step rounds as libjpeg's default
+("slow integer") transforms do. Two differences are left: single precision rounds a tie the other way now and then, and
+libjpeg enlarges the chroma of frames less than five pixels wide without interpolation.
 
-All is done to three planes, the channels of one image: the upper half of luma, the lower half, and both chromas at half
-size side by side. They have equal sizes, so each node works for all of them. Rows go downwards in them, as blocks are
-counted; in Blender's images they go upwards.
+The work is done on three planes, the channels of one image: the upper half of luma, its lower half, and both chromas at
+half size side by side. The planes have equal sizes, so each node works on all three. Their rows are counted downwards,
+as JPEG counts blocks; Blender counts the rows of images upwards.
 """
 
 import math
@@ -17,7 +17,7 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._block_dct import BUNDLES, RUN, cosines, frequencies, pixels, sample
 
-# The standard's tables for quality 50 (K.1 and K.2): a row for each vertical frequency.
+# ITU-T T.81, tables K.1 and K.2, which libjpeg uses unscaled at quality 50: a row for each vertical frequency.
 LUMA = (
     (16, 11, 10, 16, 24, 40, 51, 61),
     (12, 12, 14, 19, 26, 58, 60, 55),
@@ -35,11 +35,14 @@ CHROMA = (
     (47, 66, 99, 99, 99, 99, 99, 99),
     *(((99,) * 8),) * 4,
 )
-CENTRE = 128.0  # of a byte: the transform is of differences from it
-AWAY_FROM_ZERO = 1 + 2e-5  # so that what lies halfway between two steps goes where libjpeg rounds it
-BETWEEN_PASSES = 1 / (4 * math.sqrt(8))  # what libjpeg's transforms keep between rows and columns
-PIXEL_CENTRE = (0.5, 0.5, 1.0)  # from a column, a row and 0 to a place
-TOP = (0.0, 1.0, 0.0)
+CENTRE = 128.0  # subtracted from a byte before the transform (T.81, A.3.1)
+# libjpeg rounds a tie between two quantisation steps away from zero. Coefficients are multiples of 1/8, 1024 at most:
+# this factor moves a tie beyond float32's resolution, and nothing by more than 0.02.
+AWAY_FROM_ZERO = 1 + 2e-5
+# libjpeg keeps 2 fractional bits (PASS1_BITS) between rows and columns, of values sqrt(8) times the orthonormal ones.
+BETWEEN_PASSES = 1 / (4 * math.sqrt(8))
+PIXEL_CENTRE = (0.5, 0.5, 1.0)  # added to (column, row, 0): the position of the pixel's centre
+TOP = (0.0, 1.0, 0.0)  # the unit vector from row to row
 
 
 def compressed(canvas: Canvas, quality: Socket) -> Socket:
@@ -47,18 +50,19 @@ def compressed(canvas: Canvas, quality: Socket) -> Socket:
     with canvas.graph.section("Sizes"):
         frame = _frame(canvas)
     with canvas.graph.section("Bytes of YCbCr in three planes"):
-        place = _places(frame.planes, "Planes")
-        planes = _planes(frame, _ycc(canvas), place)
-    decoded = _decoded(frame, planes, place, quality)
+        position = _positions(frame.planes, "Planes")
+        planes = _planes(frame, _ycc(canvas), position)
+    decoded = _decoded(frame, planes, position, quality)
     with canvas.graph.section("Back to RGB"):
         return _rgb(canvas, frame, decoded)
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Sizes in pixels, (width, height, 1), and how many of the image's pixels are one of the frame's.
+    """The sizes that the compression works with: (width, height, 1) in pixels.
 
-    frame: what is compressed. planes: each of the three. chroma: of the frame.
+    scale: pixels of the image per pixel of the frame, 1 at most. frame: the image that is compressed. planes: one of
+    the three planes, whole blocks. chroma: the frame's chroma, half its size.
     """
 
     scale: Socket
@@ -77,8 +81,8 @@ def _frame(canvas: Canvas) -> _Frame:
     return _Frame(scale, frame, planes, graph.math("ADD", pairs, (0.0, 0.0, 1.0), label="Chroma"))
 
 
-def _places(size: Socket, label: str) -> Socket:
-    """Return an image of this size of its pixels' columns and rows, and 0."""
+def _positions(size: Socket, label: str) -> Socket:
+    """Return an image of this size, each pixel of which holds its own column, its row and 0."""
     blank = size.graph.node("CompositorNodeBlankImage", {"Size": size}, label=label).out("Image", "color")
     return size.graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
 
@@ -87,7 +91,7 @@ def _ycc(canvas: Canvas) -> Socket:
     """Return bytes of Y, Cb and Cr (JFIF: ITU-R BT.601, full range)."""
     graph = canvas.graph
     levels = graph.math("FLOOR", graph.math("MULTIPLY_ADD", canvas.image, 255.0, 0.5), label="Bytes")
-    # A half of luma is rounded up, of chroma down.
+    # As libjpeg (jccolor.c): ties of luma are rounded up, those of chroma down, by (2^15 - 1) / 2^16.
     ycc: Value = _fixed(0.5, CENTRE + 0.499985, CENTRE + 0.499985)
     ycc = graph.math("MULTIPLY_ADD", levels.r, _fixed(0.299, -0.16874, 0.5), ycc)
     ycc = graph.math("MULTIPLY_ADD", levels.g, _fixed(0.587, -0.33126, -0.41869), ycc)
@@ -96,46 +100,47 @@ def _ycc(canvas: Canvas) -> Socket:
 
 
 def _fixed(*values: float) -> tuple[float, ...]:
-    """Return the values as libjpeg's fixed-point numbers hold them."""
+    """Return the values as libjpeg's fixed-point numbers of 16 fractional bits hold them."""
     return tuple(round(value * 65536) / 65536 for value in values)
 
 
-def _planes(frame: _Frame, ycc: Socket, place: Socket) -> Socket:
-    """Return the three planes, less the centre of a byte. The frame's border is replicated, as libjpeg does."""
+def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
+    """Return the three planes minus CENTRE. The frame's border is replicated, as libjpeg does."""
     graph = ycc.graph
     per_pixel = graph.math("DIVIDE", (1.0, -1.0, 1.0), frame.frame)
-    upper = graph.math("MULTIPLY_ADD", place + PIXEL_CENTRE, per_pixel, TOP)
+    upper = graph.math("MULTIPLY_ADD", position + PIXEL_CENTRE, per_pixel, TOP)
     lower = upper - frame.planes * TOP / frame.frame
     luma = [sample(graph, ycc, where).r for where in (upper, lower)]
 
-    pair = graph.math("MODULO", place, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
+    pair = graph.math("MODULO", position, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
     last = graph.math("MULTIPLY_ADD", frame.chroma, TOP, (1e6, -1.0, 0.0), label="Last row")
     corner = graph.math("MULTIPLY_ADD", graph.math("MINIMUM", pair, last), 2.0, 1.0, label="Between four pixels")
     mean = sample(graph, ycc, graph.math("MULTIPLY_ADD", corner, per_pixel, TOP), "Bilinear")
-    # libjpeg rounds the mean of four down and up in turns; an eighth keeps clear of the quarters.
+    # libjpeg adds 1/4 and 1/2 in turns before it rounds the mean of four down (h2v2_downsample). Means are multiples of
+    # 1/4; the further 1/8 keeps them clear of whole numbers, where float32 might fall to either side.
     is_odd = graph.math("FLOORED_MODULO", pair.x, 2.0)
     rounding = graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
-    chroma = graph.mix(mean.g, mean.b, place.x > pair.x) + rounding
+    chroma = graph.mix(mean.g, mean.b, position.x > pair.x) + rounding
     return graph.math("FLOOR", graph.vector(*luma, chroma)) - CENTRE
 
 
-def _decoded(frame: _Frame, planes: Socket, place: Socket, quality: Socket) -> Socket:
-    """Return the planes as bytes, out of their quantised coefficients."""
+def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket) -> Socket:
+    """Transform the planes, quantise the coefficients, transform back; return the planes as whole numbers 0 to 255."""
     graph = planes.graph
     with graph.section("Rows to frequencies"):
-        starts = _places(frame.planes * (1 / 8, 1.0, 1.0), "Runs of a row")
+        starts = _positions(frame.planes * (1 / 8, 1.0, 1.0), "Runs of a row")
         first = graph.math("MULTIPLY_ADD", starts, (8.0, 1.0, 1.0), PIXEL_CENTRE) / frame.planes
         inputs = {"Image": planes, "First": first, "Step": graph.math("DIVIDE", (1.0, 0.0, 0.0), frame.planes)}
         rows = graph.group(frequencies(), inputs, name="Rows to frequencies")
     with graph.section("Columns of coefficients"):
         runs = frame.planes * (1 / 8, 1.0, 1.0)
-        starts = _places(frame.planes * (1 / 8, 1 / 8, 1.0), "Blocks")
+        starts = _positions(frame.planes * (1 / 8, 1 / 8, 1.0), "Blocks")
         shared = {
             "First": graph.math("MULTIPLY_ADD", starts, (1.0, 8.0, 1.0), PIXEL_CENTRE) / runs,
             "Step": graph.math("DIVIDE", TOP, runs),
             "Percent": _percent(quality),
         }
-        tall = _places(runs, "Runs of a row")
+        tall = _positions(runs, "Runs of a row")
         shared |= _weights(tall, tall.y)
         column, columns = _column(), {}
         for u in RUN:
@@ -143,28 +148,28 @@ def _decoded(frame: _Frame, planes: Socket, place: Socket, quality: Socket) -> S
             inputs = {"Image": rows.out(f"{u}", "vector")} | entries | shared
             columns[f"{u}"] = graph.group(column, inputs, name=f"Horizontal frequency {u}").out("Image", "color")
     with graph.section("Frequencies to rows"):
-        values = graph.group(pixels(), columns | _weights(place, place.x), name="Frequencies to rows")
+        values = graph.group(pixels(), columns | _weights(position, position.x), name="Frequencies to rows")
         rounded = graph.math("FLOOR", values.out("Image", "color") + (CENTRE + 0.5))
         return graph.clamp(rounded, 0.0, 255.0)
 
 
-def _weights(place: Socket, along: Socket) -> dict[str, Socket]:
-    """Return what the group of pixels asks for: where they are, and their cosines along an axis."""
-    graph = place.graph
+def _weights(position: Socket, along: Socket) -> dict[str, Socket]:
+    """Return the inputs of the group `pixels`: the pixels' positions, and their cosines along an axis."""
+    graph = position.graph
     made = graph.group(cosines(), {"Place": along}, name="Cosines")
-    normalised = graph.node("CompositorNodeImageCoordinates", {"Image": place}).out("Normalized", "vector")
+    normalised = graph.node("CompositorNodeImageCoordinates", {"Image": position}).out("Normalized", "vector")
     return {name: made.out(name, "vector") for name in BUNDLES} | {"Place": normalised + (0.0, 0.0, 1.0)}
 
 
 def _percent(quality: Socket) -> Socket:
-    """Return libjpeg's scale of the tables (jpeg_quality_scaling)."""
+    """Return libjpeg's scale of the tables in percent (jpeg_quality_scaling)."""
     graph = quality.graph
     coarse, fine = graph.math("FLOOR", 5000.0 / quality), 200.0 - 2.0 * quality
     return graph.mix(fine, coarse, graph.math("LESS_THAN", quality, 50.0))
 
 
 def _column() -> Graph:
-    """Describe the group that quantises a horizontal frequency: a column of the tables."""
+    """Describe the group that quantises one horizontal frequency, which is one column of the tables."""
     graph = Graph("NW JPEG column", "One horizontal frequency, quantised at its eight vertical frequencies")
     nothing = (0.0, 0.0, 0.0)
     image = graph.input(GroupInput("Image", "color", (*nothing, 1.0), "Its coefficient of each row of eight pixels"))
@@ -190,7 +195,7 @@ def _column() -> Graph:
 
 
 def _between_passes(image: Socket) -> Socket:
-    """Round as libjpeg's transforms do between rows and columns."""
+    """Round to BETWEEN_PASSES, as libjpeg's transforms do between rows and columns."""
     return image.graph.math("SNAP", image + BETWEEN_PASSES / 2, BETWEEN_PASSES)
 
 
@@ -221,11 +226,12 @@ def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
     halves = sample(graph, decoded, within, "Bilinear")
     luma = graph.mix(halves.r, halves.g, where.y > within.y)
 
-    blue = (_places(frame.chroma, "Chroma") + PIXEL_CENTRE) / frame.planes
+    blue = (_positions(frame.chroma, "Chroma") + PIXEL_CENTRE) / frame.planes
     red = blue + (0.5, 0.0, 0.0)
     small = graph.vector(*(sample(graph, decoded, half).b for half in (blue, red)))
     wide = sample(graph, small, centre / (frame.chroma * (2.0, 2.0, 1.0)), "Bilinear")
-    # libjpeg rounds the weighted mean up and down in turns; half a sixteenth keeps clear of the sixteenths.
+    # libjpeg adds 8/16 and 7/16 in turns before it rounds the weighted mean down (h2v2_fancy_upsample). Means are
+    # multiples of 1/16; the further 1/32 keeps them clear of whole numbers, where float32 might fall to either side.
     is_odd = graph.math("FLOORED_MODULO", pixel.x, 2.0)
     rounding = graph.math("MULTIPLY_ADD", is_odd, -1 / 16, 0.5 + 1 / 32)
     chroma = graph.math("FLOOR", wide + rounding) - CENTRE

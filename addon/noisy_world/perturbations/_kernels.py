@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blur kernels of lens and motion, and the correlation with them."""
+"""The blur kernels of lens and motion, and correlation with a kernel."""
 
 import math
 from collections.abc import Iterator
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-# Up to this area OpenCV correlates directly and skips zeros; above it goes through the frequency domain, at the cost of
-# some 250 multiplications whatever the kernel.
-_DIRECT_AREA = 121
-_DENSE = 250
+# filter2D correlates directly, and skips a kernel's zeros, up to 11 x 11 pixels (OpenCV's documentation); larger
+# kernels go through the frequency domain, which takes as long as some 250 multiplications a pixel whatever the kernel.
+_DIRECT_AREA = 121  # px
+_DENSE = 250  # weights that are not zero
 
 
 def disk_kernel(radius_px: float) -> NDArray[np.float32]:
-    """Return the image of a point out of focus: the pixels no further than `radius_px`, of sum 1; odd, square."""
+    """Return the image of a point out of focus: equal weights up to `radius_px`, their sum 1; (odd, odd), square."""
     reach = math.floor(radius_px)
     offsets = np.arange(-reach, reach + 1)
     disk = offsets[:, None] ** 2 + offsets**2 <= radius_px**2
@@ -22,16 +22,16 @@ def disk_kernel(radius_px: float) -> NDArray[np.float32]:
 
 
 def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np.float32]:
-    """Return the one-sided trace of a motion, of sum 1; odd, square, the pixel itself in the middle.
+    """Return the one-sided trace of a motion: (odd, odd), square, the pixel itself in the middle, sum 1.
 
-    2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down), the step k weighted
-    by exp(-k^2 / (2 sigma^2)), as ImageNet-C does after ImageMagick's motion blur. A step goes to the nearest pixel,
-    half way between two to the left and upper one.
+    The trace has 2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down). Step k
+    has weight exp(-k^2 / (2 sigma^2)), as in ImageNet-C, which follows ImageMagick's motion blur. A step goes to the
+    nearest pixel; half way between two, to the left or upper one.
     """
     steps = np.arange(2 * radius_px + 1)
     weights = np.exp(-(steps**2) / (2 * sigma_px**2))
     angle = math.radians(angle_deg)
-    # The sine of 30 degrees is a bit less than a half, the cosine of 60 a bit more.
+    # Rounded to 9 digits first: in float64 the sine of 30 degrees is a bit less than 0.5, the cosine of 60 a bit more.
     columns = np.ceil((steps * math.cos(angle)).round(9) - 0.5).astype(int)
     rows = np.ceil((steps * math.sin(angle)).round(9) - 0.5).astype(int)
     reach = 2 * radius_px
@@ -43,7 +43,8 @@ def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np
 def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArray[np.float32]:
     """Correlate (H, W) or (H, W, 3) with an odd, square kernel about its middle; the border is replicated.
 
-    The kernel is taken in small pieces, of which OpenCV skips the zeros: a line of 41 pixels costs 41 multiplications.
+    A kernel of few weights is split into small pieces, in which OpenCV skips the zeros: a line of 41 pixels then costs
+    41 multiplications a pixel.
     """
     import cv2
 
@@ -69,7 +70,7 @@ def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArra
 
 
 def _pieces(kernel: NDArray[np.float32], row: int, column: int) -> Iterator[tuple[int, int, NDArray[np.float32]]]:
-    """Yield (row, column, piece) of pieces that are small enough and together hold everything but zeros."""
+    """Yield (row, column, piece): pieces of at most _DIRECT_AREA that together hold every weight but zeros."""
     rows, columns = kernel.any(axis=1).nonzero()[0], kernel.any(axis=0).nonzero()[0]
     if not rows.size:
         return

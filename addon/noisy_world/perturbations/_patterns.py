@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Patterns without an edge (on a torus), how they are looked at and moved, and how they are kept for a sequence."""
+"""Periodic patterns (on a torus): looking at a part of one, moving it, and keeping it for a whole sequence."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import FrameContext
 
-_KEPT = 8  # patterns of as many sequences, so that memory does not grow
+_KEPT = 8  # patterns of the last 8 sequences; chosen, so that memory does not grow with the number of sequences
 
 
 def kept_for_sequence[**P, T](
     draw: Callable[Concatenate[FrameContext, P], T],
 ) -> Callable[Concatenate[FrameContext, P], T]:
-    """Draw a pattern again for each frame only where it is fresh; `draw` takes its numbers from `pattern_stream`.
+    """Decorate `draw`, so that it draws once per sequence unless the pattern is fresh for each frame.
 
-    What is drawn is shared by threads and frames: it must not be written to.
+    `draw` takes its random numbers from `pattern_stream`. Threads and frames share what it returns, so nobody may write
+    to it.
     """
     kept = lru_cache(maxsize=_KEPT)(draw)
 
@@ -27,7 +28,7 @@ def kept_for_sequence[**P, T](
     def pick(context: FrameContext, *args: P.args, **kwargs: P.kwargs) -> T:
         if context.temporal == "fresh":
             return draw(context, *args, **kwargs)
-        # Without what is the frame's own, or a kept pattern would keep its images in memory.
+        # Leave out what belongs to one frame: else the cache would miss, and keep the frame's images in memory.
         alone = replace(context, index=0, stamp_s=None, intrinsics=None, read_rgb=None, read_depth_m=None)
         return kept(alone, *args, **kwargs)  # type: ignore[arg-type]
 
@@ -40,7 +41,7 @@ def torus_window(
     step: tuple[float, float] = (1.0, 1.0),
     start: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.float32]:
-    """Look at a periodic field (H, W): size[0] rows from start[0] on, step[0] apart, columns alike; bilinear."""
+    """Sample a periodic field (H, W) bilinearly: size[0] rows, step[0] apart, from row start[0]; columns likewise."""
     import cv2
 
     rows, columns = start[0] % field.shape[0], start[1] % field.shape[1]
@@ -50,7 +51,7 @@ def torus_window(
 
 
 def three_channels(layer: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Repeat (H, W) to (H, W, 3), ten times faster to add than by broadcasting."""
+    """Repeat (H, W) to (H, W, 3). Adding the result to an image is ten times as fast as broadcasting (H, W, 1)."""
     import cv2
 
     return cv2.merge([layer, layer, layer])

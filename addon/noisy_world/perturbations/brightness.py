@@ -16,7 +16,7 @@ from ..core.schema import key
 from ._bands import by_bands
 from ._quantiles import look_up
 
-BLACK = np.float32(1e-6)  # below it a colour has no hue
+BLACK = np.float32(1e-6)  # a value below it counts as black, without a hue; chosen far below a byte's step, 4e-3
 
 
 @dataclass(frozen=True)
@@ -38,13 +38,13 @@ def apply(rgb: NDArray[np.float32], parameters: Brightness, _context: FrameConte
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: Brightness, _context: FrameContext) -> NDArray[np.uint8]:
-    """Brighten (H, W, 3) bytes: a table of every byte under every value."""
+    """Brighten (H, W, 3) bytes by a table that has an entry for every value with every byte."""
     table = _table(parameters.offset)
-    return by_bands(rgb, rgb.dtype, lambda band: look_up(_places(band), table))
+    return by_bands(rgb, rgb.dtype, lambda band: look_up(_positions(band), table))
 
 
-def _places(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """Return value x 256 + byte."""
+def _positions(rgb: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Return the table's indices (H, W, 3): value x 256 + byte."""
     import cv2
 
     value = _value(rgb)
@@ -68,7 +68,7 @@ def _value[T: np.generic](rgb: NDArray[T]) -> NDArray[T]:
 
 
 def _gain(value: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
-    """Return the factor that makes the value `offset` more, 1 at most."""
+    """Return the factor that raises the value by `offset`, to 1 at most."""
     return np.minimum(value + np.float32(offset), 1) / np.maximum(value, BLACK)
 
 

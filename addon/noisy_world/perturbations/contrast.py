@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Contrast: tones drawn together."""
+"""Contrast: tones closer to one another."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ def apply(rgb: NDArray[np.float32], parameters: Contrast, _context: FrameContext
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _context: FrameContext) -> NDArray[np.uint8]:
-    """Scale (H, W, 3) bytes about their means: a table for each channel."""
+    """Scale (H, W, 3) bytes about their means, by a table for each channel."""
     import cv2
 
     levels = np.arange(256, dtype=np.float32) / np.float32(255)
@@ -40,7 +40,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _context: FrameCon
 
 
 def _scale(rgb: NDArray[np.float32], means: NDArray[np.float64], factor: float) -> NDArray[np.float32]:
-    # By whole rows: numpy is slow at three numbers at a time.
+    # Whole rows at once: broadcasting three numbers at a time is slow in numpy.
     centre = np.tile(means.astype(np.float32), rgb.shape[1])
     scaled = rgb.reshape(rgb.shape[0], -1) - centre
     scaled *= np.float32(factor)

@@ -15,7 +15,9 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, disk_kernel, gaussian
 
-TIE_PX = 1e-4  # a row that ends just at a pixel includes it, whatever rounding does
+# A row of the disk that ends exactly at a pixel's centre includes it; above float32's error of a radius (4e-6 at 50
+# px).
+TIE_PX = 1e-4
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _context: FrameCont
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
-    """Soften with the Blur node's Gaussian, whose size is 3 sigma; add up the disk from its outermost rows inwards."""
+    """Soften with the Blur node's Gaussian, whose size is 3 sigma; sum the disk from its outermost rows inwards."""
     graph, alias = canvas.graph, given["alias_sigma_px"] * 3.0
     with graph.section("Soften"):
         inputs = {"Image": canvas.image, "Size": graph.vector(alias, alias), "Type": "Gaussian", "Separable": True}
@@ -57,7 +59,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
 
 
 def _rows() -> Graph:
-    """Describe a step: what two rows of the disk add to those farther out, over all rows between the two."""
+    """Describe one summation: the pixels by which rows of the disk are longer than the next ones farther out.
+
+    The rows at plus and minus `Row` and all rows between are at least as long as these two, so the box added here has
+    2 `Row` + 1 rows.
+    """
     graph = Graph("NW Defocus blur rows", "Adds to a disk what its rows reach beyond those farther out")
     image = graph.input(GroupInput("Image", "color", (0.0, 0.0, 0.0, 1.0), "The frame"))
     radius = graph.input(GroupInput("Radius", "float", 0.0, "The disk's radius", subtype="PIXEL"))
@@ -70,7 +76,7 @@ def _rows() -> Graph:
         square = radius * radius - row * row
         half = graph.math("FLOOR", graph.math("SQRT", graph.math("MAXIMUM", square, 0.0)) + TIE_PX)
         own = (half * 2.0 + 1.0) * (square > -TIE_PX)
-        # A row as long as the next one adds nothing: it gets one value instead of a frame, which costs nothing.
+        # A row as long as the next one adds nothing: it gets a single value instead of a frame, so it costs nothing.
         active = own > length + 0.5
     with graph.section("Sum along the row"):
         source = graph.choose(active, image, 0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth of field: what is nearer or farther than the focus blurs, as behind a thin lens."""
+"""Depth of field: a thin lens blurs what is nearer or farther than its focus."""
 
 import math
 from collections.abc import Mapping
@@ -14,9 +14,9 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
-NEAREST_M = 1e-3  # a lens focuses on nothing nearer than its focal length: at least so far beyond it
-ROWS = 16  # of a band, whose arrays stay in the processor's cache
-LEAST_LIGHT = 1 / 256  # of a pixel in focus, beside one that spreads
+NEAREST_M = 1e-3  # least distance of the focus beyond the focal length; chosen: nearer, a lens cannot focus
+ROWS = 16  # of a band; chosen so that a band's arrays stay in the processor's cache
+LEAST_LIGHT = 1 / 256  # weight of a pixel in focus in its neighbours' disks, of 1; chosen: above 0, so sums are never 0
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameCont
 
 
 def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, width_px: int) -> NDArray[np.float32]:
-    """Return (H, W): the radius of the circle of confusion of a thin lens, at most the largest."""
+    """Return (H, W) px: the radius of a thin lens's circle of confusion, limited to `max_radius_px`."""
     focal_m = parameters.focal_length_mm / 1000
     beyond_m = max(parameters.focus_m - focal_m, NEAREST_M)
     diameter_m = focal_m**2 / (parameters.f_number * beyond_m)  # of a point at infinity
@@ -60,7 +60,10 @@ def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, 
 
 
 def _gather(image: NDArray[np.float32], radius_px: NDArray[np.float32], grain: int) -> NDArray[np.float32]:
-    """Sum (H, W, C) over each pixel's own disk, the border replicated. radius_px: (H, W), at least 1."""
+    """Sum (H, W, C) over each pixel's own disk, the border replicated. radius_px: (H, W), at least 1.
+
+    grain: the side of the table of weights, in cells.
+    """
     import cv2
 
     size = (radius_px + np.float32(0.5)) * np.float32((grain + 1) / grain) - 1
@@ -79,10 +82,10 @@ def _gather_band(
     height, width = size.shape
     total = padded[border : border + height, border : border + width].copy()
     reach = math.ceil(float(size.max()))
-    places = _places(size, reach, grain)
-    table = np.pad(disk_quadrant(grain), (0, 1)).astype(np.float32)  # a neighbour for the last row and column
+    indices = _table_indices(size, reach, grain)
+    table = np.pad(disk_quadrant(grain), (0, 1)).astype(np.float32)  # padded: the last row and column need a neighbour
     for small, large in ((a, b) for b in range(1, reach + 1) for a in range(b + 1)):
-        weight = _weight(places[small], places[large], table)
+        weight = _weight(indices[small], indices[large], table)
         if not weight.any():
             continue
         ring = np.zeros_like(total)
@@ -95,31 +98,31 @@ def _gather_band(
 
 
 def _offsets(small: int, large: int) -> list[tuple[int, int]]:
-    """Return the offsets (rows, columns) of these two absolute values."""
+    """Return all offsets (rows, columns) whose absolute values are these two, in either order."""
     signs = product((1, -1), repeat=2)
     return sorted({(row * y, column * x) for row, column in signs for y, x in ((small, large), (large, small))})
 
 
-type Place = tuple[NDArray[np.intp], NDArray[np.float32]]
+type TableIndex = tuple[NDArray[np.intp], NDArray[np.float32]]
 
 
-def _places(size: NDArray[np.float32], reach: int, grain: int) -> list[Place]:
-    """Return for offsets 0 to `reach` where they are looked up: the row of the table before, and how far from it.
+def _table_indices(size: NDArray[np.float32], reach: int, grain: int) -> list[TableIndex]:
+    """Return for each offset 0 to `reach` its position in the table: the row below it, and the fraction from there.
 
-    Blender's Blur node, whose size is another one at each pixel, looks the weights up in a quadrant of the largest
-    disk, with bilinear interpolation.
+    This repeats Blender's Blur node: where its size varies by pixel, it looks the weights up in a quadrant of the
+    largest disk, with bilinear interpolation.
     """
     scale = np.float32(grain + 1) / (size + 1)
     found = []
     for offset in range(reach + 1):
-        place = np.minimum((offset + np.float32(0.5)) * scale - np.float32(0.5), grain) * np.float32(offset > 0)
-        low = place.astype(np.intp)
-        found.append((low, place - low.astype(np.float32)))
+        indices = np.minimum((offset + np.float32(0.5)) * scale - np.float32(0.5), grain) * np.float32(offset > 0)
+        low = indices.astype(np.intp)
+        found.append((low, indices - low.astype(np.float32)))
     return found
 
 
-def _weight(first: Place, second: Place, table: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Look up, with bilinear interpolation between four neighbours."""
+def _weight(first: TableIndex, second: TableIndex, table: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Interpolate the table bilinearly between four neighbours."""
     (row, down), (column, right) = first, second
     width = table.shape[1]
     corner = row * width + column
@@ -130,13 +133,13 @@ def _weight(first: Place, second: Place, table: NDArray[np.float32]) -> NDArray[
 
 
 def disk_quadrant(grain: int) -> NDArray[np.bool_]:
-    """Return (grain + 1, grain + 1): which offsets lie in the disk of radius grain - 1/2. The outer ones do not."""
+    """Return a mask (grain + 1, grain + 1): the offsets in a disk of radius grain - 1/2, so without the outermost."""
     offsets = np.arange(grain + 1)
     return offsets[:, None] ** 2 + offsets**2 <= (grain - 0.5) ** 2
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Blur with the Blur node, its size another one at each pixel."""
+    """Blur with the Blur node, whose size varies by pixel."""
     graph, image, depth_m = canvas.graph, canvas.image, canvas.depth_m
     assert depth_m is not None
     with graph.section("Circle of confusion"):
@@ -149,7 +152,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         free_px = far_px * graph.math("ABSOLUTE", 1.0 - nearness)
         radius_px = graph.math("MINIMUM", free_px, given["max_radius_px"], label="Radius in pixels")
     with graph.section("A column for the largest disk"):
-        # The Blur node draws its disks after the largest one: a column that is cut off again keeps that the same.
+        # The Blur node scales its disks down from the largest in the image. An added column, cut off again below,
+        # always holds the largest one, so that the weights do not depend on the frame.
         grain = graph.math("CEIL", given["max_radius_px"]) + 1.0
         column, wide, radius = _widened(canvas, radius_px)
     with graph.section("Light that spreads"):
@@ -171,7 +175,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 
 def _widened(canvas: Canvas, radius_px: Socket) -> tuple[Socket, Socket, Socket]:
-    """Return where the new column is (1 there, 0 elsewhere), the image with it, and the radius with it."""
+    """Return a mask of the added column (1 there, 0 elsewhere), the image with the column, and the radius with it."""
     graph = canvas.graph
     size = graph.vector(canvas.width_px + 1.0, canvas.height_px)
     wide = graph.node("CompositorNodeBlankImage", {"Size": size}).out("Image", "color")

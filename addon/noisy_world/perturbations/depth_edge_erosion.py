@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edge erosion: depth that is lost where surfaces end, as by multi-path interference."""
+"""Edge erosion: depth is lost where surfaces end, as multi-path interference does."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
 
-JUMP = np.float32(0.05)  # of the nearer depth
-BLOCK_PX = 7
+JUMP = np.float32(0.05)  # of the nearer depth; chosen: the published toolbox finds edges by Canny on scaled depth
+BLOCK_PX = 7  # as the published toolbox
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, context: F
 
     eroded, valid = without_void(depth_m)
     on_edge = _edges(eroded) & valid
-    places = np.flatnonzero(on_edge)
-    chosen = context.stream().choice(places, round(parameters.rate * places.size), replace=False, shuffle=False)
+    positions = np.flatnonzero(on_edge)
+    chosen = context.stream().choice(positions, round(parameters.rate * positions.size), replace=False, shuffle=False)
     lost = np.zeros(eroded.shape, np.uint8)
     lost.reshape(-1)[chosen] = 1
     lost = cv2.dilate(lost, np.ones((BLOCK_PX, BLOCK_PX), np.uint8)).reshape(eroded.shape)
@@ -44,7 +44,7 @@ def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, context: F
 
 
 def _edges(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Return where depth jumps to a neighbour. Void, as 0, jumps to every depth and to no void."""
+    """Return the mask (H, W) of jumps to a neighbour. Void is 0, so from void to a depth is a jump; to void is none."""
     edges = np.zeros(depth_m.shape, np.bool_)
     for before, after in (((slice(-1),), (slice(1, None),)), ((..., slice(-1)), (..., slice(1, None)))):
         nearer = np.minimum(depth_m[before], depth_m[after])

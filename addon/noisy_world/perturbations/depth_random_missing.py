@@ -10,7 +10,7 @@ from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
 
-PATCH = 0.1  # of the frame's height and width
+PATCH = 0.1  # of the frame's height and width, as the published toolbox
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ def apply(depth_m: NDArray[np.float32], parameters: DepthRandomMissing, context:
 
 
 def _patches(shape: tuple[int, ...], share: float, generator: np.random.Generator) -> NDArray[np.bool_]:
-    """Return a mask (H, W) that covers the share."""
+    """Return a mask (H, W) of rectangles that together cover `share` of the frame."""
     height, width = (max(round(PATCH * side), 1) for side in shape)
     covered = np.zeros(shape, np.bool_)
     missing = share * covered.size

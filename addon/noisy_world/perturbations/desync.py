@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Desynchronisation: depth that was taken at another moment than the colour it is paired with."""
+"""Desynchronisation: depth that was taken at another time than the colour it is paired with."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -31,7 +31,7 @@ class Desync:
 
 
 def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[np.int64]:
-    """Return for each of `count` frames the frame (count,) whose depth goes with it; -1 where the frame is left out.
+    """Return (count,) int64: for each frame the one whose depth is paired with it, -1 where the frame is left out.
 
     D'[i] = D[i + offset] (paper, section "RGB-D desynchronization").
     """

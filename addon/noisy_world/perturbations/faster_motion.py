@@ -18,9 +18,9 @@ class FasterMotion:
 
 
 def choose(count: int, parameters: FasterMotion, _context: SequenceContext) -> NDArray[np.int64]:
-    """Return every factor-th of `count` poses, from the first on.
+    """Return the numbers of every factor-th of `count` poses, from 0 on.
 
-    The camera's rate is what it was: the poses that are left get the stamps of a sequence of that length.
+    The camera's rate does not change: the poses that are kept get the first stamps of the path.
     """
     return np.arange(0, count, parameters.factor)
 

@@ -14,9 +14,9 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
-_LEAST_CELLS = 256
-_VISIBLE = 0.5 / 255
-_NODE_LEVELS = 11  # of the node group: a torus of 2048 points; what is finer is left to interpolation
+_LEAST_CELLS = 256  # least number of points along a side, however smooth the haze; chosen
+_VISIBLE = 0.5 / 255  # half a byte's step: a finer level that is weaker changes no stored value
+_NODE_LEVELS = 11  # of the node group, so 2^11 = 2048 points along a side; finer detail is interpolated
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def apply(rgb: NDArray[np.float32], parameters: Fog, context: FrameContext) -> N
 
 
 def _haze(size: tuple[int, int], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:
-    """Return the part of the plasma that the frame shows: its upper left corner, unless it flows."""
+    """Return the part of the plasma that the frame shows, (H, W): its upper left corner, moved if it flows."""
     levels = max(math.ceil(math.log2(max(size))), 1)
     plasma = _plasma(context, _levels_seen(levels, parameters.thickness, parameters.smoothness), parameters.smoothness)
     step = plasma.shape[0] / 2**levels
@@ -61,7 +61,7 @@ def _haze(size: tuple[int, int], parameters: Fog, context: FrameContext) -> NDAr
 
 
 def _levels_seen(levels: int, thickness: float, smoothness: float) -> int:
-    """Return how many of the plasma's levels change a stored value: what is finer is left to interpolation."""
+    """Return how many of the plasma's levels change a stored value; finer detail is left to interpolation."""
     strength = thickness / (1 + thickness)
     least = min(levels, int(math.log2(_LEAST_CELLS)))
     seen = sum(strength * smoothness ** (-2 * level) > _VISIBLE for level in range(levels))
@@ -107,7 +107,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("Size of the plasma"):
         width_px, height_px = (graph.math("ROUND", side / canvas.scale) for side in (canvas.width_px, canvas.height_px))
         longest_px = graph.math("MAXIMUM", width_px, height_px, label="Longest side")
-        # The logarithm of a power of two is not quite a whole number in floats.
+        # float32's logarithm of a power of two may be a little above the whole number: 3e-5 less keeps the ceiling
+        # right.
         doublings = graph.math("CEIL", graph.math("LOGARITHM", longest_px, 2.0) - 3e-5)
         levels = graph.math("MAXIMUM", doublings, 1.0, label="Levels of the frame")
         side_px = graph.math("POWER", 2.0, levels, label="Side of the torus")
@@ -134,7 +135,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 
 def _levels_built(graph: Graph, levels: Socket, thickness: Socket, smoothness: Socket) -> Socket:
-    """Return how many levels the nodes build: `_levels_seen`, in closed form."""
+    """Return how many levels the nodes build: `_levels_seen` in closed form, _NODE_LEVELS at most."""
     strength = thickness / (thickness + 1.0)
     weaker = graph.math("MAXIMUM", graph.math("LOGARITHM", smoothness, math.e) * 2.0, 1e-6)
     seen = graph.math("CEIL", graph.math("LOGARITHM", strength / _VISIBLE, math.e) / weaker)
@@ -143,7 +144,7 @@ def _levels_built(graph: Graph, levels: Socket, thickness: Socket, smoothness: S
 
 
 def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
-    """Return the plasma in [0, 1], of 2^built points a side; the levels beyond are not calculated."""
+    """Return the plasma in [0, 1] with 2^built points along a side; further levels are not calculated."""
     assert canvas.seed is not None
     assert canvas.key is not None
     graph, part = canvas.graph, _level_graph()
@@ -156,7 +157,7 @@ def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
 
 
 def _level_graph() -> Graph:
-    """Describe one level of diamond and square: a field of twice as many points a side."""
+    """Describe one level of diamond and square, which doubles the field's points along a side."""
     graph = Graph("NW Plasma level", "Doubles the points of a plasma on a torus: diamond, then square")
     field = graph.input(GroupInput("Field", "float", 0.0, "The coarser plasma"))
     level = graph.input(GroupInput("Level", "float", 0.0, "How many levels are there already", 0.0))
@@ -166,28 +167,28 @@ def _level_graph() -> Graph:
     key = graph.input(GroupInput("Key", "float", 0.0, "Another key, another pattern: the frame"))
     with graph.section("Level"):
         wanted = levels > level + 0.5
-        # Both branches of a calculated choice are calculated: a level that is not wanted is made tiny.
+        # Blender calculates both branches of a calculated choice, so a level that is not wanted is made tiny.
         points = graph.math("POWER", 2.0, level * wanted, label="Points along a side")
         deviation = graph.math("POWER", smoothness, level * -2.0, label="Largest deviation")
         number = graph.math("MULTIPLY_ADD", key, float(PURPOSES), level)
     with graph.section("Finer grid"):
         twice = points * 2.0
         blank = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(twice, twice)}).out("Image", "color")
-        place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-        parity = graph.math("MODULO", place, (2.0, 2.0, 2.0))
+        position = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+        parity = graph.math("MODULO", position, (2.0, 2.0, 2.0))
         is_centre = graph.math("MULTIPLY", parity.x, parity.y, label="Is a centre")
         is_edge = graph.math("COMPARE", parity.x + parity.y, 1.0, 0.1, label="Is amid an edge")
     with graph.section("Deviation"):
-        where = graph.math("ADD", place, graph.vector(0.0, 0.0, seed))
+        where = graph.math("ADD", position, graph.vector(0.0, 0.0, seed))
         noise = graph.node("ShaderNodeTexWhiteNoise", {"Vector": where, "W": number}, {"noise_dimensions": "4D"})
         random = (noise.out("Value", "float") - 0.5) * (deviation * 2.0)
     with graph.section("Diamond"):
         half = graph.math("DIVIDE", 0.5, points)
-        between = _look_up(graph, field, graph.math("MULTIPLY_ADD", place, half, graph.vector(half, half, 1.0)))
+        between = _look_up(graph, field, graph.math("MULTIPLY_ADD", position, half, graph.vector(half, half, 1.0)))
         centred = graph.math("MULTIPLY_ADD", random, is_centre, between)
     with graph.section("Square"):
         around = [_shifted(graph, centred, step) for step in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))]
-        # The first operand places the result, so it must not be a shifted one.
+        # The result is positioned as the first operand is, so this must not be a shifted one.
         total = random * 4.0 + around[0] + around[1] + around[2] + around[3]
         finer = graph.mix(centred, total * 0.25, is_edge)
         graph.output("Field", graph.choose(wanted, finer, field, "float"), "float", "The finer plasma")
@@ -195,7 +196,7 @@ def _level_graph() -> Graph:
 
 
 def _look_up(graph: Graph, field: Socket, where: Socket) -> Socket:
-    """Look at a torus, bilinearly. where: x and y in sides of it, and z 1, without which Map UV shows nothing."""
+    """Sample a torus bilinearly. where: x and y from 0 to 1 along its sides; z is Map UV's weight, 1."""
     inputs = {
         "Image": field,
         "UV": where,
@@ -207,7 +208,7 @@ def _look_up(graph: Graph, field: Socket, where: Socket) -> Socket:
 
 
 def _shifted(graph: Graph, field: Socket, step: tuple[float, float]) -> Socket:
-    """Move a torus by whole points."""
+    """Shift a torus by whole points."""
     inputs = {"Image": field, "Displacement": step, "Interpolation": "Nearest"}
     node = graph.node("CompositorNodeDisplace", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
     return node.out("Image", "float")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fog by depth: what is further away fades into the airlight."""
+"""Fog by depth: the further away a surface is, the more it fades into the airlight."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,8 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._patterns import three_channels
 
-CONTRAST_THRESHOLD = 0.05  # of a black object at the distance of the visibility (WMO's meteorological optical range)
+# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
+CONTRAST_THRESHOLD = 0.05
 _EXTINCTION = -math.log(CONTRAST_THRESHOLD)
 
 
@@ -62,7 +63,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     graph, depth_m = canvas.graph, canvas.depth_m
     assert depth_m is not None
     with graph.section("Transmission"):
-        # Maximum's first operand is what a NaN loses to.
+        # Maximum returns its first operand where the second is NaN.
         known = graph.math("GREATER_THAN", graph.math("MAXIMUM", 0.0, depth_m), 0.0, label="Not void")
         rate = graph.math("DIVIDE", -_EXTINCTION, given["visibility_m"], label="Koschmieder")
         seen = graph.math("EXPONENT", graph.math("MAXIMUM", 0.0, depth_m) * rate) * known

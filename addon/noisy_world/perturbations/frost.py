@@ -44,13 +44,13 @@ def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) ->
 
 
 def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
-    """Return the ice before the frame, (H, W, 3) uint8."""
+    """Return the part of the ice that covers the frame, (H, W, 3) uint8."""
     import cv2
 
     generator = context.pattern_stream()
     picture = _ice.ice(int(generator.choice(_ice.EQUALLY_OFTEN)))
     start, angle = generator.random(2), generator.uniform(0, 2 * np.pi)
-    # A tenth is left for the crop to move in, as ImageNet-C does.
+    # The picture is a tenth larger than the frame at least, as in ImageNet-C, so that the crop can move.
     scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
     slack = np.array([_ice.HEIGHT_PX - size[0] / scale, _ice.WIDTH_PX - size[1] / scale])
     origin = np.floor(start * slack)
@@ -74,13 +74,13 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     """Pick a picture, look at a part of it, tint it and add it."""
     graph = canvas.graph
     with graph.section("Pick a picture"):
-        place = canvas.random(0)
+        position = canvas.random(0)
         pictures = [graph.picture(_packed(item)) for item in _ice.PICTURES]
-        picture = _pick(place.z, pictures, "color")
-        shadow = _pick(place.z, [item.shadow_rgb for item in _ice.PICTURES], "vector")
-        light = _pick(place.z, [item.light_rgb for item in _ice.PICTURES], "vector")
+        picture = _pick(position.z, pictures, "color")
+        shadow = _pick(position.z, [item.shadow_rgb for item in _ice.PICTURES], "vector")
+        light = _pick(position.z, [item.light_rgb for item in _ice.PICTURES], "vector")
     with graph.section("Crop"):
-        inputs = {"Image": picture, "UV": _uv(canvas, place, given["creep_px"] / canvas.scale)}
+        inputs = {"Image": picture, "UV": _uv(canvas, position, given["creep_px"] / canvas.scale)}
         inputs |= {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
         grey = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
     with graph.section("Tint"):
@@ -96,21 +96,21 @@ def _packed(item: _ice.Ice) -> Picture:
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
-    """Return the item that a uniform number in [0, 1] falls to."""
+    """Return one of the items, each equally likely, by a uniform number in [0, 1]."""
     shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(_ice.EQUALLY_OFTEN)
     ordered = reversed(list(zip(items[:-1], shares, strict=False)))
     return reduce(lambda rest, pair: uniform.graph.choose(uniform < pair[1], pair[0], rest, kind), ordered, items[-1])
 
 
-def _uv(canvas: Canvas, place: Socket, creep_px: Socket) -> Socket:
-    """Return where in the picture each pixel looks, as _crop does, in shares of the picture's size."""
+def _uv(canvas: Canvas, position: Socket, creep_px: Socket) -> Socket:
+    """Return which point of the picture each pixel shows, as `_crop` does, from 0 to 1 along the picture's sides."""
     graph, full_px = canvas.graph, (float(_ice.WIDTH_PX), float(_ice.HEIGHT_PX), 1.0)
     frame_px = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
     room = frame_px * (1.1 / full_px[0], 1.1 / full_px[1], 0.0)
     enlarged = graph.math("MAXIMUM", graph.math("MAXIMUM", room.x, room.y), 1.0, label="Enlarged")
     seen_px = frame_px / graph.vector(enlarged, enlarged, 1.0)
     slack_px = graph.math("SUBTRACT", full_px, seen_px)
-    start_px = graph.math("FLOOR", place * slack_px)
+    start_px = graph.math("FLOOR", position * slack_px)
     angle = canvas.random_value(1) * (2 * math.pi)
     crept_px = canvas.drift_frames * creep_px / enlarged
     moved_px = start_px + graph.vector(graph.math("COSINE", angle), graph.math("SINE", angle)) * crept_px
@@ -119,7 +119,7 @@ def _uv(canvas: Canvas, place: Socket, creep_px: Socket) -> Socket:
         graph.math("PINGPONG", moved_px.x, slack_px.x), graph.math("PINGPONG", moved_px.y, slack_px.y)
     )
     share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
-    # The third number is the share of the picture that shows.
+    # The third number is Map UV's weight: 1 shows the picture as it is.
     return graph.math("MULTIPLY_ADD", share, seen_px / full_px, origin_px / full_px + (0.0, 0.0, 1.0))
 
 

@@ -46,9 +46,9 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: GaussianNoise, context: Fram
 
 @lru_cache(maxsize=16)
 def _tables(std: float) -> tuple[NDArray[np.float32], NDArray[np.int16]]:
-    """Return the noise of each code in full scales, and in whole bytes, which a byte plus the noise rounds to."""
+    """Return the noise of each code (CODES,), in units of full scale and in whole bytes; both round to equal bytes."""
     steps = normal_quantiles() * (std * 255)
-    # A thousandth of a byte away from where rounding turns, float32 rounds as exact numbers do.
+    # Keep 1e-3 of a byte clear of ties, so that byte + noise in float32 rounds as byte + rounded noise does.
     tie = np.floor(steps) + 0.5
     near = np.abs(steps - tie) < 1e-3
     steps[near] = tie[near] + np.copysign(1e-3, steps[near] - tie[near])

@@ -15,9 +15,9 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import gaussian
 
-MAX_DELTA_PX = 10
-TABLE_SIDE = 256  # 65,536 equally likely offsets
-TABLE_ZERO = 128  # the byte of an offset of 0
+MAX_DELTA_PX = 10  # chosen: two and a half times the delta of severity 5; a table of offsets is made for each delta
+TABLE_SIDE = 256  # 256 x 256 = 65,536 equally likely offsets, one for each 16-bit code
+TABLE_ZERO = 128  # the byte that stands for an offset of 0
 
 
 @dataclass(frozen=True)
@@ -47,20 +47,20 @@ def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext
     if parameters.max_delta_px:
         generator, taken = context.pattern_stream(), np.empty_like(image)
         for _ in range(parameters.iterations):
-            places = _places(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
-            taken = cv2.remap(image, places, None, cv2.INTER_NEAREST, dst=taken, borderMode=cv2.BORDER_REPLICATE)
+            positions = _positions(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
+            taken = cv2.remap(image, positions, None, cv2.INTER_NEAREST, dst=taken, borderMode=cv2.BORDER_REPLICATE)
             image, taken = taken, image
     return gaussian(image, parameters.sigma_px)
 
 
-def _places(height: int, width: int, delta: int, generator: np.random.Generator) -> NDArray[np.int16]:
-    """Return (H, W, 2) columns and rows: where each pixel is taken from."""
+def _positions(height: int, width: int, delta: int, generator: np.random.Generator) -> NDArray[np.int16]:
+    """Return (H, W, 2) int16: the column and the row from which each pixel is taken."""
     count = height * width
     choice = generator.bit_generator.random_raw((count + 3) // 4).view(np.uint16)[:count]
-    # One look-up of 32 bits fetches the column and the row.
-    places = np.take(_offsets(delta), choice, mode="clip").view(np.int16).reshape(height, width, 2)
-    places += _grid(height, width)
-    return places
+    # One look-up of 32 bits fetches both the column and the row.
+    positions = np.take(_offsets(delta), choice, mode="clip").view(np.int16).reshape(height, width, 2)
+    positions += _grid(height, width)
+    return positions
 
 
 @lru_cache(maxsize=2)
@@ -75,7 +75,7 @@ def _grid(height: int, width: int) -> NDArray[np.int16]:
 
 @lru_cache(maxsize=MAX_DELTA_PX)
 def _offsets(delta: int) -> NDArray[np.int32]:
-    """Return 65536 equally likely offsets, each two int16 (columns, rows) seen as one int32; read-only."""
+    """Return (65536,) equally likely offsets, read-only: each two int16 (columns, rows) viewed as one int32."""
     shares = offset_shares(delta)
     reach = shares.shape[0] // 2
     ends = np.rint(np.cumsum(shares) / shares.sum() * 65536).astype(np.int64)
@@ -87,17 +87,18 @@ def _offsets(delta: int) -> NDArray[np.int32]:
 
 
 def offset_shares(delta: int, copies: int = 10) -> NDArray[np.float64]:
-    """Return how likely each offset is, (rows, columns) about the middle, for a loop in place from last to first.
+    """Return each offset's probability, (rows, columns) about the middle, of a loop in place from last pixel to first.
 
-    delta: a copy's offsets are whole, uniform in [-delta, delta). One that leads further on (down, or right in the same
-    row) goes on from there; at most `copies` are followed, which is all but 1 in 1,000.
+    delta: the offsets of one copy are whole numbers, uniform in [-delta, delta). A copy from further on (down, or right
+    in the same row) takes a value that was itself copied, so offsets add up. `copies` of these are followed at most;
+    1 chain in 1,000 is longer.
     """
     reach = delta * copies
     onward = np.zeros((2 * reach + 1, 2 * reach + 1))
     onward[reach, reach] = 1.0
     stopped = np.zeros_like(onward)
     for copy in range(copies):
-        first, last = reach - copy * delta, reach + copy * delta + 1  # as far as any went by now
+        first, last = reach - copy * delta, reach + copy * delta + 1  # the farthest that offsets reach by now
         share = onward[first:last, first:last] / (4 * delta**2)
         moved = np.zeros_like(onward)
         for row in range(-delta, delta):
@@ -111,7 +112,7 @@ def offset_shares(delta: int, copies: int = 10) -> NDArray[np.float64]:
 
 @lru_cache(maxsize=1)
 def _table() -> NDArray[np.uint8]:
-    """Return the offsets of every delta, 1 above 2 and so on: a byte for the columns, one for the rows downwards."""
+    """Return the tables of offsets, delta 1 on top, 2 below and so on: a byte for columns, one for rows (downwards)."""
     tables = [_offsets(delta).view(np.int16).reshape(TABLE_SIDE, TABLE_SIDE, 2) for delta in range(1, MAX_DELTA_PX + 1)]
     picture = np.zeros((MAX_DELTA_PX * TABLE_SIDE, TABLE_SIDE, 3), dtype=np.uint8)
     picture[..., :2] = np.concatenate(tables) + TABLE_ZERO
@@ -122,22 +123,22 @@ TABLE = Picture("NW Glass blur offsets", "1", _table)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
-    """Blur, take pixels from places that a packed table of offsets holds, blur again."""
+    """Blur, move pixels by offsets from a packed table, blur again."""
     graph = canvas.graph
     image = _gaussian(canvas.image, given["sigma_px"], "Blur before")
     with graph.section("Table of offsets"):
         table = graph.picture(TABLE)
         delta = graph.math("ROUND", given["max_delta_px"] / canvas.scale, label="At the reference width")
         top = graph.math("SUBTRACT", float(MAX_DELTA_PX), delta, label="Tables below this one")
-        # Nothing is shuffled where nothing may move.
+        # A delta of 0 moves nothing, so no shuffle is needed.
         count = given["iterations"] * (delta > 0.5)
     with graph.section("Draws"):
-        # Three numbers a draw, one for each shuffle.
+        # A draw gives three numbers, which serve three shuffles.
         draws = [canvas.random(purpose, canvas.position_px) for purpose in range(math.ceil(served["iterations"] / 3))]
         choices = [_component(draws[index // 3], index % 3) for index in range(int(served["iterations"]))]
     for index, choice in enumerate(choices):
         with graph.section(f"Shuffle {index + 1}"):
-            # A shuffle that is not asked for gets one value instead of a frame, which costs nothing.
+            # A shuffle that is not asked for gets a single value instead of a frame, so it costs nothing.
             active = count > index + 0.5
             number = graph.choose(active, choice, 0.0, "float")
             where = graph.vector(graph.math("FRACT", number * float(TABLE_SIDE)), (number + top) / MAX_DELTA_PX, 1.0)

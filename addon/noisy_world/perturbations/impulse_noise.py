@@ -50,7 +50,7 @@ def _add[T: np.generic](rgb: NDArray[T], parameters: ImpulseNoise, context: Fram
 
 @lru_cache(maxsize=16)
 def _impulses(amount: float) -> NDArray[np.int16]:
-    """Return for each code what a byte goes up by, before it is clipped: 0, or 255 (salt), or -255 (pepper)."""
+    """Return (CODES,): what each code adds to a byte before it is clipped, 255 (salt), -255 (pepper) or 0."""
     half = round(amount * CODES / 2)
     table = np.zeros(CODES, np.int16)
     table[:half] = -255

@@ -38,11 +38,11 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _context: F
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Do to the pixels what encoding and decoding do, all 64 coefficients of each block.
+    """Do to the pixels what encoding and decoding do, with all 64 coefficients of each block.
 
-    A preview is enlarged to the reference width, by the nearest pixel, and the result made small again: its blocks are
-    as large and as coarse as the frame's, and it takes as long as the frame. An image that is larger than the reference
-    has blocks of 8 of its own pixels.
+    A preview is enlarged to the reference width (nearest pixel) and its result made small again. So its blocks look as
+    they do in the frame, and it takes as long as the frame. An image larger than the reference width has blocks of 8 of
+    its own pixels.
     """
     return compressed(canvas, given["quality"])
 

@@ -13,8 +13,9 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
 
-NEGLIGIBLE = 1e-3  # a weight beside that of the pixel itself: all below it are together less than 0.1 of 255
-# Half way between two pixels a step goes to the left and upper one, whatever rounding does to the angle.
+# Of the pixel's own weight: smaller weights are left out of the node group. Together they are less than 0.1 of 255.
+NEGLIGIBLE = 1e-3
+# A step half way between two pixels goes to the left or upper one; this is above what float32 rounds the angle by.
 TIE_PX = 5e-5
 
 
@@ -47,7 +48,7 @@ def apply(rgb: NDArray[np.float32], parameters: MotionBlur, context: FrameContex
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
-    """Add up the frame shifted by each step of the trail, cut out of a copy with wide borders."""
+    """Sum the frame shifted by each step of the trail, cut out of a copy with wide borders."""
     graph = canvas.graph
     count = 2 * int(served["radius_px"]) + 1
     step = _step()
@@ -83,15 +84,15 @@ def _padded(image: Socket, size: Socket, border_px: int) -> Socket:
     """Return the image with its outermost pixels repeated on all sides."""
     graph = image.graph
     wide = graph.node("CompositorNodeBlankImage", {"Size": graph.math("ADD", size, 2.0 * border_px)})
-    place = graph.node("CompositorNodeImageCoordinates", {"Image": wide.out("Image", "color")}).out("Pixel", "vector")
-    where = graph.math("DIVIDE", graph.math("ADD", place, (0.5 - border_px, 0.5 - border_px, 1.0)), size)
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": wide.out("Image", "color")}).out("Pixel", "vector")
+    where = graph.math("DIVIDE", graph.math("ADD", pixel, (0.5 - border_px, 0.5 - border_px, 1.0)), size)
     extend = {"Extension X": "Extend", "Extension Y": "Extend"}
     inputs = {"Image": image, "UV": where, "Interpolation": "Nearest", **extend}
     return graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
 
 
 def _step() -> Graph:
-    """Describe a step of the trail: the frame seen from there, times its weight, is added."""
+    """Describe a step of the trail: it adds the shifted frame times the step's weight."""
     graph = Graph("NW Motion blur step", "Adds the frame as a step of the trail sees it")
     wide = graph.input(GroupInput("Widened", "color", (0.0, 0.0, 0.0, 1.0), "The frame with wide borders"))
     total = graph.input(GroupInput("Total", "vector", (0.0, 0.0, 0.0), "The sum so far"))
@@ -107,10 +108,10 @@ def _step() -> Graph:
         weight = graph.math("EXPONENT", exponent)
         active = graph.math("MULTIPLY", weight > NEGLIGIBLE, step < last + 0.5)
     with graph.section("Place"):
-        place = graph.math("CEIL", direction * step - 0.5 - TIE_PX)
-        corner = graph.math("MULTIPLY_ADD", place, (1.0, -1.0, 0.0), graph.vector(border, border, 0.0))
+        position = graph.math("CEIL", direction * step - 0.5 - TIE_PX)
+        corner = graph.math("MULTIPLY_ADD", position, (1.0, -1.0, 0.0), graph.vector(border, border, 0.0))
     with graph.section("Cut out"):
-        # A step that weighs nothing gets one value instead of a frame, which costs nothing.
+        # A step without weight gets a single value instead of a frame, so it costs nothing.
         source = graph.choose(active, wide, 0.0)
         inputs = {"Image": source, "X": corner.x, "Y": corner.y, "Width": size.x, "Height": size.y}
         seen = graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion deviation: a robot that shakes, so that its camera is never quite where the path says."""
+"""Motion deviation: a robot shakes, so its camera is not exactly where the path says."""
 
 from dataclasses import dataclass
 
@@ -22,9 +22,8 @@ class MotionDeviation:
 def apply(trajectory: Trajectory, parameters: MotionDeviation, context: SequenceContext) -> Trajectory:
     """Return the deviated trajectory, which is the ground truth of what is rendered from it.
 
-    R' = R dR with dR = Rz Ry Rx in the camera's frame, t' = t + dt in the world's (paper, section "Robot motion").
-    Rotations are composed as matrices in float64, never by adding angles. Each pose draws from the stream of its own
-    frame.
+    R' = R dR with dR = Rz Ry Rx about the camera's axes, t' = t + dt along the world's (paper, section "Robot motion").
+    Rotations are composed as matrices in float64, never by adding angles. Each pose draws from its own frame's stream.
     """
     normals = np.array([context.stream(frame=k).standard_normal(6) for k in range(len(trajectory))])
     c2w = trajectory.c2w.copy()

@@ -14,12 +14,18 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
-LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
-HALF_UP = np.float32(2**-10)  # of a byte: above float32's noise, below what parts other means from half a byte
-LARGEST_SIDE = 20.0  # cells: the Pixelate node takes a square's time for each; of larger blocks the group takes samples
-WHOLE = 2**-6  # what a number of blocks may lack to be whole: float32 holds a factor and a product no better
-# At two blocks for five pixels every other border has a centre on it. PIL's rounding, step after step, shows there the
-# block after the border at first, and changes over at these ones. Other ratios have few or no such centres.
+LARGEST_BLOCK_PX = 256  # pixels whose bytes are summed in 16 bits: 256 x 255 = 65,280
+# Of a byte, added to a mean so that ties round up: above float32's error, below the distance from a tie of any mean
+# that is no tie.
+HALF_UP = np.float32(2**-10)
+# Cells along a side of a square: the Pixelate node takes a square's time for each pixel, minutes for large blocks. Of
+# larger blocks the group takes this many samples along each side. Chosen.
+LARGEST_SIDE = 20.0
+# A number of blocks that lacks less than this counts as whole: float32 holds a factor and a product no more exactly.
+WHOLE = 2**-6
+# At factor 0.4 (two blocks for five pixels) the centre of a pixel lies on every other border of two blocks. There PIL,
+# which adds up float steps, shows the block after the border at first, and changes between after and before at these
+# borders (found by running PIL). Other factors have few such centres or none.
 TURNS = (2.5, 4.5, 20.5, 74.5, 302.5, 1204.5, 4820.5)
 
 
@@ -54,7 +60,10 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Pixelate, _context: FrameCon
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """The blocks along one side: where each starts, how many pixels it has, and which one each pixel shows."""
+    """The blocks along one side of the frame.
+
+    starts: each block's first pixel. sizes: its number of pixels. shown: the block that each pixel of the frame shows.
+    """
 
     starts: NDArray[np.int64]
     sizes: NDArray[np.int64]
@@ -63,13 +72,13 @@ class _Blocks:
     @staticmethod
     @lru_cache(maxsize=16)
     def along(pixels: int, factor: float) -> "_Blocks":
-        """Divide a side: a pixel belongs to the block that its centre lies in, on a border to the first.
+        """Divide a side into blocks: a pixel belongs to the block in which its centre lies, on a border to the first.
 
-        Which one it shows there goes by TURNS, as PIL's steps from centre to centre have it at two blocks for five
-        pixels: going always one way is 0.5 or 1.2 dB away from ImageNet-C.
+        Which block a pixel on a border shows is decided by TURNS, as PIL does. Always choosing one side instead would
+        be 0.5 or 1.2 dB away from ImageNet-C.
         """
         blocks = max(int(pixels * factor + WHOLE), 1)
-        centre = (2 * np.arange(pixels) + 1) * blocks  # in blocks, times twice the pixels
+        centre = (2 * np.arange(pixels) + 1) * blocks  # unit: a block divided by 2 x pixels, so all is whole
         owner = (centre - 1) // (2 * pixels)
         border, beyond = np.divmod(centre, 2 * pixels)
         before = (beyond == 0) & (np.searchsorted(TURNS, border) % 2 == 1)
@@ -78,21 +87,21 @@ class _Blocks:
 
 
 def _sums[T: np.generic](image: NDArray[T], rows: _Blocks, columns: _Blocks, dtype: DTypeLike) -> NDArray[T]:
-    """Add up the blocks; returns them transposed: (columns, rows, 3)."""
+    """Sum the pixels of each block; return the sums transposed: (columns, rows, 3)."""
     import cv2
 
-    # Whole rows are what numpy gathers fast: the columns' turn comes after a transposition.
+    # numpy gathers whole rows fast, so the image is transposed before the columns are summed.
     return _row_sums(cv2.transpose(_row_sums(image, rows, dtype)), columns, dtype)
 
 
 def _row_sums[T: np.generic](image: NDArray[T], blocks: _Blocks, dtype: DTypeLike) -> NDArray[T]:
     sums = image[blocks.starts].astype(dtype, copy=False)
     smallest = int(blocks.sizes.min())
-    for place in range(1, smallest):
-        np.add(sums, image[blocks.starts + place], out=sums)
-    for place in range(smallest, int(blocks.sizes.max())):
-        larger = np.flatnonzero(blocks.sizes > place)
-        sums[larger] += image[blocks.starts[larger] + place]
+    for position in range(1, smallest):
+        np.add(sums, image[blocks.starts + position], out=sums)
+    for position in range(smallest, int(blocks.sizes.max())):
+        larger = np.flatnonzero(blocks.sizes > position)
+        sums[larger] += image[blocks.starts[larger] + position]
     return sums
 
 
@@ -108,9 +117,9 @@ def _spread[T: np.generic](blocks: NDArray[T], rows: _Blocks, columns: _Blocks) 
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Give every block a square of equal size, mean the squares with the Pixelate node, and show each where it belongs.
+    """Copy every block into a square of equal size, average the squares with the Pixelate node, and show each block.
 
-    A block with fewer pixels than its square has cells leaves the rest of it empty, and weighs more for that.
+    A block with fewer pixels than its square has cells leaves the other cells empty; its pixels weigh more instead.
     """
     graph, scale = canvas.graph, canvas.scale
     with graph.section("Blocks"):
@@ -130,10 +139,10 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         border = graph.math("DIVIDE", 0.25, blocks) + 0.5
         start, past = _whole_and_rest(block, grid, blocks, border)
         pixels = graph.math("FLOOR", past + grid / blocks)
-        place = cell - block * side
+        position = cell - block * side
         filled = pixels / side
-        weight = (place < pixels) / graph.math("MINIMUM", filled, 1.0)
-        where = graph.math("MULTIPLY_ADD", place + 0.5, graph.math("MAXIMUM", filled, 1.0), start)
+        weight = (position < pixels) / graph.math("MINIMUM", filled, 1.0)
+        where = graph.math("MULTIPLY_ADD", position + 0.5, graph.math("MAXIMUM", filled, 1.0), start)
         spread = _look_up(canvas.image, where, grid, weight.x * weight.y)
     with graph.section("Means"):
         node = graph.node("CompositorNodePixelate", {"Color": spread, "Size": side})
@@ -150,7 +159,7 @@ def _pixel(image: Socket) -> Socket:
 
 
 def _flipped(pixel: Socket, size: Socket) -> Socket:
-    """Count rows from the top."""
+    """Return the pixel's position with rows counted from the top."""
     graph = pixel.graph
     return graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), graph.vector(0.0, size.y - 1.0))
 
@@ -174,7 +183,7 @@ def _division() -> Graph:
             ("More", "Added to the product"),
         )
     )
-    # In float32 one ratio is not precise enough.
+    # float32 holds the ratio too coarsely for the whole part of the product to be right, so it is split in two.
     with graph.section("The ratio in two parts"):
         coarse = graph.math("FLOOR", numerator * 1024.0 / denominator) * (1 / 1024)
         fine = (numerator - coarse * denominator) / denominator
@@ -189,7 +198,7 @@ def _division() -> Graph:
 
 
 def _way_at_border(border: Socket) -> Socket:
-    """Return 1 where a centre on this border of blocks shows the one after it, -1 where the one before."""
+    """Return 1 where a pixel centred on this border of blocks shows the block after it, -1 where the block before."""
     return border.graph.group(_border(), {"Border": border}).out("Way", "vector")
 
 
@@ -205,14 +214,11 @@ def _border() -> Graph:
     return graph
 
 
-def _look_up(image: Socket, place: Socket, size: Socket, weight: Value) -> Socket:
-    """Return the pixel at a place (x from the left, y from the top) of an image that is `size` wide and high.
-
-    weight: it is multiplied by.
-    """
+def _look_up(image: Socket, position: Socket, size: Socket, weight: Value) -> Socket:
+    """Return `weight` times the pixel at a position (x from the left, y from the top) of an image of this size."""
     graph = image.graph
     share = graph.math("DIVIDE", (1.0, -1.0, 0.0), size)
-    uv = graph.math("MULTIPLY_ADD", place, share, graph.vector(0.0, 1.0, weight))
+    uv = graph.math("MULTIPLY_ADD", position, share, graph.vector(0.0, 1.0, weight))
     inputs = {"Image": image, "UV": uv, "Interpolation": "Nearest"}
     return graph.node("CompositorNodeMapUV", inputs, label="Look up").out("Image", "color")
 

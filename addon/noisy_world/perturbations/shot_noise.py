@@ -17,10 +17,10 @@ from ._bands import by_bands
 from ._quantile_groups import poisson_quantile
 from ._quantiles import look_up, uniform_codes
 
-OUTCOMES = 256
-MOST_PHOTONS = 256  # the widest Poisson whose 256 likeliest outcomes leave out less than 1e-12
-FEWEST_PHOTONS = 1e-6  # fewer than a few in a frame are darkness
-BYTE_NOISE = np.float32(2**-10)  # of a byte: what float32 adds to a byte on its way through [0, 1]
+OUTCOMES = 256  # columns of the alias table of a level: one for each value of 8 random bits
+MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
+FEWEST_PHOTONS = 1e-6  # mean at full scale below which a frame is black: a megapixel expects a few photons at most
+BYTE_NOISE = np.float32(2**-10)  # of a byte: more than float32's error of a byte that was divided by 255 and multiplied
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class ShotNoise:
 def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext) -> NDArray[np.float32]:
     """Count photons in (H, W, 3).
 
-    What a value has above the byte below it is drawn apart: the sum of two Poisson numbers is one of the sum's mean.
+    A value is split into the byte below it, drawn by tables, and the rest, drawn by itself: the sum of two Poisson
+    numbers is a Poisson number of the sum's mean.
     """
     photons = parameters.photons
     if photons < FEWEST_PHOTONS:
@@ -62,7 +63,7 @@ def _draw[T: np.generic](
     first: NDArray[T],
     second: NDArray[T],
 ) -> NDArray[T]:
-    """Draw from each level's distribution: a column by 8 bits, one of the column's two outcomes by 16."""
+    """Draw from each level's distribution: 8 random bits pick a column, 16 more one of the column's two outcomes."""
     import cv2
 
     generator = context.pattern_stream()
@@ -70,10 +71,10 @@ def _draw[T: np.generic](
     def draw(band: NDArray[np.uint8]) -> NDArray[T]:
         codes = uniform_codes(generator, band.shape)
         columns = uniform_codes(generator, ((band.size + 1) // 2,)).view(np.uint8)[: band.size].reshape(band.shape)
-        places = cv2.merge([columns, band]).view(np.uint16).reshape(band.shape)  # level x 256 + column
-        outcomes = look_up(places, first)
-        is_second = cv2.compare(codes, look_up(places, threshold), cv2.CMP_GE)
-        return cv2.copyTo(look_up(places, second), is_second, outcomes)  # type: ignore[return-value]
+        positions = cv2.merge([columns, band]).view(np.uint16).reshape(band.shape)  # level x 256 + column
+        outcomes = look_up(positions, first)
+        is_second = cv2.compare(codes, look_up(positions, threshold), cv2.CMP_GE)
+        return cv2.copyTo(look_up(positions, second), is_second, outcomes)  # type: ignore[return-value]
 
     flat = levels.reshape(len(levels), -1)
     return by_bands(flat, first.dtype, draw).reshape(levels.shape)
@@ -100,7 +101,7 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
     partner = np.tile(np.arange(OUTCOMES), (256, 1))
     poor, rich = share.copy(), share.copy()
     for _ in range(OUTCOMES - 1):
-        # The poorest column keeps what it has; the richest one fills it up.
+        # The column with the least probability keeps it; the one with the most fills it up.
         taker, giver = poor.argmin(axis=1), rich.argmax(axis=1)
         has = poor[rows, taker]
         threshold[rows, taker] = has
@@ -108,7 +109,7 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
         poor[rows, giver] += has - 1
         rich[rows, giver] = poor[rows, giver]
         poor[rows, taker], rich[rows, taker] = np.inf, -np.inf
-    # A column that only rounding left unsettled is its own partner: there the threshold tells nothing.
+    # A column that is never filled (up to rounding, it was full) is its own partner: its threshold has no effect.
     steps = np.clip(np.rint(threshold * 65536), 0, 65535)
     first = offset[:, None] + np.arange(OUTCOMES)
     tables = steps, first, offset[:, None] + partner
@@ -116,7 +117,7 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
 
 
 def _poisson(means: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return for each mean the smallest of its 256 outcomes, and their probabilities (n, 256) times 256."""
+    """Return for each of n means the smallest of its 256 outcomes (n,), and their probabilities times 256 (n, 256)."""
     offset = np.maximum(means.astype(np.int64) - OUTCOMES // 2, 0)
     outcomes = offset[:, None] + np.arange(OUTCOMES)
     log_factorial = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, outcomes.max() + 1)))])
@@ -126,7 +127,7 @@ def _poisson(means: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _few_photons(means: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
-    """Draw Poisson numbers of means of about 1 at most, by inversion of one uniform number each."""
+    """Draw Poisson numbers of means up to about 1, each by inverting one uniform number."""
     uniform = generator.random(means.shape, dtype=np.float32)
     probability = np.exp(-means)
     cumulative = probability.copy()
@@ -142,7 +143,7 @@ def _few_photons(means: NDArray[np.float32], generator: np.random.Generator) -> 
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Count photons, of which each value expects its share of those at full scale."""
+    """Count photons: the mean number at a pixel is its value times the mean number at full scale."""
     photons = given["photons"]
     with canvas.graph.section("Uniform noise"):
         uniform = canvas.random(0, canvas.position_px)

@@ -52,11 +52,11 @@ def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
 
 
 def _flakes(size: tuple[int, int], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
-    """Return both layers of flakes, (H, W)."""
+    """Return the sum of both layers of flakes, (H, W)."""
     noise, angle_deg = _noise(context, _cells(size, parameters.scale))
     fallen_px = context.drift_frames * parameters.fall_px
     layer = _layer(size, noise, angle_deg, parameters, fallen_px)
-    # Turned by 180 degrees, what rises falls.
+    # The second layer is turned by 180 degrees at the end, so it has to rise here to fall there.
     other = _layer(size, noise, angle_deg, parameters, -fallen_px) if fallen_px else layer
     return layer + other[::-1, ::-1]
 
@@ -64,8 +64,8 @@ def _flakes(size: tuple[int, int], parameters: Snow, context: FrameContext) -> N
 def _layer(
     size: tuple[int, int], noise: NDArray[np.float32], angle_deg: float, parameters: Snow, fallen_px: float
 ) -> NDArray[np.float32]:
-    """Return the flakes that this noise makes, streaked along the angle, after a fall along the angle too."""
-    # The first and the last point of the noise lie on the frame's borders.
+    """Return (H, W): the flakes of this noise, streaked along the angle, moved along it by `fallen_px`."""
+    # The noise's first and last points lie at the frame's outermost pixels.
     step_y, step_x = ((cells - 1) / max(pixels - 1, 1) for cells, pixels in zip(noise.shape, size, strict=True))
     start = (-fallen_px * step_y, -fallen_px * step_x / math.tan(math.radians(angle_deg)))
     layer = torus_window(noise, size, (step_y, step_x), start)
@@ -82,7 +82,7 @@ def _cells(size: tuple[int, int], scale: float) -> tuple[int, int]:
 
 @kept_for_sequence
 def _noise(context: FrameContext, cells: tuple[int, int]) -> tuple[NDArray[np.float32], float]:
-    """Return standard normal noise of this many rows and columns, and the angle of the fall in degrees."""
+    """Return standard normal noise of this many rows and columns, and the fall's angle in degrees (as ImageNet-C)."""
     generator = context.pattern_stream()
     angle_deg = generator.uniform(-135.0, -45.0)
     noise = generator.standard_normal(cells, dtype=np.float32)
@@ -92,13 +92,14 @@ def _noise(context: FrameContext, cells: tuple[int, int]) -> tuple[NDArray[np.fl
 
 # --- as a node group ---
 #
-# Seen along sheared columns, every streak stands upright, and its steps are whole rows. Three rows at a time lie in the
-# channels of an image of a third of the height, so that one gather brings three steps.
+# The columns are sheared so that every streak is vertical and its steps are whole rows. The channels of an image a
+# third as high hold three rows at a time, so that one gather fetches three steps.
 
-_ROWS = 3
-_GREY = (0.299, 0.587, 0.114)  # luma of Rec. 601, as OpenCV's grey
-_LEAN_DEG = 45.0  # of the streaks at most, from upright
-# Between columns: the nearest (0) makes streaks jagged, the mix (1) soft; so much has the reference's spectrum.
+_ROWS = 3  # one for each channel
+_GREY = (0.299, 0.587, 0.114)  # luma of ITU-R BT.601, as OpenCV's grey
+_LEAN_DEG = 45.0  # greatest lean of the streaks from vertical, as ImageNet-C (-135 to -45 degrees)
+# Between two columns, 0 takes the nearest (jagged streaks) and 1 interpolates (soft ones). Fitted: 0.2 gives the
+# spectrum of the reference.
 _SOFTNESS = 0.2
 
 
@@ -111,7 +112,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         enlarged = graph.vector(given["scale"], given["scale"])
         cells = graph.math("CEIL", graph.math("SUBTRACT", full_px / enlarged, (1e-4, 1e-4, 0.0)), label="Cells")
         noise = _normal_noise(canvas, cells)
-        # From pixels of the image that arrives to sides of the noise; its outermost points lie on the borders.
+        # From pixels of the input image to fractions of the noise's sides; its outermost points lie at the borders.
         reach_px = graph.math("MAXIMUM", full_px - (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
         step = (cells - (1.0, 1.0, 0.0)) / reach_px / cells
         zoom = step / graph.vector(canvas.scale, canvas.scale)
@@ -142,7 +143,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         part = _layer_graph(math.ceil(served["blur_radius_px"]))
         here = {"Pixel": pixel, "Size": size_px, "Fallen": fallen_px}
         layer = graph.group(part, inputs | here, name="Layer").out("Flakes", "float")
-        # Turned by 180 degrees, what rises falls. Without drift it is the same layer: the other one is made tiny.
+        # The second layer is turned by 180 degrees below, so it rises here. Without drift both are the same layer, so
+        # the rising one is made tiny and not used.
         where = graph.choose(drifts, pixel, (0.0, 0.0, 0.0), "vector")
         there = {"Pixel": where, "Size": size_px * graph.vector(drifts, drifts), "Fallen": -fallen_px}
         rising = graph.group(part, inputs | there, name="Rising layer").out("Flakes", "float")
@@ -157,17 +159,17 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
 
 
 def _normal_noise(canvas: Canvas, cells: Socket) -> Socket:
-    """Return standard normal noise of so many columns and rows (Box and Muller, 1958)."""
+    """Return standard normal noise of `cells` (columns, rows), by Box and Muller's method (1958)."""
     graph = canvas.graph
     blank = graph.node("CompositorNodeBlankImage", {"Size": cells}).out("Image", "color")
-    place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-    random = canvas.random(0, place)
+    position = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+    random = canvas.random(0, position)
     distance = graph.math("SQRT", graph.math("LOGARITHM", graph.math("MAXIMUM", random.x, 1e-9), math.e) * -2.0)
     return distance * graph.math("COSINE", random.y * math.tau)
 
 
 def _layer_graph(radius_px: int) -> Graph:
-    """Describe a layer of streaked flakes, of streaks of up to 2 radius + 1 pixels."""
+    """Describe a layer of flakes with streaks of up to 2 radius + 1 pixels."""
     steps = (2 * radius_px + _ROWS - 1) // _ROWS + 1
     graph = Graph(f"NW Snow layer ({radius_px} px)", "Flakes out of noise, each with a streak along the fall")
     pixel = graph.input(GroupInput("Pixel", "vector", (0.0, 0.0, 0.0), "Each pixel's column and row, from below"))
@@ -186,10 +188,10 @@ def _layer_graph(radius_px: int) -> Graph:
     sigma = graph.input(GroupInput("Sigma", "float", 8.0, "Standard deviation of its weights"))
     packed = graph.math("CEIL", size_px.y / float(_ROWS)) + float(steps - 1)
     with graph.section("Sheared columns, three rows in the channels"):
-        places = _packed_places(graph, size_px, packed, slope, whole)
+        positions = _packed_positions(graph, size_px, packed, slope, whole)
     with graph.section("Flakes"):
         shift = graph.math("MULTIPLY_ADD", graph.vector(slope * fallen_px, fallen_px), zoom, corner)
-        rows = graph.vector(*(_noise_at(graph, noise, place, zoom, shift) for place in places))
+        rows = graph.vector(*(_noise_at(graph, noise, position, zoom, shift) for position in positions))
         bright = graph.math("MULTIPLY_ADD", rows, _thrice(graph, deviation), _thrice(graph, mean))
         inputs = {"Factor_Float": 1.0, "A_Color": bright, "B_Color": bright > _thrice(graph, threshold)}
         product = {"data_type": "RGBA", "blend_type": "MULTIPLY", "clamp_result": True}
@@ -203,7 +205,7 @@ def _layer_graph(radius_px: int) -> Graph:
             before = parts[-1].out("Weights", "vector") if parts else (0.0, 0.0, 0.0)
             name = f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}"
             parts.append(graph.group(part, inputs | {"Step": float(step), "Weights before": before}, name=name))
-        # The first operand places the sum: it is the rows that are not shifted.
+        # The sum is positioned as its first operand is, so that is the rows that are not shifted.
         total = sum((part.out("Rows", "vector") for part in parts[1:]), start=parts[0].out("Rows", "vector"))
         weight = sum((part.out("Weight", "float") for part in parts[1:]), start=parts[0].out("Weight", "float"))
     with graph.section("Upright columns leant again"):
@@ -214,26 +216,26 @@ def _layer_graph(radius_px: int) -> Graph:
     return graph
 
 
-def _packed_places(graph: Graph, size_px: Socket, packed: Socket, slope: Socket, whole: Socket) -> list[Socket]:
-    """Return for each channel which pixel of the frame it shows: row by row further along the streaks.
+def _packed_positions(graph: Graph, size_px: Socket, packed: Socket, slope: Socket, whole: Socket) -> list[Socket]:
+    """Return for each channel which pixel of the frame it shows; each channel is a row further along the streaks.
 
-    Beyond the frame's upper border its last row goes on, as in the reference; its sides are joined.
+    Above the frame its uppermost row is repeated, as in the reference. Its left and right sides are joined.
     """
     packed_size = graph.vector(size_px.x, packed * (size_px.x > 0.0))
     blank = graph.node("CompositorNodeBlankImage", {"Size": packed_size}).out("Image", "color")
-    place = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-    rows = graph.math("MULTIPLY_ADD", _thrice(graph, place.y), (float(_ROWS),) * 3, (0.0, 1.0, 2.0))
+    position = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
+    rows = graph.math("MULTIPLY_ADD", _thrice(graph, position.y), (float(_ROWS),) * 3, (0.0, 1.0, 2.0))
     leant = rows * _thrice(graph, slope)
     rounded = graph.math("FLOOR", graph.math("ADD", leant, (0.5, 0.5, 0.5)))
-    columns = _thrice(graph, place.x) + graph.math("MULTIPLY_ADD", rounded - leant, _thrice(graph, whole), leant)
+    columns = _thrice(graph, position.x) + graph.math("MULTIPLY_ADD", rounded - leant, _thrice(graph, whole), leant)
     width_px = _thrice(graph, graph.math("MAXIMUM", size_px.x, 1.0))
     columns = graph.math("WRAP", columns, width_px, (0.0, 0.0, 0.0), label="Columns of the frame")
     rows = graph.math("MINIMUM", rows, _thrice(graph, size_px.y - 1.0), label="Rows of the frame")
     return [graph.vector(getattr(columns, axis), getattr(rows, axis)) for axis in "xyz"]
 
 
-def _noise_at(graph: Graph, noise: Socket, place: Socket, zoom: Socket, shift: Socket) -> Socket:
-    inputs = {"Image": noise, "UV": graph.math("MULTIPLY_ADD", place, zoom, shift), "Interpolation": "Bilinear"}
+def _noise_at(graph: Graph, noise: Socket, position: Socket, zoom: Socket, shift: Socket) -> Socket:
+    inputs = {"Image": noise, "UV": graph.math("MULTIPLY_ADD", position, zoom, shift), "Interpolation": "Bilinear"}
     node = graph.node("CompositorNodeMapUV", inputs | {"Extension X": "Repeat", "Extension Y": "Repeat"})
     return node.out("Image", "float")
 
@@ -243,10 +245,10 @@ def _thrice(graph: Graph, value: Socket) -> Socket:
 
 
 def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softness: Socket, size: Socket) -> Socket:
-    """Return the rows in the channels as an image again, each moved back to where it was."""
+    """Return the rows in the channels as one image again, each row shifted back by its shear."""
     row = pixel.y
     back = graph.math("MULTIPLY_ADD", graph.vector(row, row), graph.vector(-slope, 1 / _ROWS - 1), pixel)
-    # Rows come in whole thirds, which a float does not hold.
+    # Row numbers are multiples of 1/3, which a float cannot hold exactly: 0.1 keeps the floor right.
     whole = graph.math("FLOOR", graph.math("ADD", back, (0.5, 0.1, 0.0)), label="Nearest column, packed row")
     rest = back - whole
     at = graph.math("MULTIPLY_ADD", rest, graph.vector(softness, 0.0), whole)
@@ -259,7 +261,7 @@ def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softne
 
 
 def _step_graph() -> Graph:
-    """Describe three rows' part in the streaks of three rows, in the channels."""
+    """Describe what three rows (in the channels) add to the streaks of three other rows."""
     graph = Graph("NW Snow step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
     flakes = graph.input(GroupInput("Flakes", "color", (0.0, 0.0, 0.0, 1.0), "Three rows in the channels"))
     step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))

@@ -15,13 +15,15 @@ from ..core.schema import key
 from ._kernels import gaussian
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
+# The colours, the distance and the kernel are ImageNet-C's.
 _WATER_RGB = (175, 238, 238)
 _MUD_RGB = (63, 42, 20)
-_FAR_PX = 20  # the rim's glint reaches no further
-_RIM = np.array([[-2, -1, 0], [-1, 1, 1], [0, 1, 2]], dtype=np.float32)
+_FAR_PX = 20  # the distance from a drop's rim at which its glint ends
+_RIM = np.array([[-2, -1, 0], [-1, 1, 1], [0, 1, 2]], dtype=np.float32)  # emboss
 
-_SMALLEST_SCALE = 0.25  # a preview smaller than this has drops of its own
-_OVERLOOKED_AREA = 660.0  # px: fitted, as small drops have it by Rice's formula
+# Of the reference width: a smaller preview has other drops than the frame. Chosen: it bounds the lattice, and the time.
+_SMALLEST_SCALE = 0.25
+_OVERLOOKED_AREA = 660.0  # divides the number of overlooked drops by Rice's formula (see _brightest); fitted
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray
 
 @kept_for_sequence
 def _cover(context: FrameContext, size: tuple[int, int], parameters: Spatter) -> NDArray[np.float32]:
-    """Return how much of each pixel the drops cover, (H, W); on a torus if it drifts, so that it runs on and on."""
+    """Return how much of each pixel the drops cover, (H, W); periodic if it drifts, so that it never ends."""
     import cv2
 
     noise = context.pattern_stream().standard_normal(size, dtype=np.float32)
@@ -91,7 +93,7 @@ def _cover(context: FrameContext, size: tuple[int, int], parameters: Spatter) ->
 
 
 def _margin(parameters: Spatter) -> int:
-    """Return how far away noise has an influence."""
+    """Return in pixels how far noise has an influence: 4 sigma of each blur, and for water the rim's glint."""
     reach = math.ceil(4 * parameters.scaling) if parameters.complexity else _FAR_PX + 4
     return math.ceil(4 * parameters.sigma_px) + reach
 
@@ -103,7 +105,7 @@ def _mud(layer: NDArray[np.float32], parameters: Spatter) -> NDArray[np.float32]
 
 
 def _water(layer: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the drops' brightness: their own, times a relief of the distance to their rims."""
+    """Return the drops' brightness (H, W): their own, times an embossed image of the distance to their rims."""
     import cv2
 
     drops = np.minimum(layer * np.float32(255), np.float32(255)).astype(np.uint8)
@@ -132,7 +134,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         distance = _distance(noise, above, given["mean"], sigma_px) / sigma_px
     with graph.section("Water: relief"):
         height = _height(given, sigma_px)
-        # How long the rims are, of what they are at the mean (Rice's formula).
+        # The rims' length, as a share of the rims' length at a threshold equal to the mean (Rice's formula).
         crossed = graph.math("EXPONENT", height * height * -0.5)
         glint = graph.math("MAXIMUM", _relief(_share_nearer(distance, crossed)), _overlooked(inside))
         drops = graph.math("MINIMUM", noise, 1.0) * inside * glint
@@ -141,7 +143,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         water = drops * (given["scaling"] / _brightest(canvas, drops, given["threshold"], expected))
     with graph.section("Over the image"):
         cover = _either(given["complexity"], water, mud, "float")
-        cover = _placed(canvas, cover, run_px, size_px)
+        cover = _positioned(canvas, cover, run_px, size_px)
         cover = graph.vector(cover, cover, cover)
         wet = graph.math("MULTIPLY_ADD", cover, _encoded(_WATER_RGB), canvas.image)
         muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), cover)
@@ -149,7 +151,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 
 def _either(complexity: Socket, water: Socket, mud: Socket, kind: Kind) -> Socket:
-    """Return one of two; the other is not calculated, as the index is the group's own input."""
+    """Return one of the two; Blender does not calculate the other, as the index is an input of the group itself."""
     types = {"float": "FLOAT", "color": "RGBA"}
     inputs = {"Index": complexity, "Item_0": water, "Item_1": mud}
     return water.graph.node("GeometryNodeIndexSwitch", inputs, {"data_type": types[kind]}).out("Output", kind)
@@ -160,7 +162,7 @@ def _encoded(rgb: tuple[int, int, int]) -> tuple[float, ...]:
 
 
 def _lattice_size(canvas: Canvas, finest: Socket) -> Socket:
-    """Return the frame's width and height at the reference width, whole numbers."""
+    """Return the frame's width and height in whole pixels, as they are at the reference width."""
     graph = canvas.graph
     size = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(finest, finest, 1.0)
     return graph.math("MAXIMUM", graph.math("FLOOR", size + 0.5), 1.0)
@@ -169,17 +171,17 @@ def _lattice_size(canvas: Canvas, finest: Socket) -> Socket:
 def _smooth_noise(
     canvas: Canvas, size_px: Socket, run_px: Socket, given: Mapping[str, Socket], sigma_px: Socket
 ) -> Socket:
-    """Return the noise, blurred; it comes from further and further above as the drops run down."""
+    """Return the blurred noise; rows further up move into the frame as the drops run down."""
     graph = canvas.graph
     lattice = graph.node("CompositorNodeBlankImage", {"Size": size_px}).out("Image", "color")
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": lattice}).out("Pixel", "vector")
     # Counted from the top, as rows of the frame are.
     start = graph.vector(0.0, size_px.y - 1.0 - graph.math("FLOOR", run_px))
-    place = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), start)
-    # Uniform numbers of the same variance: blurred over a dozen pixels and more, they are normal all the same.
+    position = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), start)
+    # Uniform numbers of the same variance: blurred over a dozen pixels or more, their sums are normal all the same.
     span = given["std"] * math.sqrt(12.0)
     return _blurred(
-        graph.math("MULTIPLY_ADD", canvas.random_value(0, place), span, given["mean"] - span * 0.5), sigma_px
+        graph.math("MULTIPLY_ADD", canvas.random_value(0, position), span, given["mean"] - span * 0.5), sigma_px
     )
 
 
@@ -190,23 +192,24 @@ def _blurred(value: Socket, sigma_px: Socket) -> Socket:
 
 
 def _boxed(value: Socket, reach_px: int = 1) -> Socket:
-    """Return the mean of 3 x 3, or of what is no further than `reach_px`."""
+    """Return the mean of the square that reaches `reach_px` pixels to each side: 3 x 3 by default."""
     inputs = {"Image": value, "Size": (float(reach_px),) * 2, "Type": "Flat", "Separable": True}
     return value.graph.node("CompositorNodeBlur", inputs).out("Image", "float")
 
 
 def _distance(noise: Socket, above: Socket, mean: Socket, sigma_px: Socket) -> Socket:
-    """Return the distance to the drops' rims, some 20 px at most, its 3 x 3 means cut to whole pixels.
+    """Return an estimate of the distance to the drops' rims in px: 3 x 3 means rounded down, _FAR_PX at most.
 
-    From the noise itself: how far above the threshold it is, by its slope, along a parabola as curved as smooth normal
-    noise of that height is on average. An exact distance transform takes longer than all the rest together.
+    It is the noise's height above the threshold divided by its slope, along a parabola that has the mean curvature of
+    smooth normal noise of that height. An exact distance transform takes longer than all the rest together.
     """
     graph = noise.graph
-    # Sobel's is eight times the slope; a fifth less makes up for what the parabola leaves out.
+    # Sobel's filter gives 8 times the slope, so 0.125 would be exact; 0.1, a fifth less, was fitted to the reference
+    # and makes up for what the parabola leaves out.
     slope = graph.node("CompositorNodeFilter", {"Image": noise, "Type": "Sobel"}).out("Image", "float") * 0.1
     bend = graph.math("MAXIMUM", (noise - mean) * above, 0.0) / (sigma_px * sigma_px)
     steepness = slope + graph.math("SQRT", graph.math("MULTIPLY_ADD", slope, slope, bend))
-    # Canny's edge lies on the drop's outermost pixels.
+    # Canny's edge lies on the drop's outermost pixels, which moves the rim inwards: 0.25 is fitted.
     from_rim = graph.math("ABSOLUTE", above * 2.0 / graph.math("MAXIMUM", steepness, 1e-9) - 0.25)
     return graph.math("FLOOR", _boxed(graph.math("MINIMUM", from_rim, float(_FAR_PX))))
 
@@ -217,9 +220,10 @@ def _height(given: Mapping[str, Socket], sigma_px: Socket) -> Socket:
 
 
 def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
-    """Return the share of the frame that lies nearer to a rim: what equalising the histogram gives.
+    """Return the share of the frame that lies nearer to a rim, which is what equalising the histogram gives.
 
-    1 - exp(-(a x + b x^2)), as discs of radius x that meet no rim have it; x in sigmas. Fitted to the reference.
+    The form 1 - exp(-(a x + b x^2)) is the probability that a disc of radius x, in sigmas, meets a rim. Its numbers are
+    fitted to the reference.
     """
     graph = distance.graph
     across = graph.math("MULTIPLY_ADD", crossed * crossed, 0.5, 0.58)
@@ -228,9 +232,10 @@ def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
 
 
 def _relief(share: Socket) -> Socket:
-    """Return the share, embossed as by _RIM, blurred by 3 x 3."""
+    """Return the share embossed as by _RIM and averaged over 3 x 3."""
     graph = share.graph
-    # Bilinear, 2/3 of a pixel aslant: weights as 2 to 1 to 1, so that their difference is _RIM without its middle.
+    # A bilinear look-up 2/3 of a pixel away on the diagonal weights its neighbours 2 : 1 : 1; the difference of the two
+    # sides is _RIM without its middle.
     sides = [
         graph.node(
             "CompositorNodeDisplace",
@@ -250,39 +255,40 @@ def _relief(share: Socket) -> Socket:
 def _overlooked(inside: Socket) -> Socket:
     """Return the glint of drops of four pixels.
 
-    Canny overlooks those of 2 x 2, which are as bright then as the distance to other drops makes them. Fitted: with
-    this glint all drops of four pixels, which are more, have the power of those.
+    Canny overlooks drops of 2 x 2 pixels, so their brightness depends on the distance to other drops. Here every drop
+    of four pixels gets a glint; there are more of these, and 0.45 is fitted so that their power is the same.
     """
     return inside.graph.math("COMPARE", _boxed(inside, 2), 4 / 25, 0.5 / 25, label="Four pixels of 5 x 5") * 0.45
 
 
 def _brightest(canvas: Canvas, drops: Socket, threshold: Socket, expected: Socket) -> Socket:
-    """Return the brightness of the frame's brightest place, which gets the strength `scaling`.
+    """Return the brightness of the frame's brightest pixel, which gets the strength `scaling`.
 
-    That is often a drop that Canny overlooks, far from any rim that it knows, where the equalised distance is any
-    number in [0, 1]: the largest of n is U^(1 / n), and its emboss some more. expected: how many such drops there are.
+    It is often in a drop that Canny overlooks, far from any rim that Canny finds. The equalised distance there is
+    uniform in [0, 1]; the largest of n such numbers is distributed as U^(1 / n), and the emboss adds to it (1.25,
+    fitted). expected: n, the expected number of such drops.
     """
     graph = canvas.graph
     seen = graph.node("CompositorNodeLevels", {"Image": drops, "Channel": "Red"}).out("Maximum", "float")
     largest = canvas.random_value(1) ** (1.0 / graph.math("MAXIMUM", expected, 1e-3))
     overlooked = threshold * graph.math("MINIMUM", largest * 1.25, 1.0)
-    # The reference's normal numbers reach a little further than ours.
+    # The reference's normal numbers reach a little further than ours, by 3 % (fitted).
     return graph.math("MAXIMUM", seen * 1.03, overlooked)
 
 
-def _placed(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> Socket:
-    """Return the drops at the image's size, moved by what is left of a whole pixel."""
+def _positioned(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> Socket:
+    """Return the drops at the image's size, moved by the fraction of a pixel that they have run."""
     graph = canvas.graph
     rest = graph.math("FRACT", run_px)
     moving = graph.math("GREATER_THAN", graph.math("ABSOLUTE", canvas.scale - 1.0) + rest, 1e-6)
-    # Where nothing moves, what a switch would calculate all the same is one pixel.
+    # The switch below calculates both branches; where nothing moves, this one is made a single pixel.
     sides = {"Width": canvas.width_px * moving, "Height": canvas.height_px * moving}
     inputs = {"Image": canvas.image} | {name: graph.math("MAXIMUM", side, 1.0) for name, side in sides.items()}
     image = graph.node("CompositorNodeCrop", inputs).out("Image", "color")
     share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
-    # The third number is the share of the picture that shows.
-    place = graph.math("ADD", share, graph.vector(0.0, rest / size_px.y, 1.0))
-    inputs = {"Image": cover, "UV": place, "Interpolation": "Bilinear"}
+    # The third number is Map UV's weight: 1 shows the drops as they are.
+    position = graph.math("ADD", share, graph.vector(0.0, rest / size_px.y, 1.0))
+    inputs = {"Image": cover, "UV": position, "Interpolation": "Bilinear"}
     inputs |= {"Extension X": "Extend", "Extension Y": "Extend"}
     moved = graph.node("CompositorNodeMapUV", inputs).out("Image", "float")
     return graph.choose(moving, moved, cover, "float")

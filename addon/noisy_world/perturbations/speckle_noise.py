@@ -16,7 +16,7 @@ from ._bands import by_bands
 from ._quantile_groups import normal_quantile
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 
-GAIN_STEPS = 2**14
+GAIN_STEPS = 2**14  # an odd multiple of 2^-14 times a byte has at most 14 fractional bits and, unless 0, is no tie
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,10 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: SpeckleNoise, context: Frame
 
 @lru_cache(maxsize=16)
 def _gains(std: float) -> NDArray[np.float32]:
-    """Return the gain of each code: the nearest odd multiple of 2^-14.
+    """Return the gain of each code (CODES,): the nearest odd multiple of 2^-14.
 
-    A byte times such a gain never lies half-way between two bytes, nor so near that float32 could round otherwise.
+    A byte times such a gain is never a tie between two bytes, nor so near one that float32 could round it the other
+    way.
     """
     if std == 0:
         return np.ones(normal_quantiles().size, np.float32)
