@@ -19,6 +19,8 @@ from ..schema import Place
 from ..trajectories.files import read_trajectory
 from ..trajectories.trajectory import Trajectory, evenly_stamped, resample, subsample
 
+INTRINSICS_TOLERANCE_PX = 1e-3  # what people round away when they copy intrinsics
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -98,6 +100,12 @@ def check_existing(existing: StoredSequence, preset: Preset, place: Place) -> No
         raise place.error(
             f"its images are {wide} x {high}", f"say so in camera, which has {camera.width} x {camera.height}"
         )
+    told = existing.camera
+    if told is not None:
+        theirs = np.array([told.fx_px, told.fy_px, told.cx_px, told.cy_px])
+        if np.abs(theirs - [camera.fx, camera.fy, camera.cx, camera.cy]).max() > INTRINSICS_TOLERANCE_PX:
+            values = f"fx {told.fx_px:g}, fy {told.fy_px:g}, cx {told.cx_px:g}, cy {told.cy_px:g}"
+            raise place.error(f"its camera has {values}", "say so in camera, which has others")
     if preset.spec.rig is not None:
         raise place.error("is a sequence, which no rig can see otherwise", "leave rig out")
 
