@@ -27,7 +27,7 @@ from installation import INSTALLED, ROOT, inside_blender, prepare_imports
 
 SCRIPT = Path(__file__).resolve()
 INTERRUPTED = 130
-KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "perturbations", "presets")  # what can be listed without a preset
 
 if TYPE_CHECKING:
     from noisy_world.core.planning.plan import Plan
@@ -118,8 +118,8 @@ def parse_arguments(arguments: list[str]) -> argparse.Namespace:
         nargs="?",
         const="sequences",
         choices=[*KNOWN, "scenes", "settings", "sequences"],
-        help="list keys (all that a preset may say), perturbations (with their parameters and severities), presets "
-        "(those shipped), or this preset's scenes, settings or sequences (default), and do nothing",
+        help="list keys (all that a preset may say), layouts (of the files), perturbations (with their parameters and "
+        "severities), presets (those shipped), or this preset's scenes, settings or sequences (default); then end",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
     parser.add_argument(
@@ -187,12 +187,27 @@ def list_known(what: str) -> int:
         for path in sorted((ROOT / "presets").rglob("*.yaml")):
             print(path.relative_to(ROOT))
         return 0
+    if what == "layouts":
+        return list_layouts()
     if what == "perturbations":
         return list_perturbations()
     rows = list(list_keys(PresetSpec))
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
         print(f"{name:<{width}}  {meaning}")
+    return 0
+
+
+def list_layouts() -> int:
+    """List every layout with its images, colours (of both the default first) and depth scale."""
+    from noisy_world.core.datasets.layouts import LAYOUTS  # noqa: PLC0415
+    from noisy_world.core.presets.preset import OutputSpec  # noqa: PLC0415
+
+    for layout in LAYOUTS.values():
+        print(f"{layout.name}  {layout.label}, {layout.meaning}")
+        print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
+        farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
+        print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
     return 0
 
 

@@ -159,8 +159,11 @@ class SettingSpec:
 
 
 def _defaults(of: Callable[[Layout], str]) -> str:
-    """Say what each layout has where a preset says nothing: "default jpg for replica, png for tum"."""
-    return "default " + ", ".join(f"{of(layout)} for {name}" for name, layout in LAYOUTS.items())
+    """Say what each layout has where a preset says nothing: "default jpg for replica, png for tum and euroc"."""
+    names: dict[str, list[str]] = {}
+    for name, layout in LAYOUTS.items():
+        names.setdefault(of(layout), []).append(name)
+    return "default " + ", ".join(f"{value} for {' and '.join(those)}" for value, those in names.items())
 
 
 @dataclass(frozen=True)
@@ -184,6 +187,7 @@ class OutputSpec:
     depth_scale_per_m: float | None = key(
         "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
         default=None,
+        unit="steps/m",
         above=0,
         maximum=1e6,
     )
