@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..blender.compositor import Compositor
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
-from ..core.datasets.images import rgb_bytes
+from ..core.datasets.images import grey_bytes, rgb_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.mixture import Setting, perturb_depth, perturb_rgb
@@ -76,13 +76,22 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     still = still_of(scene, sequence.rgb_source(index))
-    clean = rgb_bytes(still.rgb)
+    colour = scene.noisy_world.colour
+    clean = _as_stored(still.rgb, colour)
     made, notes = _perturb(sequence, index, still, scene.noisy_world.width_px)
+    made = None if made is None else _as_stored(made, colour)
     picture = clean if made is None else made
     edge = round(scene.noisy_world.preview_split * picture.shape[1])
     if edge and made is not None:
         picture = np.concatenate([clean[:, :edge], made[:, edge:]], axis=1)
     return picture, f"Frame {index}: {_listed(notes)}"
+
+
+def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
+    """Return colour (H, W, 3) as its file shows it: of a file in grey, the three channels alike."""
+    if colour == "grey":
+        return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
+    return rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb)
 
 
 def _perturb(

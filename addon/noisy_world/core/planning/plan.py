@@ -154,7 +154,7 @@ def make_plan(preset: Preset, frames: slice | None = None, registry: Registry | 
         if scene.existing is not None:
             check_existing(scene.existing, preset, scene.place.at("sequence"))
         if problem := form.layout.stamps_problem(scene.stamps_s):
-            raise scene.place.error(problem)
+            raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
     return Plan(
         preset=preset,
         camera=Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy),
