@@ -8,11 +8,11 @@ from typing import Any
 import bpy
 
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
+from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
     REPLICA_CAMERA,
     CameraSpec,
     HandheldSpec,
-    OutputSpec,
     PresetSpec,
     RenderSpec,
     SceneSpec,

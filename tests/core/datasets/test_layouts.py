@@ -15,9 +15,11 @@ from noisy_world.core.datasets.layouts import LAYOUTS, SequenceFacts, find_seque
 from noisy_world.core.datasets.layouts.asl import nanoseconds, stamp_text
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.preset import OutputSpec, check_document
+from noisy_world.core.presets.output import OutputSpec
+from noisy_world.core.presets.preset import check_document
 from noisy_world.core.schema import Choice, Place, key, list_keys, parse
 from noisy_world.core.trajectories.rig import Rig, Sensor
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 
 REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
@@ -119,7 +121,7 @@ def test_the_docs_name_every_file():
         assert f"## {layout.label} (`{name}`)" in text
         output = OutputSpec(name).format
         path = Trajectory(np.stack([np.eye(4)] * 2), np.array([0.0, 0.05]))
-        paths = {"": path, "depth": path, "robot": path, "nominal": path}
+        paths = SensorPaths(path, path, path, path)
         camera, sensor = Intrinsics(8, 6, 4.0, 4.0, 3.5, 2.5), Sensor(np.eye(4))
         texts = layout.sequence_texts(SequenceFacts(output, camera, Rig(sensor, sensor), (0, 1), paths))
         images = [output.names([0.0]).rgb(0), output.names([0.0]).depth(0)]

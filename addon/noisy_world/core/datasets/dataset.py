@@ -132,10 +132,20 @@ class Dataset:
             self.scratch.mkdir(parents=True, exist_ok=True)
         self._write(self._work / "identity.json", canonical(identity))
 
-    def join(self) -> None:
-        """Take part in a run that another process has opened."""
-        if not self.scratch.is_dir():
+    def join(self, identity: dict[str, Any]) -> None:
+        """Take part in a run that another process has opened with the same `identity`.
+
+        Raises StorageError where no run is open, and where this process would make other bytes.
+        """
+        opened = self._identity_there() if self.scratch.is_dir() else None
+        if opened is None:
             raise StorageError(f"{self.out}: no run is open here")
+        # As the file has it: JSON knows no tuples, for instance.
+        if difference := first_difference(opened, json.loads(canonical(identity))):
+            raise StorageError(
+                f"{self.out}: the run was opened otherwise ({difference}); leave its inputs alone while it lasts, and "
+                "start it again"
+            )
 
     def close(self) -> None:
         """Let go of the folder. What is finished stays for the next run; where nothing is, nothing stays."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..machine import processor_features
-from ..planning.plan import Plan, input_hashes
+from ..planning.plan import Plan
 
 FORMAT = 1
 
@@ -22,6 +22,7 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
 def package_version() -> str:
@@ -51,7 +52,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
         "backends": {setting.name: setting.backend for setting in plan.settings if setting.rgb},
-        "inputs": input_hashes(plan),
+        "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
             "noisy_world": package_version(),
@@ -93,7 +94,12 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
-        "conventions": CONVENTIONS,
+        "colour": plan.format.colour,
+        "conventions": {
+            **CONVENTIONS,
+            **(GREY if plan.format.colour == "grey" else {}),
+            **plan.format.layout.conventions,
+        },
         "frames": frames,
         "files": files,
     }

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,13 @@ class EurocLayout(Layout):
     images = ("png",)
     colours = ("grey", "rgb")  # Basalt ends at an image that is not one channel
     depth_scale_per_m = 5000.0  # that of TUM, so that depth passes from one to the other untouched
+    conventions = MappingProxyType(
+        {
+            "pose": "body-to-world; a sensor.yaml's T_BS is sensor-to-body; camera axes x right, y down, z forward "
+            "(OpenCV); metres; world z up",
+            "time": "nanoseconds",
+        }
+    )
     patterns = (
         *(f"{folder}/data/{'[0-9]' * STAMP_DIGITS}.png" for folder in (COLOUR, DEPTH)),
         *(
@@ -78,7 +86,7 @@ class EurocLayout(Layout):
         body_from_rgb = np.eye(4) if facts.rig is None else facts.rig.rgb.robot_from_sensor
         of_depth = None if facts.rig is None else facts.rig.depth
         body_from_depth = body_from_rgb if of_depth is None else of_depth.robot_from_sensor
-        chosen, rate_hz = facts.chosen, _rate_hz(facts.paths[""])
+        chosen, rate_hz = facts.chosen, _rate_hz(facts.paths.rgb)
         texts = {f"{MAV}/body.yaml": f"comment: {'the colour camera' if facts.rig is None else 'the robot'}\n"}
         if "rgb" in facts.format.modalities:
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
@@ -100,12 +108,12 @@ class EurocLayout(Layout):
                 rate_hz=rate_hz,
                 depth_scale_per_m=facts.format.depth_scale_per_m,
             )
-        states = {TRUE_STATE: (chosen.get("robot", chosen[""]), "where the body was")}
-        if "nominal" in chosen:
+        states = {TRUE_STATE: (chosen.robot or chosen.rgb, "where the body was")}
+        if chosen.nominal is not None:
             # It is the colour camera's, as the other layouts have it; here it is told as the body's.
             rgb_from_body = Sensor(invert_pose(body_from_rgb))
             states[NOMINAL_STATE] = (
-                sensor_trajectory(chosen["nominal"], rgb_from_body),
+                sensor_trajectory(chosen.nominal, rgb_from_body),
                 "where the body was meant to be",
             )
         for folder, (path, comment) in states.items():

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...geometry import Intrinsics
 from ...trajectories.rig import Rig
+from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.trajectory import Trajectory
 from ..images import UINT16_MAX, encode_colour, encode_depth, grey_bytes, quantise_depth, rgb_bytes
 from ..stored import StoredSequence
@@ -29,8 +31,9 @@ class Layout(ABC):
 
     name: in presets. label, meaning: for people. images: the kinds that colour may be stored as, and colours: in colour
     or in grey; of both the first is the default. depth_scale_per_m: steps of the depth images a metre, where a preset
-    gives none. patterns: glob patterns of every file that may lie in a sequence's folder, and setting_files: the names
-    of those in a setting's folder, for who removes a dataset.
+    gives none. conventions: where they are others than the manifest has for all layouts. patterns: glob patterns of
+    every file that may lie in a sequence's folder, and setting_files: the names of those in a setting's folder, for who
+    removes a dataset.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -41,6 +44,7 @@ class Layout(ABC):
     images: ClassVar[tuple[Image, ...]]
     colours: ClassVar[tuple[Colour, ...]]
     depth_scale_per_m: ClassVar[float]
+    conventions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
 
@@ -149,8 +153,7 @@ class FrameNames:
 class SequenceFacts:
     """What the text files of a sequence tell.
 
-    frames: the numbers of the frames that there are. paths: the whole trajectories: "" the colour camera's; "depth" and
-    "robot" where these are elsewhere; "nominal" the colour camera's own path where the true one deviates from it.
+    frames: the numbers of the frames that there are. paths: of the whole sequence, whose i-th frame has the i-th pose.
     rig: where the sensors sit on the robot; None where the colour camera is all there is.
     """
 
@@ -158,26 +161,26 @@ class SequenceFacts:
     camera: Intrinsics
     rig: Rig | None
     frames: tuple[int, ...]
-    paths: Mapping[str, Trajectory]
+    paths: SensorPaths
 
     @cached_property
-    def chosen(self) -> dict[str, Trajectory]:
-        """The trajectories of the frames that there are, by the same names."""
+    def chosen(self) -> SensorPaths:
+        """The paths of the frames that there are."""
         rows = list(self.frames)
-        return {name: Trajectory(path.c2w[rows], path.stamps_s[rows]) for name, path in self.paths.items()}
+        return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
 
     @property
     def names(self) -> FrameNames:
         """The names of the images."""
-        return self.format.names(self.paths[""].stamps_s)
+        return self.format.names(self.paths.rgb.stamps_s)
 
 
 PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")
 
 
 def path_suffix(name: str) -> str:
-    """Return what tells a trajectory's file from the colour camera's: "_robot" for the robot's, for instance."""
-    return f"_{name}" if name else ""
+    """Return what tells a path's file from the colour camera's: "_robot" for the robot's, for instance."""
+    return "" if name == "rgb" else f"_{name}"
 
 
 def numbered(name: str) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ class ReplicaLayout(Layout):
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path."""
-        return {f"traj{path_suffix(name)}.txt": replica_text(path) for name, path in facts.chosen.items()}
+        return {f"traj{path_suffix(name)}.txt": replica_text(path) for name, path in facts.chosen.named().items()}
 
     def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
         """Return cam_params.json."""

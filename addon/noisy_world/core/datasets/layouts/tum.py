@@ -42,11 +42,11 @@ class TumLayout(Layout):
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path, a list for each modality, and where there are two the pairs."""
-        stamps = [f"{stamp_s:.6f}" for stamp_s in facts.chosen[""].stamps_s]
+        stamps = [f"{stamp_s:.6f}" for stamp_s in facts.chosen.rgb.stamps_s]
         names, modalities = facts.names, facts.format.modalities
         rgb = [f"{stamp} {names.rgb(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
         depth = [f"{stamp} {names.depth(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
-        texts = {f"groundtruth{path_suffix(name)}.txt": tum_text(path) for name, path in facts.chosen.items()}
+        texts = {f"groundtruth{path_suffix(name)}.txt": tum_text(path) for name, path in facts.chosen.named().items()}
         if "rgb" in modalities:
             texts["rgb.txt"] = lines(["# color images", "# timestamp filename", *rgb])
         if "depth" in modalities:
