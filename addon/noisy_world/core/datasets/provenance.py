@@ -55,6 +55,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
+            **_perturbation_packages(plan),
             "noisy_world": package_version(),
             **renderer,
             "python": platform.python_version(),
@@ -68,6 +69,12 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
             "features": processor_features(),
         },
     }
+
+
+def _perturbation_packages(plan: Plan) -> dict[str, str]:
+    """Return the versions of the installed packages whose perturbations the preset uses, by name."""
+    used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
+    return {item.name: item.version for item in used if item is not None}
 
 
 def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
@@ -95,11 +102,7 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
         "colour": plan.format.colour,
-        "conventions": {
-            **CONVENTIONS,
-            **(GREY if plan.format.colour == "grey" else {}),
-            **plan.format.layout.conventions,
-        },
+        "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,
         "files": files,
     }

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
-from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +49,11 @@ class EurocLayout(Layout):
     images = ("png",)
     colours = ("grey", "rgb")  # Basalt ends at an image that is not one channel
     depth_scale_per_m = 5000.0  # that of TUM, so that depth passes from one to the other untouched
-    conventions = MappingProxyType(
-        {
-            "pose": "body-to-world; a sensor.yaml's T_BS is sensor-to-body; camera axes x right, y down, z forward "
-            "(OpenCV); metres; world z up",
-            "time": "nanoseconds",
-        }
-    )
+    conventions: ClassVar[dict[str, str]] = {
+        "pose": "body-to-world; T_BS of a sensor.yaml is sensor-to-body; camera axes x right, y down, z forward "
+        "(OpenCV); metres; world z up",
+        "time": "nanoseconds",
+    }
     patterns = (
         *(f"{folder}/data/{'[0-9]' * STAMP_DIGITS}.png" for folder in (COLOUR, DEPTH)),
         *(

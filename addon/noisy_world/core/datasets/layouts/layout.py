@@ -2,11 +2,10 @@
 """What a dataset layout is, and the form that a dataset is written in."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from types import MappingProxyType
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -44,7 +43,7 @@ class Layout(ABC):
     images: ClassVar[tuple[Image, ...]]
     colours: ClassVar[tuple[Colour, ...]]
     depth_scale_per_m: ClassVar[float]
-    conventions: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    conventions: ClassVar[dict[str, str]] = {}
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
 
