@@ -120,8 +120,9 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _clean(scene, shown.rgb_source).byte_rgb()
-    return np.concatenate([colour, picture], axis=1), f"Colour of frame {index}, depth of {shown.depth_frame}: {about}"
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.colour)
+    pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
+    return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
 
 def _shown(sequence: Sequence, index: int) -> Shown:
