@@ -27,7 +27,7 @@ LIFTED_M, SHIVER_M = 0.25, 0.02
 SETTINGS = [
     {"name": "clean"},
     {"name": "lifted", "perturb": [{"lift": {"height_m": LIFTED_M, "shiver_m": SHIVER_M}}]},
-    {"name": "stuttering", "perturb": [{"stutter": {"times": 3}}, {"gaussian_noise": {"severity": 2}}]},
+    {"name": "stuttering", "perturb": [{"stutter": {"times": 3}}, {"gaussian_noise": {"severity": 1}}]},
     {"name": "warm", "perturb": [{"warm": {"severity": 4}}]},
     {"name": "grazing", "perturb": [{"grazing": None}]},
     {"name": "backwards", "perturb": [{"backwards": {"skip_last": True}}]},
