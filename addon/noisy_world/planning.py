@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A preset's plan, with its files found and the perturbations that are installed."""
 
-from .core.planning.plan import Plan, lay_out_plan
+from .core.planning.plan import Plan, lay_out_plan, read_settings
 from .core.presets.preset import Preset
 from .perturbations import registry
 from .sources import find_scenes
@@ -14,4 +14,5 @@ def make_plan(preset: Preset, chosen: slice | None = None) -> Plan:
 
     Raises InputError for files that are missing or wrong, and for what cannot be made of them.
     """
-    return lay_out_plan(preset, find_scenes(preset), registry(), chosen)
+    settings = read_settings(preset, registry())  # wrong words are told before files are looked for
+    return lay_out_plan(preset, settings, find_scenes(preset), chosen)

@@ -3,8 +3,8 @@
 
     python headless/tools/compare_datasets.py BEFORE AFTER [BEFORE AFTER ...]
 
-Every image, pose and text file has to have the same bytes. run.json (times) and manifest.json (versions) may differ, and
-so may the notes in frames.jsonl; the hashes in it may not. Exits with 1 where something differs.
+Every image, pose and text file has to have the same bytes. run.json (times) and manifest.json (versions) may differ,
+and so may the notes in frames.jsonl; the hashes in it may not. Exits with 1 where something differs.
 """
 
 import json

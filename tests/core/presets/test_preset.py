@@ -158,7 +158,7 @@ def test_globs_make_scenes(tmp_path):
     preset.write_text(yaml.safe_dump({"scenes": [scene]}))
     plan = make_plan(read_preset(preset, ["scenes.0.name=office*"]))
     assert [render.scene.name for render in plan.renders] == ["office0", "office1"]
-    paths = [str(render.scene.trajectory_path.relative_to(tmp_path)) for render in plan.renders]
+    paths = [str(render.scene.source.path_file.relative_to(tmp_path)) for render in plan.renders]
     assert paths == ["office0/traj.txt", "office1/traj.txt"]
     with pytest.raises(InputError, match=r"scenes\.0\.mesh: no file matches"):
         make_plan(read_preset(preset, ["scenes.0.mesh=nothing/*.ply"]))

@@ -92,16 +92,27 @@ class Plan:
         return sum(len(render.frames) for render in self.renders)
 
 
-def lay_out_plan(preset: Preset, scenes: Many[Scene], registry: Registry, chosen: slice | None = None) -> Plan:
-    """Lay out the work of a preset.
+def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
+    """Read the settings of a preset. registry: the perturbations that they may name.
 
-    scenes: those of the preset. registry: the perturbations that settings may name. chosen: which frames of each
-    sequence, start and stop only; they keep their numbers. Raises InputError where the preset asks for what cannot be.
+    Raises InputError where they are wrong, or ask for what cannot be.
     """
     spec = preset.spec
     settings = parse_settings(spec.settings, preset.place("settings"), registry, spec.render.backend)
     _check_sensors(settings, preset)
     _check_executions(settings, preset)
+    return settings
+
+
+def lay_out_plan(
+    preset: Preset, settings: tuple[Setting, ...], scenes: Many[Scene], chosen: slice | None = None
+) -> Plan:
+    """Lay out the work of a preset with its settings and scenes.
+
+    chosen: which frames of each sequence, start and stop only; they keep their numbers. Raises InputError where the
+    preset asks for what cannot be.
+    """
+    spec = preset.spec
     _check_scenes(scenes, preset)
     camera = Intrinsics(
         spec.camera.width, spec.camera.height, spec.camera.fx, spec.camera.fy, spec.camera.cx, spec.camera.cy
