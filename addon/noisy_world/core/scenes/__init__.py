@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is looked at: meshes, their files, and the rooms that come with Noisy World."""
+"""Scenes: meshes, their files, and the room that comes with Noisy World."""

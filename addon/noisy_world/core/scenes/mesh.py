@@ -15,7 +15,7 @@ class Mesh:
     rgb: (V, 3) float32 in [0, 1], display-encoded (sRGB), or None where the file has no colours.
     corner_vertices: (C,) int32, the vertices of all faces, one face after another.
     face_starts: (F,) int32, where each face begins in corner_vertices; the first is 0.
-    notes: what a user should know of how the file was read, a sentence each.
+    notes: what a user should know about how the file was read, one sentence each.
     """
 
     vertices_m: NDArray[np.float64]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""PLY meshes read, in every dialect.
+"""Reading PLY meshes of every dialect.
 
 A file is read into bytes once and its properties become strided views of them. Text is first turned into float64
 numbers, after which it is read as if it were a binary file of doubles.
@@ -31,16 +31,16 @@ _LENGTH_TYPES = {name for name, kind in _TYPES.items() if kind.kind in "iu"}
 _BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
-_COLOUR_SLACK = 1e-3  # floats overshoot their range by rounding
-_COARSE_M = 1e-4
+_COLOUR_SLACK = 1e-3  # of full scale: colours stored as floats may overshoot their range by rounding
+_COARSE_M = 1e-4  # float32 coordinates whose resolution is coarser than this are worth a note; chosen
 _TEXT_BLOCK = 1 << 18  # bytes: a block and its masks stay in the processor's cache
-_POWERS_OF_TEN = 10.0 ** np.arange(23)  # the ones that are exact in float64
+_POWERS_OF_TEN = 10.0 ** np.arange(23)  # 10^22 is the largest power of ten that is exact in float64
 _DAMAGED = "the file is damaged: export it again"
 
 
 @dataclass(frozen=True)
 class _Element:
-    """An element as declared: the type of each property; 'NAME length' stands for the length of list NAME."""
+    """An element as the header declares it: the type of each property; 'NAME length' is the length of list NAME."""
 
     name: str
     rows: int
@@ -63,7 +63,7 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Where the rows of one element lie in the body, in bytes.
+    """The positions of one element's rows in the body, in bytes.
 
     lengths: (1, L) int64 where the L lists of the element are equally long in all rows, else (rows, L).
     """
@@ -75,7 +75,7 @@ class _Rows:
 
     @cached_property
     def layout(self) -> tuple[dict[str, _Int64s], _Int64s]:
-        """(1,) or (rows,) int64: where each property begins in the first row or in each, and the sizes of the rows."""
+        """The beginning of each property and the rows' sizes: (1,) int64 if all rows are alike, else (rows,)."""
         offsets, sizes = {}, np.zeros(len(self.lengths), np.int64)
         for name, kind in self.element.kinds.items():
             offsets[name] = sizes
@@ -88,7 +88,7 @@ class _Rows:
         return self.begin + int(self.layout[1].sum()) * (self.element.rows if len(self.lengths) == 1 else 1)
 
     def counts(self, name: str) -> _Int64s:
-        """(1,) or (rows,) int64: how many values a property has in all rows alike or in each."""
+        """How many values a property has: (1,) int64 if in all rows equally many, else (rows,)."""
         lists = self.element.lists
         return self.lengths[:, lists.index(name)] if name in lists else np.ones(len(self.lengths), np.int64)
 
@@ -107,7 +107,7 @@ class _Rows:
 def read_ply(path: Path) -> Mesh:
     """Read a polygon mesh from a PLY file, ASCII or binary of either byte order.
 
-    Vertices keep the file's precision; normals, alpha and whatever else there is are skipped. Messages count from 0.
+    Vertices keep the file's precision; normals, alpha and all other properties are skipped. Messages count from 0.
 
     Returns a Mesh: vertices_m (V, 3) float64 metres, rgb (V, 3) float32 in [0, 1] or None, faces of three or more
     corners with none repeated in succession, and notes on what was dropped, guessed or lost.
@@ -131,12 +131,12 @@ def read_ply(path: Path) -> Mesh:
 
 
 def check_ply(path: Path) -> None:
-    """Look at the header alone; raise InputError where the file is missing, not a PLY, or not a mesh."""
+    """Read the header only; raise InputError where the file is missing, not a PLY, or not a mesh."""
     _open(path, whole=False)
 
 
 def _open(path: Path, *, whole: bool) -> tuple[str, dict[str, _Element], int, bytes]:
-    """The encoding, the elements, the number of header lines and, if it is wanted, the whole body."""
+    """Return the encoding, the elements, the number of header lines, and the body if `whole`."""
     try:
         with Path(path).open("rb") as file:
             encoding, elements, header_lines = _read_header(path, file)
@@ -148,7 +148,7 @@ def _open(path: Path, *, whole: bool) -> tuple[str, dict[str, _Element], int, by
 
 
 def _read_header(path: Path, file: BinaryIO) -> tuple[str, dict[str, _Element], int]:
-    """The encoding, the elements in the file's order, and the number of lines; leaves the file at its data."""
+    """Return the encoding, the elements in the file's order, and the number of lines; leaves the file at its data."""
     if file.readline(16).split() != [b"ply"]:
         raise InputError(path, "not a PLY file", remedy="the first line of a PLY file reads 'ply'")
     encoding, elements, kinds, lists = "", {}, {}, []
@@ -190,7 +190,7 @@ def _check_is_mesh(path: Path, elements: dict[str, _Element]) -> None:
 
 
 def _parse_text(path: Path, text: bytes, header_lines: int) -> _Body:
-    """The numbers of a text body, up to the first word that is none."""
+    """Return the numbers of a text body, up to the first word that is not a number."""
     flaw, blocks, stream = None, [np.empty(0)], BytesIO(text + b"\n")
     while not flaw and (block := stream.read(_TEXT_BLOCK) + stream.readline()):
         numbers = _decimals(block)
@@ -207,10 +207,10 @@ def _parse_text(path: Path, text: bytes, header_lines: int) -> _Body:
 
 
 def _decimals(block: bytes) -> NDArray[np.float64] | None:
-    """The numbers of a block, or None where one of them has over 15 digits or an odd form, or a word is none.
+    """Return a block's numbers, or None if one has more than 15 digits or an odd form, or a word is not a number.
 
-    An integer below 2^53 times or over an exact power of ten is rounded once, to the nearest float64, in a quarter of
-    the time of a general conversion. An exponent is read as a word of its own.
+    An integer below 2^53 multiplied or divided by an exact power of ten is rounded only once, so it is the nearest
+    float64, in a quarter of the time of a general conversion. An exponent is read as a separate word.
     """
     characters = np.frombuffer(block, np.uint8)
     blank, marks = characters <= ord(" "), np.flatnonzero((characters | 32) == ord("e"))
@@ -232,7 +232,7 @@ def _decimals(block: bytes) -> NDArray[np.float64] | None:
 
 
 def _from_text(block: bytes, kind: type, words: int) -> NDArray | None:
-    if words == 0:  # numpy finds a number in mere blanks
+    if words == 0:  # numpy reads a number from blanks alone
         return np.empty(0, kind)
     with warnings.catch_warnings(action="ignore"), suppress(ValueError):  # older numpy warns and stops early
         numbers = np.fromstring(block, kind, sep=" ")
@@ -241,7 +241,7 @@ def _from_text(block: bytes, kind: type, words: int) -> NDArray | None:
 
 
 def _locate(body: _Body, element: _Element, begin: int) -> _Rows:
-    """Find the rows of an element; InputError where the file cannot hold as many as promised."""
+    """Find the rows of an element; raise InputError where the file cannot hold as many as its header promises."""
     rows = _Rows(body, element, begin, np.zeros((1, len(element.lists)), np.int64))
     least = int(rows.layout[1][0])
     found = min(element.rows, (len(body.data) - begin) // least) if least else element.rows
@@ -258,14 +258,14 @@ def _locate(body: _Body, element: _Element, begin: int) -> _Rows:
 
 
 def _walk(empty: _Rows, rows: int) -> _Int64s:
-    """(rows, L) int64: the lengths of the L lists in the first rows, as far as the body holds them whole."""
+    """(rows, L) int64: the lengths of the L lists in the first rows, up to the last that the body holds whole."""
     body, element, data, steps, lengths = empty.body, empty.element, empty.body.data, [], []
     at = [int(empty.layout[0][f"{name} length"][0]) for name in element.lists]
     for name, gap in zip(element.lists, np.diff([*at, at[0] + empty.layout[1][0]]).tolist(), strict=True):
         code = _BYTE_ORDERS[body.encoding] + body.stored(element.kinds[f"{name} length"]).char
         steps.append((struct.Struct(code).unpack_from, gap, body.stored(element.kinds[name]).itemsize))
     position = at[0]
-    with suppress(struct.error, IndexError, ValueError, OverflowError):  # past the end, or no length: judged below
+    with suppress(struct.error, IndexError, ValueError, OverflowError):  # the end, or no length: the caller reports it
         if len(at) == 1 and code[1] == "B":  # nearly all files, in a third of the time
             size = steps[0][2]
             for _ in range(rows):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes written as PLY, in Replica's own layout or as the triangles that every reader knows."""
+"""Writing meshes as PLY, in Replica's layout or as triangles, which every reader knows."""
 
 import secrets
 from contextlib import suppress
@@ -15,9 +15,9 @@ from .mesh import Mesh
 def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangulate: bool = False) -> None:
     """Write a mesh in Replica's layout: binary little-endian, float normals, byte colours, int indices.
 
-    normals: (V, 3) unit vectors in the frame of the vertices; area-weighted ones are computed where None.
-    triangulate: cut each polygon into a fan of triangles, for the many readers that know nothing else.
-    Colours are left out where the mesh has none. The file appears whole or not at all.
+    normals: (V, 3) unit vectors in the vertices' axes; area-weighted ones are computed where None.
+    triangulate: cut each polygon into a fan of triangles, for the many readers that read nothing else.
+    Colours are left out where the mesh has none. The file is written completely or not at all.
     Raises StorageError where it cannot be written.
     """
     fan, coloured = _fan(mesh), mesh.rgb is not None
@@ -61,7 +61,7 @@ def _fan(mesh: Mesh) -> NDArray[np.int32]:
 
 
 def _vertex_normals(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.float64]:
-    """(V, 3) float64 unit vectors, the faces' normals weighted by their areas; 0 0 0 at a vertex of no face."""
+    """(V, 3) float64 unit vectors: the faces' normals weighted by area; 0 0 0 at a vertex without a face."""
     sizes, (a_m, b_m, c_m) = mesh.face_sizes, mesh.vertices_m[triangles.T]
     areas = np.add.reduceat(np.cross(b_m - a_m, c_m - a_m), np.cumsum(sizes - 2) - (sizes - 2), axis=0)
     weights, vertex_count = np.repeat(areas, sizes, axis=0).T, len(mesh.vertices_m)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A look at a rendered frame from the other side: the mesh, the pose and the intrinsics, without any renderer.
+"""Checking a rendered frame against the mesh, the pose and the intrinsics, without any renderer.
 
-Pose conventions are what users of such datasets lose most time with. If axes, principal point, focal lengths, scale or
-the pose went wrong on the way through the renderer, vertices turn up in front of the surface that it saw.
+Users of such datasets lose most time with pose conventions. If axes, principal point, focal lengths, scale or pose went
+wrong on the way through the renderer, vertices appear in front of the surface that was rendered.
 """
 
 import numpy as np
@@ -11,14 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from ..geometry import Intrinsics, invert_pose
 from .mesh import Mesh
 
-SAMPLES = 20_000
-TOLERANCE = 0.03  # of the depth; between pixels a slanted surface comes nearer
-ALLOWED = 0.02  # of the vertices: those of things too thin for any pixel's centre
-LEAST = 200  # vertices in view, for a share to mean something
+# Chosen: an error of a convention moves nearly all vertices, a correct frame none but the exceptions named here.
+SAMPLES = 20_000  # face corners, so that the check takes milliseconds
+TOLERANCE = 0.03  # of the depth: a slanted surface comes nearer between the pixels' centres
+ALLOWED = 0.02  # of the vertices: those of things so thin that they meet no pixel's centre
+LEAST = 200  # vertices in view: the share of fewer is too uncertain
 
 
 def share_in_front(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> float | None:
-    """Return the share of the vertices in view that lie in front of all that was rendered around their pixel.
+    """Return the share of vertices in view that are nearer than all depths rendered in the 3 x 3 pixels around them.
 
     c2w: (4, 4) with OpenCV axes, metres. depth_m: (H, W) planar depth, 0 = void. None where too few are in view.
     """
@@ -38,7 +39,7 @@ def share_in_front(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDAr
 
 
 def reprojection_problem(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> str | None:
-    """Say what is wrong with a rendered depth; None where nothing is."""
+    """Return what is wrong with a rendered depth as a sentence, or None."""
     share = share_in_front(mesh, c2w, camera, depth_m)
     if share is None or share <= ALLOWED:
         return None

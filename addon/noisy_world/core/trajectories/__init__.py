@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a camera goes: poses with time stamps, their files, paths made here, sensors on a robot."""
+"""Camera paths: poses with time stamps, their files, generated paths, and sensors on a robot."""

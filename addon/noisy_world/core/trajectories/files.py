@@ -31,23 +31,24 @@ type TrajectoryFormat = Literal["replica", "kitti", "tum"]
 _FORMATS: dict[int, TrajectoryFormat] = {16: "replica", 12: "kitti", 8: "tum"}
 _ONE_POSE_A_LINE = "a line holds one pose: 16 numbers (Replica), 12 (KITTI) or 8 (TUM)"
 
-# Six digits of text are off by 1e-6; what is off by more than this was no rotation before it was written.
-_ROTATION_TOLERANCE = 5e-3
-_ROTATION_EXACT = 1e-12
+# Tolerances of what a file says. Text of six digits is off by 1e-6. The wide ones are chosen: they mend files of three
+# digits, and refuse a matrix with scale or shear.
+_ROTATION_TOLERANCE = 5e-3  # entries of R^T R - 1
+_ROTATION_EXACT = 1e-12  # below it a matrix is orthonormal to float64's rounding, and is kept as it is
 _QUAT_NORM_TOLERANCE = 1e-2
 _LAST_ROW_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """The numbers of a file, (N, 16 | 12 | 8) float64, and the line that each row stands in, counted from 1."""
+    """The numbers of a file, (N, 16 | 12 | 8) float64, and the line of the file that each row is from, 1 the first."""
 
     path: Path
     values: NDArray[np.float64]
     lines: NDArray[np.int64]
 
     def fail_where(self, wrong: NDArray[np.bool_], problem: str, *, remedy: str = "", of: object = None) -> None:
-        """Raise InputError for the first row that is wrong; `{}` in problem is that row of `of`."""
+        """Raise InputError for the first row that is wrong; `{}` in `problem` is replaced by that row of `of`."""
         if not wrong.any():
             return
         row = int(np.argmax(wrong))
@@ -60,9 +61,9 @@ def read_trajectory(
 ) -> Trajectory:
     """Read a Replica, KITTI or TUM file whose poses have the declared direction and camera axes.
 
-    TUM files keep their stamps, the others get 0, 1 / rate_hz, ... seconds. Rotations off by rounding are made
-    orthonormal. Raises InputError, which names file and line, for anything that is not a trajectory of rigid poses;
-    ValueError for a direction, axes or rate that do not exist.
+    TUM files keep their stamps, the others get 0, 1 / rate_hz, ... seconds. Rotations that are off by rounding are made
+    orthonormal. Raises InputError, which names file and line, for anything that is not a trajectory of rigid poses, and
+    ValueError for an unknown direction or axes, or a rate that is not positive.
     """
     table = _read_table(Path(path))
     if table.values.shape[1] == 8:
@@ -87,14 +88,14 @@ def kitti_text(trajectory: Trajectory) -> str:
 
 
 def tum_text(trajectory: Trajectory) -> str:
-    """One line a frame: `t tx ty tz qx qy qz qw` of c2w, OpenCV axes; neighbouring quaternions never point apart."""
+    """One line a frame: `t tx ty tz qx qy qz qw` of c2w, OpenCV axes; signs of q are chosen so that it never jumps."""
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(trajectory.c2w[:, :3, :3]))
     columns = [trajectory.stamps_s[:, None], trajectory.c2w[:, :3, 3], np.roll(quat_wxyz, -1, axis=1)]
     return _text(np.concatenate(columns, axis=1))
 
 
 def _text(rows: NDArray[np.float64]) -> str:
-    # Python's repr is the shortest text that reads back to the same number; + 0.0 makes -0.0 plain 0.0.
+    # Python's repr is the shortest text that reads back to the same float64; + 0.0 turns -0.0 into 0.0.
     return "".join(" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist())
 
 
@@ -138,12 +139,12 @@ def _read_lines(path: Path) -> list[str]:
         text = "\0"
     if "\0" in text:
         raise InputError(path, "is not a text file", remedy="a trajectory is UTF-8 text; " + _ONE_POSE_A_LINE)
-    # Not splitlines: it also cuts at characters that no editor counts as the end of a line.
+    # Not splitlines, which also splits at characters that editors do not show as line ends.
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
-    # With commas, every number ends at one: "0,5 1,5" is four numbers to a laxer reader.
+    # Where there are commas, only they separate numbers: else "0,5 1,5" would be read as four numbers.
     tokens = [token.strip() for token in data.split(",")] if "," in data else data.split()
     if len(tokens) > 1 and not tokens[-1]:
         tokens.pop()
@@ -151,7 +152,7 @@ def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
         row = list(map(float, tokens))
     except ValueError:
         row = None
-    # float() also takes 1_000 and the digits of every script.
+    # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
     if row is None or "_" in data or not data.isascii():
         raise InputError(path, f"{_first_non_number(tokens)!r} is not a number", where=f"line {line_number}")
     return row

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A smooth hand-held camera path inside a room that is known only as a mesh, from a seed.
+"""A smooth, seeded, hand-held camera path inside a room that is given only as a mesh.
 
-The room is seen from above, in cells of 5 cm: a cell is blocked where the mesh has anything within the clearance of
-the camera's heights, and known where the mesh has a floor or furniture below them. The path joins far-apart places
-through free, known cells; where it must squeeze it bends tighter and goes slower. Gravity is -z.
+The room is divided, as seen from above, into cells of 5 cm. A cell is blocked where the mesh has anything within the
+clearance of the camera's heights, and known where the mesh has a floor or furniture below these. The path joins points
+that are far apart through free, known cells; in narrow passages it bends more tightly and goes slower. Gravity is -z.
 """
 
 from dataclasses import dataclass
@@ -20,42 +20,42 @@ from .trajectory import Trajectory, evenly_stamped
 type Float64 = NDArray[np.float64]
 type Mask = NDArray[np.bool_]
 
-_CELL_M = 0.05
-_MOST_CELLS = 4_000_000  # 100 m x 100 m
-_LEAST_AREA_M2 = 0.25
-_CHUNK = 100_000  # triangles cut at a time
-_ROOF_M = 1.8  # above the lowest point of the same cell
-_FLOOR_GAP_M = 0.3  # holes of twice this width in a scanned floor are floor
-_SWAY_M = 0.1  # slow change of height
-_BOB_M = 0.012
-_TREMOR_DEG = 0.3
-
-_STEP_M = 0.01  # along the path
-_BENDS_M = (0.4, 0.2, 0.1, 0.05)  # Gaussian smoothing of the path, from the widest to the one that always fits
+# Chosen, unless a comment says otherwise: what looks like a person walking through a furnished room.
+_CELL_M = 0.05  # the map's resolution: fine enough for a gap between furniture, some 10^4 cells for a room
+_MOST_CELLS = 4_000_000  # 100 m x 100 m, so that the map's memory stays small
+_LEAST_AREA_M2 = 0.25  # of free space, half a metre square: less is no room for a path
+_CHUNK = 100_000  # triangles cut at a time, so that memory stays flat
+_ROOF_M = 1.8  # of mesh above the lowest point of a cell make the cell indoors: more than furniture is high
+_FLOOR_GAP_M = 0.3  # holes of up to twice this width in a scanned floor are counted as floor
+_SWAY_M = 0.1  # amplitude of the slow change of height
+_BOB_M = 0.012  # amplitude of the height with each step
+_TREMOR_DEG = 0.3  # amplitude of each rotation
+_STEP_M = 0.01  # between the points along the path
+_BENDS_M = (0.4, 0.2, 0.1, 0.05)  # sigmas of the path's smoothing, each half the one before; the last always fits
 _START_S = 1.0  # from rest to walking speed
 
-_LOOK_S = 2.5  # from one place to look at to the next
-_TURN_DEG_S = 28.0  # tremor and pitch come on top: together below 40
-_LOOK_SIGMA_S = 0.5
-_SIGHT_M = 6.0
-_VOID_M = 0.1  # a look out of the mesh is worth less than one at any wall
+_LOOK_S = 2.5  # from one look-at point to the next
+_TURN_DEG_S = 28.0  # of yaw at most: with tremor and pitch the camera stays below 40
+_LOOK_SIGMA_S = 0.5  # smoothing of the yaw
+_SIGHT_M = 6.0  # how far openness is judged: about the length of a room
+_VOID_M = 0.1  # counted as open where the view leaves the mesh: less than before any wall
 
 _NOTHING = "no hand-held path: the mesh has nothing within bounds_m; check its metres and axes"
 
 
 @dataclass(frozen=True, eq=False)
 class _Room:
-    """What the camera meets at its height: masks over cells, the lower corner of the first at corner_m (2,)."""
+    """The room at the camera's height: masks over cells; corner_m (2,) is the lower corner of the first cell."""
 
     corner_m: Float64
     occupied: Mask
-    free: Mask  # clearance kept, whatever the position in the cell
-    plan: Mask  # one connected part of free, a cell from its border
+    free: Mask  # the clearance is kept at every point of the cell
+    plan: Mask  # one connected part of free, without the cells at its border
     height_m: float  # of the camera, world z
     sway_m: float
 
     def cells(self, xy_m: Float64) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(..., 2) metres -> indices into the masks; outside of the grid the nearest cell, which is never free."""
+        """(..., 2) metres -> indices into the masks; outside the grid the nearest cell, which is never free."""
         index = np.floor((xy_m - self.corner_m) / _CELL_M).astype(np.int64)
         return tuple(np.moveaxis(np.clip(index, 0, np.array(self.occupied.shape) - 1), -1, 0))
 
@@ -75,13 +75,13 @@ def handheld_path(
     speed_m_s: float = 0.5,
     clearance_m: float = 0.45,
 ) -> Trajectory:
-    """Return a path of so many frames through the largest free space of the mesh; the same seed, the same path.
+    """Return a path of `frames` frames through the largest free space of the mesh; equal seeds give equal paths.
 
-    bounds_m: (2, 3) lowest and highest corner that the camera stays in; by default the mesh alone decides.
-    eye_height_m: lowest and highest height above the floor. clearance_m: least distance to every vertex and, to 5 cm,
-    every face. speed_m_s: reached within a second, less in bends. The camera turns by less than 40 degrees a second,
-    looks 8 degrees down, give or take 10, toward open space, and rolls by less than 3 degrees.
-    Raises NoisyWorldError where no such space is, ValueError for numbers that make no sense.
+    bounds_m: (2, 3) lowest and highest corner of the box that the camera stays in; by default the mesh alone decides.
+    eye_height_m: lowest and highest height above the floor. clearance_m: least distance to every vertex, and to every
+    face within 5 cm. speed_m_s: reached within a second, lower in bends. The camera turns by less than 40 degrees a
+    second, looks toward open space and 8 degrees down (plus or minus 10), and rolls by less than 3 degrees.
+    Raises NoisyWorldError where there is no such space, ValueError for numbers that make no sense.
     """
     low, high = eye_height_m
     if frames < 1 or not (rate_hz > 0.0 and speed_m_s > 0.0 and clearance_m >= 0.0 and 0.0 <= low <= high):
@@ -105,7 +105,7 @@ def handheld_path(
 
 
 def _waves(rng: np.random.Generator, time_s: Float64, low_hz: float, high_hz: float) -> Float64:
-    """(N,) in [-1, 1]: a few sine waves, the slower the larger so that none of them jerks."""
+    """(N,) in [-1, 1]: a sum of a few sine waves; faster ones have smaller amplitudes, so that none of them jerks."""
     hz = rng.uniform(low_hz, high_hz, 4)
     phase = rng.uniform(0.0, 2.0 * np.pi, 4)
     return np.sin(2.0 * np.pi * np.outer(time_s, hz) + phase) @ (1.0 / hz) / np.sum(1.0 / hz)
@@ -129,14 +129,14 @@ def _find_room(
     sway_m = min(_SWAY_M, max((high_m - low_m) / 2.0 - _BOB_M, 0.0))
     reach_m = sway_m + _BOB_M + clearance_m
     largest_m2 = 0.0
-    # A seeded height; others only where that one has no room, under a low ceiling or among shelves.
+    # A seeded height; the others are tried only where there is no room at it, under a low ceiling or among shelves.
     for share in (rng.uniform(), 0.0, 0.25, 0.5, 0.75, 1.0):
         height_m = low_m + sway_m + share * max(high_m - low_m - 2.0 * sway_m, 0.0)
         below = points_m[:, 2] < height_m - reach_m
         beside = ~below & (points_m[:, 2] <= height_m + reach_m)
         occupied, known = (np.bincount(cell[s], minlength=indoors.size).reshape(shape) > 0 for s in (beside, below))
         known = _closed(known & indoors)
-        # Both points anywhere in their cells, and the bob: centres are a cell's diagonal farther apart.
+        # Distances are between cell centres: a cell's diagonal covers both points' positions in their cells; and the bob.
         apart_m = clearance_m + np.sqrt(2.0) * _CELL_M + 2.0 * _BOB_M
         free = (_distance_m(occupied | ~known, apart_m) >= apart_m) & inside
         plan = _largest_part(_distance_m(~free, 2.0 * _CELL_M) > 1.5 * _CELL_M)
@@ -151,13 +151,13 @@ def _find_room(
 
 
 def _columns(mesh: Mesh, bounds: Float64, clearance_m: float) -> tuple[Float64, Float64, tuple[int, int]]:
-    """Points of the mesh in and around the bounds (2, 2), and the lower corner and the shape of the grid for them."""
+    """Return the mesh's points in and around the bounds (2, 2), and the lower corner and the shape of their grid."""
     sides = bounds + np.array([[-_SIGHT_M], [_SIGHT_M]])
     least_m = np.maximum(mesh.vertices_m[:, :2].min(axis=0, initial=np.inf), sides[0])
     most_m = np.minimum(mesh.vertices_m[:, :2].max(axis=0, initial=-np.inf), sides[1])
     if np.any(least_m > most_m):
         raise NoisyWorldError(_NOTHING)
-    # Wide enough that no distance that matters reaches over the border, whose cells are never free.
+    # Wide enough that no distance of interest reaches beyond the border, whose cells are never free.
     margin = int(np.ceil((clearance_m + _FLOOR_GAP_M) / _CELL_M)) + 4
     corner_m = (np.floor(least_m / _CELL_M) - margin) * _CELL_M
     columns, rows = (int(n) + margin for n in np.ceil((most_m - corner_m) / _CELL_M))
@@ -168,7 +168,7 @@ def _columns(mesh: Mesh, bounds: Float64, clearance_m: float) -> tuple[Float64, 
 
 
 def _floor(cell: NDArray[np.int64], z_m: Float64, inside: Mask) -> tuple[float, Mask]:
-    """Height of the floor, and the cells that may lie in the room: those under a roof if there is one, or else all."""
+    """Return the floor's height and the cells that may be in the room: those under a roof, or all where none is."""
     lowest_m = np.full(inside.size, np.inf)
     highest_m = np.full(inside.size, -np.inf)
     np.minimum.at(lowest_m, cell, z_m)
@@ -178,10 +178,10 @@ def _floor(cell: NDArray[np.int64], z_m: Float64, inside: Mask) -> tuple[float, 
     counts = [np.count_nonzero(mask & inside.ravel()) for mask in (seen, indoors)]
     if counts[0] == 0:
         raise NoisyWorldError(_NOTHING)
-    # Walls alone stand over a tenth of a room's cells; a garden may be larger than the house.
+    # Walls alone are over a tenth of a room's cells; a quarter means a roof, as a garden may be larger than the house.
     if 4 * counts[1] < counts[0]:
         indoors = seen
-    # The lowest wide level, to a decimetre: scans have stray points below the floor, and beds may be as wide as it is.
+    # The lowest wide level, to 10 cm: scans have stray points below the floor, and beds may be as wide as the floor.
     levels_m = np.sort(lowest_m[indoors & inside.ravel()])
     alike = np.searchsorted(levels_m, levels_m + 0.1, side="right") - np.arange(len(levels_m))
     first = int(np.argmax(2 * alike >= alike.max()))
@@ -209,7 +209,7 @@ def _points(mesh: Mesh, sides: Float64) -> Float64:
 
 
 def _pieces(triangles_m: Float64, sides: Float64) -> list[Float64]:
-    """(T, 3, 3) -> centroids of pieces no longer than a cell; cut across the longest edge, slivers stay few."""
+    """(T, 3, 3) -> centroids of pieces no longer than a cell; cutting the longest edge keeps slivers few."""
     centroids = []
     rest = [np.ascontiguousarray(np.moveaxis(triangles_m, 0, -1))]  # corner, axis, triangle: sums over corners are fast
     while rest:
@@ -233,7 +233,7 @@ def _pieces(triangles_m: Float64, sides: Float64) -> list[Float64]:
 
 
 def _distance_m(mask: Mask, limit_m: float) -> Float64:
-    """Distance of every cell's centre to the nearest one in the mask, exact up to the limit; a long way elsewhere."""
+    """Distance of each cell's centre to the nearest one in the mask, exact up to the limit, large beyond it."""
     reach = int(np.ceil(limit_m / _CELL_M)) + 1
     far = 4 * reach
     along = np.where(mask, 0, far)
@@ -259,9 +259,9 @@ def _largest_part(mask: Mask) -> Mask:
 
 
 def _steps_from(mask: Mask, start: int, goal: int = -1) -> NDArray[np.int64]:
-    """Steps from the flat cell start within the mask, -1 where there is no way; stops early where it meets the goal.
+    """Steps from the flat cell `start` within the mask, -1 where no way leads; stops early when it reaches the goal.
 
-    Every other step may be diagonal, so that equal numbers of steps form an octagon: nearly a circle.
+    Only every other step may be diagonal, so that cells of equal steps form an octagon, which is nearly a circle.
     """
     width = mask.shape[1]
     straight = np.array([-width, -1, 1, width])
@@ -279,7 +279,7 @@ def _steps_from(mask: Mask, start: int, goal: int = -1) -> NDArray[np.int64]:
 
 
 def _route(mask: Mask, start: int, goal: int) -> list[int]:
-    """Flat cells from start to goal, a few corners only: each sees the next one through the mask."""
+    """Flat cells from start to goal, corners only: the straight line from each to the next stays in the mask."""
     width = mask.shape[1]
     around = np.array([-width, -1, 1, width, -width - 1, -width + 1, width - 1, width + 1])
     steps = _steps_from(mask, start, goal).ravel()
@@ -310,12 +310,12 @@ def _walk(room: _Room, rng: np.random.Generator, speed_m_s: float, time_s: Float
     visited = [int(rng.choice(cells))]
     corners = visited.copy()
     length_m, wanted_m = 0.0, speed_m_s * time_s[-1] + 2.0
-    # Time goes slower than at the start by the integral of a smooth step.
+    # The speed rises as the smooth step 3 u^2 - 2 u^3; this is its integral.
     u = np.clip(time_s / _START_S, 0.0, 1.0)
     walked_s = _START_S * (u**3 - u**4 / 2.0) + np.maximum(time_s - _START_S, 0.0)
     while True:
         while length_m < wanted_m:
-            # The farthest of a few from the last places: the path crosses the room and comes back another way.
+            # Of 16 random cells the farthest from the last 4: the path crosses the room and returns by another way.
             offered = rng.choice(cells, 16)
             gaps_m = room.centre_m(offered)[:, None] - room.centre_m(visited[-4:])
             best = int(np.argmax(np.linalg.norm(gaps_m, axis=-1).min(axis=1)))
@@ -324,7 +324,7 @@ def _walk(room: _Room, rng: np.random.Generator, speed_m_s: float, time_s: Float
             corners_m = room.centre_m(corners)
             length_m = float(np.linalg.norm(np.diff(corners_m, axis=0), axis=1).sum())
         path_m, tightness = _smoothed(room, corners_m)
-        # A bend half as wide at the same push sideways: slower by the square root of two.
+        # A bend of half the radius has the same sideways acceleration, v^2 / r, at a speed lower by the root of two.
         at_s = np.concatenate([[0.0], np.cumsum(_STEP_M / speed_m_s * 2.0 ** (tightness[1:] / 2.0))])
         if at_s[-1] >= walked_s[-1]:
             return np.stack([np.interp(walked_s, at_s, path_m[:, axis]) for axis in (0, 1)], axis=-1)
@@ -332,10 +332,10 @@ def _walk(room: _Room, rng: np.random.Generator, speed_m_s: float, time_s: Float
 
 
 def _smoothed(room: _Room, corners_m: Float64) -> tuple[Float64, Float64]:
-    """(C, 2) -> (S, 2) metres at each centimetre of the given path, and (S,) which of _BENDS_M it took, 0 to 3.
+    """(C, 2) -> (S, 2) metres at each centimetre of the given path, and (S,) the position in _BENDS_M used, 0 to 3.
 
-    A Gaussian of width s moves no point by more than 0.8 s on average, so the narrowest one stays within a cell of the
-    planned path and therefore free: the loop ends.
+    A Gaussian of sigma s moves a point by at most its mean absolute value, 0.8 s. So with the narrowest one the path
+    stays within a cell of the planned one, hence free, and the loop ends.
     """
     at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners_m, axis=0), axis=1))])
     dense_m = np.arange(0.0, at_m[-1], _STEP_M)
@@ -344,7 +344,7 @@ def _smoothed(room: _Room, corners_m: Float64) -> tuple[Float64, Float64]:
     level = np.zeros(len(straight_m))
     reach = int(3.0 * 0.2 / _STEP_M)
     while True:
-        # Raised for the whole reach of the blur, so that where it must be narrow it is.
+        # Raised within the whole reach of the blur below, so that the blurred level is not lower where it must be high.
         raised = np.lib.stride_tricks.sliding_window_view(np.pad(level, reach, mode="edge"), 2 * reach + 1).max(axis=1)
         tightness = np.clip(_blurred(raised[:, None], 0.2 / _STEP_M)[:, 0], 0.0, len(_BENDS_M) - 1.0)
         wider = np.minimum(tightness.astype(np.int64), len(_BENDS_M) - 2)
@@ -359,7 +359,7 @@ def _smoothed(room: _Room, corners_m: Float64) -> tuple[Float64, Float64]:
 
 
 def _blurred(rows: Float64, sigma: float) -> Float64:
-    """(N, C): each column under a Gaussian of sigma rows, cut at 3 sigma; the ends are continued."""
+    """(N, C): each column blurred with a Gaussian of sigma rows, cut at 3 sigma; the ends are repeated."""
     reach = int(3.0 * sigma)
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     kernel /= kernel.sum()
@@ -368,7 +368,7 @@ def _blurred(rows: Float64, sigma: float) -> Float64:
 
 
 def _look_around(room: _Room, rng: np.random.Generator, xy_m: Float64, time_s: Float64) -> Float64:
-    """(N,) degrees, world yaw: every few seconds toward open space, rather where it has not looked yet."""
+    """(N,) degrees of yaw in the world: every few seconds toward open space, preferably where it has not looked yet."""
     bearings_deg = np.arange(0.0, 360.0, 5.0)
     sectors = (bearings_deg // 30.0).astype(np.int64)
     looked = np.zeros(12)
@@ -390,7 +390,7 @@ def _look_around(room: _Room, rng: np.random.Generator, xy_m: Float64, time_s: F
 
 
 def _open_m(room: _Room, here_m: Float64, bearings_deg: Float64) -> Float64:
-    """(B,) metres to what blocks the view along each bearing, over 60 degrees of view; little where nothing is met."""
+    """(B,) metres to what blocks the view, averaged over 60 degrees about each bearing; _VOID_M where nothing does."""
     angle = np.deg2rad(bearings_deg)
     reach_m = np.arange(_CELL_M, _SIGHT_M, _CELL_M)
     ways_m = here_m + reach_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A robot's cameras: where each sensor sits on the body whose path is known."""
+"""A robot's cameras: the pose of each sensor on the body whose path is given."""
 
 from dataclasses import dataclass
 
@@ -16,21 +16,21 @@ from ..geometry import (
 )
 from .trajectory import Axes, Trajectory, convert_convention
 
-# As for trajectory files: what is off by rounding is mended, what is off by more is a mistake.
+# As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
 _QUAT_NORM_TOLERANCE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """Where a sensor sits: robot_from_sensor (4, 4) float64, metres, OpenCV axes in both frames."""
+    """The pose of a sensor on the robot: robot_from_sensor (4, 4) float64, metres, OpenCV axes for both."""
 
     robot_from_sensor: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The two sensors of an RGB-D robot; depth None where it shares the colour sensor's place."""
+    """The two sensors of an RGB-D robot; depth is None where it has the colour sensor's pose."""
 
     rgb: Sensor
     depth: Sensor | None
@@ -52,20 +52,20 @@ def sensor_from_extrinsics(
     matrix: ArrayLike | None = None,
     robot_axes: Axes = "robot",
 ) -> Sensor:
-    """Build a sensor from its pose in the robot's frame, given by a matrix or by a translation and one rotation.
+    """Build a sensor from its pose on the robot, given by a matrix or by a translation and one rotation.
 
-    translation_m: (3,) metres, the sensor's place in the robot's frame; default the robot's centre.
+    translation_m: (3,) metres, the sensor's position in the robot's axes; default the robot's centre.
     quat_wxyz: (4,) or rotation_euler_deg: (3,) degrees [rx, ry, rz] as Rz Ry Rx, robot from sensor, the sensor with
     OpenCV axes. With neither, the sensor looks where the robot faces, its image upright.
-    matrix: (4, 4) robot from sensor. robot_axes: the axes of the robot's frame in which all these are given.
-    Raises ValueError, a sentence without file and key, for anything that is not one rigid pose.
+    matrix: (4, 4) robot from sensor. robot_axes: the robot's axes, in which all these are given.
+    Raises ValueError, whose message names neither file nor key, for anything that is not one rigid pose.
     """
     rotations = [r for r in (quat_wxyz, rotation_euler_deg) if r is not None]
     if matrix is not None and (rotations or translation_m is not None):
         raise ValueError("matrix is a whole pose: give either it or a translation and a rotation")
     if len(rotations) > 1:
         raise ValueError("give one rotation: quat_wxyz or rotation_euler_deg")
-    # With the body's own frame as the world, its c2w is robot_from_opencv.
+    # Taking the body's own axes as the world, its c2w is robot_from_opencv.
     opencv_from_robot = invert_pose(convert_convention(np.eye(4), direction="c2w", axes=robot_axes))
     if matrix is not None:
         return Sensor(opencv_from_robot @ _rigid(_numbers(matrix, (4, 4), "matrix")))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the sensors of a sequence go, each path under its name."""
+"""The paths of a sequence's sensors, each under its name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -12,7 +12,7 @@ from .trajectory import Trajectory
 
 @dataclass(frozen=True)
 class Moment:
-    """What a source is asked for: a frame at poses and a time.
+    """What a source is asked for: one frame at the sensors' poses and a time.
 
     index: the frame's number on the path. time_s: its time stamp. rgb_c2w, depth_c2w: (4, 4) float64 camera-to-world of
     the colour and of the depth sensor, OpenCV axes, metres.
@@ -26,10 +26,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class SensorPaths:
-    """Where each thing goes; all have the same stamps.
+    """The paths of a sequence, all with the same stamps; None where there is no such path of its own.
 
-    rgb: the colour sensor. depth: the depth sensor, where it is elsewhere. robot: what carries them, where there is a
-    rig. nominal: where the colour sensor was meant to go, where it deviates from that.
+    rgb: the colour sensor's. depth: the depth sensor's, if its pose is another. robot: the carrying robot's, if there
+    is a rig. nominal: the path that the colour sensor was meant to follow, if it deviates from it.
     """
 
     rgb: Trajectory
@@ -41,15 +41,15 @@ class SensorPaths:
         return len(self.rgb)
 
     def moment(self, index: int) -> Moment:
-        """Return where the sensors are at a frame."""
+        """Return the sensors' poses and the time of a frame."""
         depth = self.rgb if self.depth is None else self.depth
         return Moment(index, float(self.rgb.stamps_s[index]), self.rgb.c2w[index], depth.c2w[index])
 
     def named(self) -> dict[str, Trajectory]:
-        """Return the paths that there are, by name."""
+        """Return the paths that are not None, by name."""
         paths = {item.name: getattr(self, item.name) for item in fields(self)}
         return {name: path for name, path in paths.items() if path is not None}
 
     def each(self, change: Callable[[Trajectory], Trajectory]) -> "SensorPaths":
-        """Return the paths after the same change to each."""
+        """Return the paths with the same change made to each."""
         return SensorPaths(**{name: change(path) for name, path in self.named().items()})

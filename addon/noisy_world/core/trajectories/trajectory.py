@@ -23,13 +23,13 @@ type Axes = Literal["opencv", "opengl", "robot"]
 DIRECTIONS: tuple[str, ...] = get_args(Direction.__value__)
 AXES: tuple[str, ...] = get_args(Axes.__value__)
 
-# Stamps in files are rounded to microseconds: a last frame that is late by as much is still there.
+# Stamps in files are rounded to microseconds, so resampling keeps a last frame that is late by that much.
 _STAMP_TOLERANCE_S = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses of a camera, one a frame; the arrays are copied and cannot be written to.
+    """Poses of a camera, one for each frame; the arrays are copied and read-only.
 
     c2w: (N, 4, 4) float64, N >= 1, rigid, metres, from OpenCV's camera axes (x right, y down, z forward) to the world.
     stamps_s: (N,) float64, seconds, strictly increasing.
@@ -81,7 +81,7 @@ def subsample(trajectory: Trajectory, start: int = 0, stop: int | None = None, e
 def resample(trajectory: Trajectory, rate_hz: float) -> Trajectory:
     """Poses at t0 + k / rate_hz up to the last stamp (within a microsecond), t0 the first stamp.
 
-    Positions are interpolated linearly, rotations by slerp on the shorter way; a pose that is met exactly is kept.
+    Positions are interpolated linearly, rotations by slerp along the shorter arc; at a pose's own stamp it is kept.
     """
     rate_hz = _checked_rate(rate_hz)
     old_s = trajectory.stamps_s - trajectory.stamps_s[0]

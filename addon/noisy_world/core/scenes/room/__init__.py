@@ -15,8 +15,8 @@ __all__ = ["INTERIOR_MAX_M", "INTERIOR_MIN_M", "build_room"]
 def build_room() -> Mesh:
     """The room, the same to the byte on every call.
 
-    Metres, Z up, floor at z = 0; people move between INTERIOR_MIN_M and INTERIOR_MAX_M, and the garden behind the
-    windows lies outside of that. All faces are quads; colours are display-encoded whole 255ths.
+    Metres, Z up, floor at z = 0. The room's inside is between INTERIOR_MIN_M and INTERIOR_MAX_M; the garden behind the
+    windows lies outside of it. All faces are quads; colours are display-encoded multiples of 1/255.
     """
     piece = shell() + furniture() + decor()
     vertices = [s.points_m.reshape(-1, 3) for s in piece.sheets]
@@ -29,7 +29,7 @@ def build_room() -> Mesh:
         first += rows * columns
     quads = np.concatenate(corners)
     return Mesh(
-        # Whole micrometres: the last bits of a sine differ between processors.
+        # Rounded to micrometres, as the last bits of a sine differ between processors.
         vertices_m=np.concatenate(vertices).round(6) + 0.0,
         rgb=lit(piece).astype(np.float32),
         corner_vertices=quads.ravel(),

@@ -323,7 +323,7 @@ def _tableware() -> list[Piece]:
 
 
 def decor() -> Piece:
-    """All small and hanging things, in their places."""
+    """All small and hanging things, where they belong in the room."""
     palm = placed(potted_palm(), (0.42, 2.02, 0.0), 25.0)
     shelf_plant = placed(trailing_plant(), (-3.02, 0.82, 2.2215), 90.0)
     cactus = placed(trailing_plant(), (CONSOLE_AT_M[0] - 0.78, CONSOLE_AT_M[1] + 0.2, 0.5205), 180.0)

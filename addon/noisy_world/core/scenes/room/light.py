@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Light baked into the colours: daylight through the windows, the sun's patches, two lamps, and corner shadows.
 
-Light is found on a coarse lattice of every sheet against the blockers' boxes, and interpolated; display values go with
-its square root, which is near the sRGB curve and exact on every processor. Only the sun is found vertex by vertex.
+Light is computed on a coarse lattice of every sheet, with the blockers' boxes as obstacles, and interpolated. Display
+values are its square root, which is close to the sRGB curve and exact on every processor. Only sunlight is computed for
+each vertex.
 """
 
 from dataclasses import dataclass
@@ -12,20 +13,22 @@ import numpy as np
 from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, WINDOWS_M, Y0, Y1, pane_bars_m
 from .surfaces import Array, Piece, Sheet
 
+# Chosen by eye: a sunny room whose shadows give features, and which is built within a second or two.
 LATTICE_M = 0.12
-THIN_M = 0.04  # one sample across anything narrower
-REACH_M = 1.3  # ambient shadows of things farther than this are not seen
-SUN = np.array([0.36, -1.0, -0.66])  # the way that sunlight travels, with y = -1
+THIN_M = 0.04  # anything narrower gets one sample across
+REACH_M = 1.3  # things farther than this cast no ambient shadow
+SUN = np.array([0.36, -1.0, -0.66])  # the direction in which sunlight travels, scaled to y = -1
+# Linear light; 1 is white.
 SUN_RGB = np.array([1.45, 1.28, 0.95])
 DAY_RGB = np.array([0.95, 1.0, 1.06])
 AMBIENT_RGB = np.array([0.53, 0.52, 0.505])
-REVEAL_LIGHT = 0.35
-BOUNCE_RGB = np.array([0.07, 0.03, -0.01])
-# Lamp bulbs: x, y, z, strength.
+REVEAL_LIGHT = 0.35  # extra daylight in the windows' reveals
+BOUNCE_RGB = np.array([0.07, 0.03, -0.01])  # from the floor
+# Lamp bulbs: x, y, z in metres, strength.
 LAMPS = ((-2.86, 2.06, 1.55, 0.24), (1.75, 0.35, 1.62, 0.26))
 LAMP_RGB = np.array([1.25, 0.95, 0.62])
-_NEAR_M = 0.012
-_DIRECTIONS = 32
+_NEAR_M = 0.012  # rays start so far above a surface, clear of its own blocker
+_DIRECTIONS = 32  # ambient rays a point
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class _Lattice:
 
 
 def _picked(points_m: Array) -> Array:
-    """Numbers of the rows to sample: about LATTICE_M apart, first and last included."""
+    """The numbers of the rows to sample, about LATTICE_M apart, first and last included."""
     count = len(points_m)
     x, y, z = (points_m[1:] - points_m[:-1]).T
     length = float(np.sqrt(x * x + y * y + z * z).sum())
@@ -121,7 +124,7 @@ def _sphere(count: int) -> Array:
 
 
 def _ambient(origins_m: Array, normals: Array, boxes_m: Array) -> tuple[Array, Array]:
-    """(N,) how open the surroundings are, 0 to 1, and (N,) how much of what is seen is the floor."""
+    """(N,) how open the surroundings are, 0 to 1, and (N,) the share of the floor in what is seen."""
     total, floor, weight = (np.zeros(len(origins_m)) for _ in range(3))
     low, high = origins_m.min(0), origins_m.max(0)
     near = _within(boxes_m, low - REACH_M, high + REACH_M)
@@ -142,7 +145,7 @@ def _ambient(origins_m: Array, normals: Array, boxes_m: Array) -> tuple[Array, A
 
 
 def _from_point(origins_m: Array, normals: Array, light_m: Array, boxes_m: Array) -> tuple[Array, Array, Array]:
-    """Unblocked share (N,) of a light point, the cosine (N,) at the surface, and the vectors (N, 3) towards it."""
+    """Whether a point of light is visible (N,), 0 to 1, the cosine (N,) at the surface, the vectors (N, 3) to it."""
     away = light_m - origins_m
     distance = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2)
     dot = away[:, 0] * normals[:, 0] + away[:, 1] * normals[:, 1] + away[:, 2] * normals[:, 2]
@@ -162,7 +165,7 @@ def _windows(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
         cells = (x_high - x_low) * (z_high - z_low) / 9
         for i in range(3):
             for j in range(3):
-                # The rows are skewed, so that shadows of straight edges do not come in steps.
+                # The rows are skewed, so that straight edges do not cast shadows in steps.
                 x = x_low + (x_high - x_low) * (i + 0.25 + 0.25 * j) / 3
                 at = np.array([x, Y1 - 0.005, z_low + (z_high - z_low) * (j + 0.5) / 3])
                 clear, cos, away = _from_point(origins_m, normals, at, boxes_m)
@@ -183,7 +186,7 @@ def _lamps(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
 
 
 def _gathered(points_m: Array, normals: Array, boxes_m: Array) -> Array:
-    """(N, 3) light on points, handled in neighbourhoods so that each meets few boxes."""
+    """(N, 3) light on points; neighbouring points are computed together, as few boxes are near them."""
     light = np.empty_like(points_m)
     origins = (points_m + _NEAR_M * normals).astype(np.float32)
     normals = normals.astype(np.float32)
@@ -194,7 +197,7 @@ def _gathered(points_m: Array, normals: Array, boxes_m: Array) -> Array:
         for chunk in np.array_split(group, len(group) // 2000 + 1):
             o, n = origins[chunk], normals[chunk]
             open_, floor = _ambient(o, n, boxes_m)
-            # What comes back from the room favours surfaces that look towards the windows.
+            # Light reflected by the room is stronger on surfaces that face the windows.
             bright = 1.0 + 0.12 * n[:, 1] * (o[:, 1] < Y0 + 1) - 0.08 * (n[:, 1] < -0.5)
             light[chunk] = (
                 AMBIENT_RGB * (bright * (0.12 + 0.88 * open_))[:, None]
@@ -236,7 +239,7 @@ def _sunlit(points_m: Array, normals: Array, boxes_m: Array) -> Array:
 
 
 def lit(piece: Piece) -> Array:
-    """(V, 3) display-encoded colours of all sheets, one after another, under the room's light, as whole 255ths."""
+    """(V, 3) display-encoded colours of all sheets, in order, under the room's light: multiples of 1/255."""
     boxes = np.array(piece.blockers_m, np.float32)
     lattice = _lattice(piece.sheets)
     coarse = _gathered(lattice.points_m, lattice.normals, boxes)
@@ -262,6 +265,6 @@ def lit(piece: Piece) -> Array:
 
 
 def _shoulder(x: Array) -> Array:
-    """Compresses values above 0.75 so that highlights keep their hue and drawing, and never pass 1."""
+    """Compress values above 0.75 so that highlights keep hue and detail, and never exceed 1."""
     over = np.maximum(x - 0.75, 0.0)
     return np.clip(np.minimum(x, 0.75) + over / (1 + over / 0.25), 0.0, 1.0)

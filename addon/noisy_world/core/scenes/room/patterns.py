@@ -18,7 +18,11 @@ def colour(code: str) -> Array:
 
 
 def hash01(i: NDArray[np.int64] | Array, j: NDArray[np.int64] | Array, seed: int) -> Array:
-    """A number in [0, 1) for every pair of whole numbers."""
+    """A pseudo-random number in [0, 1) for every pair of whole numbers.
+
+    The multipliers are primes of xxHash32; the final mix is the two-round hash 15-2c1b3c6d-12-297a2d39-15 that
+    hash-prospector lists.
+    """
     h = np.asarray(i).astype(np.int64).astype(np.uint32) * np.uint32(374761393)
     h = h + np.asarray(j).astype(np.int64).astype(np.uint32) * np.uint32(668265263)
     h += np.uint32(seed * 2246822519 & _MASK)
@@ -31,7 +35,7 @@ def hash01(i: NDArray[np.int64] | Array, j: NDArray[np.int64] | Array, seed: int
 
 
 def pick(index: int, seed: int, low: float = 0.0, high: float = 1.0) -> float:
-    """One number in [low, high) for a counter."""
+    """A pseudo-random number in [low, high) for an index."""
     return low + (high - low) * float(hash01(np.array([index]), np.array([seed % 9973]), seed)[0])
 
 
@@ -43,7 +47,7 @@ def noise(u: Array, v: Array, seed: int) -> Array:
     first_u, first_v = iu.min(), iv.min()
     count_u, count_v = int(iu.max() - first_u) + 2, int(iv.max() - first_v) + 2
     if count_u * count_v < 2 * iu.size:
-        # Fewer lattice points than vertices: hash each once, and look the four corners up.
+        # There are fewer lattice points than vertices: hash each point once, then look up the four corners.
         table = hash01(first_u + np.arange(count_u)[:, None], first_v + np.arange(count_v), seed).ravel()
         at = ((iu - first_u) * count_v + (iv - first_v)).astype(np.int64)
         near, far_u, far_v, far = (table[at + step] for step in (0, count_v, 1, count_v + 1))
@@ -282,7 +286,7 @@ def stripes(codes: list[str], widths_m: list[float], seed: int) -> Painter:
 
 
 def checks(codes: list[str], size_m: float, seed: int) -> Painter:
-    """Squares in colours drawn by lot, as a patchwork."""
+    """Squares in random colours, as a patchwork."""
     tones = np.array([colour(c) for c in codes])
 
     def paint(u: Array, v: Array) -> Array:

@@ -16,8 +16,8 @@ INTERIOR_MAX_M: Point = (3.25, 2.5, 2.7)
 WINDOWS_M = ((-2.3, -0.3, 0.98, 2.3), (1.05, 2.45, 0.98, 2.3))
 DOOR_M = (1.95, 2.85, 0.0, 2.06)
 DADO_M = 0.9  # top of the panelling
-REVEAL_M = 0.16
-WALL_CELL_M = 0.016
+REVEAL_M = 0.16  # depth of the windows in the wall
+WALL_CELL_M = 0.016  # distance of the walls' vertices, which carry the texture; chosen: detail against size
 
 X0, Y0, Z0 = INTERIOR_MIN_M
 X1, Y1, Z1 = INTERIOR_MAX_M
@@ -76,13 +76,13 @@ def _wall(
 
 
 def _between(columns_m: Array, low: float, high: float) -> Array:
-    """The columns from low to high, counted from low, with both ends."""
+    """The columns from low to high, both ends included, measured from low."""
     inner = columns_m[(columns_m > low + 0.002) & (columns_m < high - 0.002)]
     return np.concatenate([[0.0], inner - low, [high - low]])
 
 
 def _panelling(start: Point, along: Point, gaps: tuple[tuple[float, float], ...]) -> Piece:
-    """Skirting board and dado rail on a wall, left out where gaps (from, to) says so."""
+    """Skirting board and dado rail on a wall, left out at the gaps (from, to)."""
     dx, dy, length = along
     nx, ny = dy, -dx
     painter = pt.plain("#e4e4d6", 320, grain=0.05, grain_m=0.03, patch=0.0, fleck=0.12)

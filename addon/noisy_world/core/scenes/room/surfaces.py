@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Grids of quads, and the solids made of them: boxes, rounded boxes, lathed bodies, tubes, discs, pillows.
 
-Everything is a sheet: an open grid of R x C points that owns its vertices, so colours stay crisp at the borders of
-parts. Seen from its outer side, columns run to the right and rows upwards: column step x row step = outward normal.
+Everything is a sheet: an open grid of R x C points with its own vertices, so that colours stay sharp where parts meet.
+Seen from its outer side, columns run to the right and rows upwards: column step x row step = outward normal.
 """
 
 from collections.abc import Callable, Iterable
@@ -50,7 +50,7 @@ def joined(pieces: Iterable[Piece]) -> Piece:
 
 
 def shadeless(piece: Piece) -> Piece:
-    """The piece without blockers: for parts too thin, or too close to another blocker, to matter."""
+    """The piece without blockers: for parts too thin, or too close to another blocker, to cast a shadow of note."""
     return Piece(piece.sheets)
 
 
@@ -68,7 +68,7 @@ def grid(u_m: Array, v_m: Array) -> tuple[Array, Array]:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product over the last axis, written out because it is exact in the same order everywhere."""
+    """Cross product over the last axis, written out so that every machine rounds in the same order."""
     return np.stack(
         [
             a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1],
@@ -115,7 +115,7 @@ def rect(
 
 
 def _painted(sheets: list[Sheet], at: list[tuple[Array, Array]], paint: Painter) -> tuple[Sheet, ...]:
-    """The sheets with colours for their (u, v), from one call of the painter: calls cost more than vertices."""
+    """The sheets with colours for their (u, v), by a single call of the painter: calls cost more than vertices."""
     u, v = (np.concatenate([pair[k].ravel() for pair in at])[None] for k in (0, 1))
     parts = np.split(paint(u, v)[0], np.cumsum([pair[0].size for pair in at])[:-1])
     return tuple(
@@ -251,7 +251,7 @@ def tube(path_m: list[Point], radius_m: float | Array, sides: int, paint: Painte
     """A round bar along a path of K points; radius_m is one number or K of them. Its ends stay open."""
     path = np.array(path_m, np.float64)
     along = unit(np.gradient(path, axis=0))
-    # The axis that the path comes least near to can serve as its side everywhere.
+    # The axis that the path is least parallel to is never parallel to it, so it can define the sides everywhere.
     side = np.eye(3)[int(np.argmin(abs(along).max(0)))]
     across = unit(cross(along, np.broadcast_to(side, along.shape)))
     third = cross(along, across)
@@ -290,7 +290,7 @@ def _transformed(piece: Piece, rotation: Array, at_m: Point) -> Piece:
         return np.stack([p[..., 0] * r[0] + p[..., 1] * r[1] + p[..., 2] * r[2] for r in rotation], -1)
 
     shift = np.array(at_m, np.float64)
-    # All sheets at once: a turn costs more in calls than in vertices.
+    # All sheets at once: calls cost more than vertices.
     points = turn(np.concatenate([s.points_m.reshape(-1, 3) for s in piece.sheets])) + shift
     normals = turn(np.concatenate([s.normals.reshape(-1, 3) for s in piece.sheets]))
     ends = np.cumsum([s.points_m.size // 3 for s in piece.sheets])[:-1]
