@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
-from ..clean_frame import Camera, CleanFrame
-from ..colour import colour_of
 from ..core.datasets.images import grey_bytes, rgb_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
@@ -23,6 +21,8 @@ from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..perturbations import registry
+from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.colour import colour_of
 from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
@@ -78,7 +78,7 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
-    stored = scene.noisy_world.colour
+    stored = scene.noisy_world.pipeline.colour
     picture = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
@@ -120,7 +120,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.colour)
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.pipeline.colour)
     pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
