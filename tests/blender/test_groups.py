@@ -86,7 +86,7 @@ def test_a_group_is_read_from_left_to_right(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_no_node_lies_on_another(name):
     graph = build_group(registry()[name])
-    places = sorted(arrange(graph).places.items(), key=lambda item: item[1])
+    places = sorted(arrange(graph).positions.items(), key=lambda item: item[1])
     for (a, (x, y)), (b, (other_x, other_y)) in pairwise(places):
         if x == other_x:
             # Sockets are 22 px apart; a closed node's title takes 20.

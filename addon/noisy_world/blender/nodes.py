@@ -87,10 +87,10 @@ def _build(graph: Graph) -> bpy.types.NodeTree:
         socket.description = item.description
     plan = arrange(graph)
     frames = _frames(tree, plan)
-    made = {number: _add_node(tree, graph.nodes[number], children.get(number)) for number in plan.places}
+    made = {number: _add_node(tree, graph.nodes[number], children.get(number)) for number in plan.positions}
     entries = _entries(tree, plan, frames)
     for number, node in made.items():
-        _place(node, plan.places[number], frames.get(graph.nodes[number].section))
+        _place(node, plan.positions[number], frames.get(graph.nodes[number].section))
         for name, value in graph.nodes[number].inputs.items():
             target = _input(node, name)
             if isinstance(value, Socket):

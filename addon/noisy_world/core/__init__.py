@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What knows nothing of Blender: geometry, files, presets and datasets, on numpy alone."""
+"""Everything that needs no Blender: geometry, files, presets and datasets, with numpy alone."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The errors that a user can cause, and mend.
+"""The errors that a user can cause and mend.
 
-Every one of them becomes a single line and a non-zero exit on the command line, and a report in the status bar of the
-add-on. Anything else that is raised is a bug and keeps its traceback.
+On the command line each becomes a single line and a non-zero exit status, in the add-on a report in the status bar. Any
+other exception is a bug and keeps its traceback.
 """
 
 from pathlib import Path
@@ -28,12 +28,12 @@ class InputError(NoisyWorldError):
 
 
 class MissingDependencyError(NoisyWorldError):
-    """A library that this work needs is not installed here; the message gives the command that gets it."""
+    """A library that is needed is not installed; the message gives the command that installs it."""
 
 
 class StorageError(NoisyWorldError):
-    """The dataset cannot be written or continued where it lies: disk full, no permission, or another run's data."""
+    """The dataset cannot be written or continued in its folder: disk full, no permission, or another run's data."""
 
 
 class InterruptedRunError(NoisyWorldError):
-    """The user stopped the run; the message says how to go on."""
+    """The user stopped the run; the message says how to continue it."""

@@ -92,7 +92,7 @@ def quat_wxyz_from_rotation(rotation: ArrayLike) -> Float64:
 
 
 def continuous_quats(quats: ArrayLike) -> Float64:
-    """(..., N, 4) -> the same rotations with signs such that no two neighbours point apart; the first one stays."""
+    """(..., N, 4) -> the same rotations, signs chosen so that neighbours have dot product >= 0; the first is kept."""
     quats = np.asarray(quats, dtype=np.float64)
     dots = np.sum(quats[..., 1:, :] * quats[..., :-1, :], axis=-1)
     signs = np.ones(quats.shape[:-1])
@@ -101,17 +101,17 @@ def continuous_quats(quats: ArrayLike) -> Float64:
 
 
 def slerp(quat_a: ArrayLike, quat_b: ArrayLike, u: ArrayLike) -> Float64:
-    """(..., 4), (..., 4), (...) -> (..., 4): from a at u = 0 to b at u = 1 on the shorter way, at even speed.
+    """(..., 4), (..., 4), (...) -> (..., 4): from a at u = 0 to b at u = 1 along the shorter arc, at constant speed.
 
-    Unit quaternions in any order of components. Of two equally short ways (half turns) it takes b's own sign.
+    Unit quaternions in any order of components. At half turns both arcs are equally short; b's own sign decides.
     """
     a, b = np.asarray(quat_a, dtype=np.float64), np.asarray(quat_b, dtype=np.float64)
     b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
     u = np.asarray(u, dtype=np.float64)[..., None]
-    # The half angle by atan2 is exact for tiny ones, where acos loses half its digits.
+    # atan2 keeps all digits of tiny half angles, where acos loses half of them.
     half_angle = np.arctan2(np.linalg.norm(b - a, axis=-1), np.linalg.norm(b + a, axis=-1))[..., None]
     turns = 2.0 * half_angle / np.pi
-    # sin(u t) / sin(t) as u sinc(u t) / sinc(t): no division by zero at t = 0; t is at most a quarter turn.
+    # sin(u t) / sin(t) is u sinc(u t) / sinc(t), which does not divide by zero at t = 0; t is at most a quarter turn.
     whole = np.sinc(turns)
     return _unit((1.0 - u) * np.sinc((1.0 - u) * turns) / whole * a + u * np.sinc(u * turns) / whole * b)
 
@@ -139,7 +139,7 @@ def rotation_angle_rad(rotation_a: ArrayLike, rotation_b: ArrayLike) -> Float64:
     a, b = np.asarray(rotation_a, dtype=np.float64), np.asarray(rotation_b, dtype=np.float64)
     m = np.swapaxes(a, -1, -2) @ b
     axis = [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]]
-    # Both are twice the sine and the cosine; acos alone would lose half the digits.
+    # The arguments are twice the sine and twice the cosine; acos alone would lose half the digits.
     return np.arctan2(np.linalg.norm(np.stack(axis, axis=-1), axis=-1), np.trace(m, axis1=-2, axis2=-1) - 1.0)
 
 
@@ -193,14 +193,14 @@ def _with_camera_axes(c2w: ArrayLike, old_from_new: Float64) -> Float64:
 
 
 def _polished(nearly: Float64) -> Float64:
-    # Newton-Schulz: SVD's polar factor in a third of the time; each step squares the error, 0.015 becomes 4e-16.
+    # Newton-Schulz gives SVD's polar factor in a third of the time. Each step squares the error: 0.015 becomes 4e-16.
     for _ in range(3):
         nearly = 1.5 * nearly - 0.5 * nearly @ (np.swapaxes(nearly, -1, -2) @ nearly)
     return nearly
 
 
 def _unit(vectors: Float64) -> Float64:
-    # Scaled by the largest component first, or the squares of tiny ones would underflow.
+    # Scaled by the largest component first, or the squares of tiny components would underflow.
     largest = np.max(np.abs(vectors), axis=-1, keepdims=True)
     if np.any(largest == 0.0):
         raise ValueError("a zero quaternion is no rotation")
@@ -209,7 +209,7 @@ def _unit(vectors: Float64) -> Float64:
 
 
 def _cos_sin_deg(angle_deg: ArrayLike) -> tuple[Float64, Float64]:
-    # Whole quarter turns are taken out before radians come in: cos(90 degrees) is 0, not 6e-17.
+    # Whole quarter turns are handled in degrees, before the conversion to radians: so cos(90 degrees) is 0, not 6e-17.
     angle_deg = np.asarray(angle_deg, dtype=np.float64)
     quarters = np.round(angle_deg / 90.0)
     rest = np.deg2rad(angle_deg - 90.0 * quarters)

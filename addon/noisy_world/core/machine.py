@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What there is to know of the machine and of this process."""
+"""Facts about the machine and this process."""
 
 import ctypes
 import os
@@ -10,18 +10,18 @@ _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of gli
 
 
 def processor_features() -> list[str]:
-    """Return the instruction sets that numpy chooses its loops by: float32 exp, log and sin differ between them."""
+    """Return the instruction sets by which numpy chooses its loops; float32 exp, log and sin differ between them."""
     from numpy._core._multiarray_umath import __cpu_features__  # noqa: PLC0415 - as numpy.show_runtime does
 
     return sorted(name for name, there in __cpu_features__.items() if there)
 
 
 def peak_memory_bytes() -> int | None:
-    """Return the largest resident memory of this process so far; None where the system does not tell."""
+    """Return the largest resident memory of this process so far; None where the system does not report it."""
     if sys.platform == "win32":
         return None
     status = Path("/proc/self/status")
-    if status.exists():  # what getrusage tells on Linux counts the process that started this one
+    if status.exists():  # on Linux, getrusage includes the process that started this one
         (line,) = [line for line in status.read_text().splitlines() if line.startswith("VmHWM:")]
         return int(line.split()[1]) * 1024
     import resource  # noqa: PLC0415 - not on Windows
@@ -36,10 +36,10 @@ def available_threads() -> int:
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep the memory of freed images for the next ones, where it is glibc.
+    """Let the C library, where it is glibc, keep the memory of freed images for the next ones.
 
-    Otherwise each image is given back to the system, and its pages are made anew and cleared: a fifth of the time of
-    Blender's compositor. Peak memory stays what it is.
+    Otherwise each image's memory goes back to the system, which clears new pages for the next: a fifth of the time of
+    Blender's compositor. Peak memory does not change.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
     if mallopt is not None:

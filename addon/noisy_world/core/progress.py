@@ -1,34 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How work tells that it goes on, whoever listens: a terminal, a log, a Blender window or a test."""
+"""Reporting progress to a terminal, a log, a Blender window or a test."""
 
 import json
 import time
 from collections.abc import Callable
 from typing import Any, Protocol, TextIO
 
-MARK = (
-    "@noisy-world "  # before each message to another process; whatever else comes on the stream (Blender talks) is not
-)
+# Begins each message to another process, which tells messages from other output on the stream, such as Blender's.
+MARK = "@noisy-world "
 
 
 class Progress(Protocol):
     """A listener. Calls come from one thread."""
 
     def start(self, label: str, total: int, done: int = 0) -> None:
-        """Begin a stretch of `total` frames, of which `done` exist already."""
+        """Begin a task of `total` frames, of which `done` exist already."""
 
     def advance(self, count: int = 1) -> None:
-        """Tell that `count` more are done."""
+        """Report that `count` more frames are done."""
 
     def note(self, text: str) -> None:
-        """Say a sentence that the user should see."""
+        """Show the user a sentence."""
 
     def finish(self) -> None:
-        """End the stretch."""
+        """End the task."""
 
 
 class TerminalProgress:
-    """A bar with rate and time left, for a person who watches."""
+    """A bar with rate and time left, for a terminal."""
 
     def __init__(self, stream: TextIO) -> None:
         from tqdm import tqdm
@@ -65,7 +64,7 @@ class TerminalProgress:
 
 
 class PlainProgress:
-    """A line now and then, for a log file."""
+    """A line every few seconds, for a log file."""
 
     def __init__(self, stream: TextIO, *, every_s: float = 5.0, clock: Callable[[], float] = time.monotonic) -> None:
         self._stream = stream
@@ -77,7 +76,7 @@ class PlainProgress:
         self._open = False
 
     def start(self, label: str, total: int, done: int = 0) -> None:
-        """Say what begins."""
+        """Print the task's label and number of frames."""
         self.finish()
         self._label, self._total, self._done, self._first = label, total, done, done
         self._start_s = self._last_s = self._clock()
@@ -85,7 +84,7 @@ class PlainProgress:
         self.note(f"{label}: {total} frames" + (f", {done} there already" if done else ""))
 
     def advance(self, count: int = 1) -> None:
-        """Say the rate and the time left, at most every few seconds."""
+        """Print the rate and the time left, at most once in `every_s` seconds."""
         self._done += count
         if self._clock() - self._last_s >= self._every_s:
             self._say()
@@ -103,21 +102,21 @@ class PlainProgress:
         print(text, file=self._stream, flush=True)
 
     def finish(self) -> None:
-        """Say the last count."""
+        """Print the final count."""
         if self._open:
             self._open = False
             self._say()
 
 
 class JsonProgress:
-    """Messages for another process: lines of a mark and JSON, one key each.
+    """Messages for another process, one a line: MARK, then JSON with one key.
 
     {"start": {"label": text, "total": frames, "done": frames}}, {"advance": frames}, {"note": sentence},
-    {"finish": true}; whoever runs the work adds {"error": sentence} or {"result": sentence}.
+    {"finish": true}; the command that runs the task adds {"error": sentence} or {"result": sentence}.
     """
 
     def __init__(self, stream: TextIO, *, lost: Callable[[], object]) -> None:
-        """Write to a stream; `lost` is called when nobody reads it any more."""
+        """Write to a stream; `lost` is called when its reader is gone."""
         self._stream = stream
         self._lost = lost
 
@@ -129,32 +128,32 @@ class JsonProgress:
             self._lost()
 
     def start(self, label: str, total: int, done: int = 0) -> None:
-        """Tell what begins."""
+        """Send the task's label and number of frames."""
         self.tell({"start": {"label": label, "total": total, "done": done}})
 
     def advance(self, count: int = 1) -> None:
-        """Tell that frames are done."""
+        """Send that `count` more frames are done."""
         self.tell({"advance": count})
 
     def note(self, text: str) -> None:
-        """Pass a sentence on."""
+        """Send a sentence for the user."""
         self.tell({"note": text})
 
     def finish(self) -> None:
-        """Tell that the stretch is over."""
+        """Send that the task has ended."""
         self.tell({"finish": True})
 
 
 def read_message(line: str) -> dict[str, Any] | None:
     """Return the message in a line of another process's output; None where there is none.
 
-    Something without an end of line may stand before it: other libraries' output is buffered by the block.
+    Other output may precede it on the same line, since libraries buffer their output in blocks.
     """
     _, mark, text = line.partition(MARK)
     if not mark:
         return None
     try:
         message = json.loads(text)
-    except ValueError:  # cut off, or what looks like the mark
+    except ValueError:  # the message is cut off, or other output contains the mark
         return None
     return message if isinstance(message, dict) else None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The packages that the add-on needs beside Blender's own, and what to say where one is not there."""
+"""The packages that the add-on needs beside those of Blender, and the message where one is missing."""
 
 import importlib.util
 import sys
@@ -16,22 +16,22 @@ NEEDED = {
 
 
 def missing_packages(modules: Iterable[str] = NEEDED) -> list[str]:
-    """Return the packages, by the names under which they are installed, of the modules that cannot be imported."""
+    """Return the packages of the modules that cannot be imported, by the names under which they are installed."""
     missing = [name for name in modules if name not in sys.modules and importlib.util.find_spec(name) is None]
     return [NEEDED.get(name, name) for name in missing]
 
 
 def missing_sentence(packages: Iterable[str], where: str, remedy: str) -> str:
-    """Say in one line what is missing, for which Python, and what to do about it.
+    """Return one line: what is missing, for which Python, and what to do about it.
 
-    where: what has that Python, "this Blender's " for instance; may be empty.
+    where: whose Python it is, such as "this Blender's "; may be empty.
     """
     python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
     return f"{', '.join(packages)}: missing in {where or 'this '}{python} on {sys.platform}; {remedy}"
 
 
 def install_remedy(extension: Path) -> str:
-    """Say which zip to install instead of the extension in that folder."""
+    """Return a sentence on which zip to install instead of the extension in this folder."""
     wheels = sorted(path.name for path in (extension / "wheels").glob("*.whl"))
     if not wheels:
         return "install the zip that 'make extension' builds for this platform: it holds them"

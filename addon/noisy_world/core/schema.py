@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a plain YAML value to a frozen dataclass, with errors that name the file, the key and the nearest valid name.
+"""Turning plain YAML values into frozen dataclasses, with errors that name file, key and the nearest valid name.
 
-A dataclass describes itself: `key(...)` holds a field's meaning, unit, range and choices, and everything else (checks,
-the list of keys, later the panel's sliders) is derived from it.
+A dataclass describes itself: `key(...)` holds a field's meaning, unit, range and choices. The checks, the list of keys
+and the panel's sliders are derived from it.
 """
 
 import difflib
@@ -18,7 +18,7 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class Choice:
-    """A value that a key may have, as a person sees it: its label, and what it means."""
+    """A value that a key may have: its label for people, and its meaning."""
 
     label: str
     meaning: str
@@ -26,9 +26,9 @@ class Choice:
 
 @dataclass(frozen=True)
 class KeyInfo:
-    """What a key means. minimum and maximum are inclusive unless above is given, which is exclusive.
+    """What a key means. minimum and maximum are inclusive; above is an exclusive minimum.
 
-    choices: the texts that are allowed, where the field's type does not say.
+    choices: the allowed texts, where the field's type does not give them.
     """
 
     meaning: str
@@ -54,8 +54,8 @@ def key(
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
-    pattern: returns a sentence on what is wrong, or nothing. choices: for a field of text, the values allowed: where
-    they come from a registry, and a Literal would name them a second time.
+    pattern: a function that returns what is wrong with a text, or nothing. choices: the allowed values of a text whose
+    values come from a registry, where a Literal would repeat them.
     """
     info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices)
     return field(default=default, default_factory=default_factory, metadata={"key": info})  # type: ignore[call-overload]
@@ -63,7 +63,7 @@ def key(
 
 @dataclass(frozen=True)
 class Place:
-    """Where a value stands: the file and the keys that lead to it."""
+    """Where a value is in a preset: the file and the keys that lead to it."""
 
     file: str | Path
     path: str = ""
@@ -73,14 +73,14 @@ class Place:
         return Place(self.file, f"{self.path}.{name}" if self.path else str(name))
 
     def error(self, problem: str, remedy: str = "") -> InputError:
-        """Make the error that names this place."""
+        """Return an error that names this place."""
         return InputError(self.file, problem, where=self.path, remedy=remedy)
 
 
 def parse[T](cls: type[T], value: object, place: Place) -> T:
     """Check `value` against the dataclass `cls` and build it; raise InputError on the first thing that is wrong.
 
-    A class attribute `SHORTHAND` names the field that a value which is no mapping stands for.
+    If `cls` has a class attribute `SHORTHAND`, a value that is not a mapping sets the field of that name.
     """
     shorthand = getattr(cls, "SHORTHAND", None)
     if shorthand and not isinstance(value, Mapping):
@@ -102,14 +102,14 @@ def parse[T](cls: type[T], value: object, place: Place) -> T:
 
 
 def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
-    """Make the error for a name that does not exist, with the nearest one that does."""
+    """Return the error for an unknown name, with the nearest known one."""
     near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
     return place.error(f"unknown {kind} {name!r}", remedy)
 
 
 def describe(value: object) -> str:
-    """Name a YAML value as a person would."""
+    """Describe a YAML value in words, for messages."""
     match value:
         case None:
             return "empty"
@@ -147,7 +147,7 @@ def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> An
         return _parse_list(get_args(hint), value, place, item)
     if is_dataclass(hint) and isinstance(hint, type):
         return parse(hint, value, place)
-    if hint is Any:  # checked by whoever knows what it means
+    if hint is Any:  # checked later, by the code that uses it
         return value
     return _parse_plain(hint, value, place, item.metadata["key"])
 
@@ -211,7 +211,7 @@ def _unit(info: KeyInfo) -> str:
 
 
 def allowed_range(info: KeyInfo) -> str:
-    """Say the range of a number in words, or nothing where there is none."""
+    """Return the range of a number in words, "" where there is none."""
     low = "" if info.minimum is None else f"{info.minimum:g}"
     if info.above is not None:
         return (
@@ -225,7 +225,7 @@ def allowed_range(info: KeyInfo) -> str:
 
 
 def list_keys(cls: type, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield (key, meaning with default, unit and range) of a dataclass and of those inside it, in order."""
+    """Yield (key, meaning with default, unit and range) for a dataclass and the dataclasses inside it, in order."""
     hints = get_type_hints(cls)
     for item in fields(cls):
         info: KeyInfo = item.metadata["key"]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Counter-based random streams: any frame, in any order, on any worker, draws the same numbers.
+"""Counter-based random streams: a frame draws the same numbers in any order and on any worker.
 
 The generator is numpy's Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011). Its key
-is the first 128 bits of SHA-256 over the identifiers as canonical JSON; its counter starts at [0, 0, 0, frame], lowest
-word first. The frame goes in the highest word: in the lowest, frame k + 1 would repeat frame k a few values later.
+is the first 128 bits of SHA-256 over the identifiers as canonical JSON. Its counter starts at [0, 0, 0, frame], lowest
+word first. The frame is the highest word; as the lowest, frame k + 1 would repeat frame k, shifted by a few values.
 """
 
 import hashlib
@@ -15,11 +15,11 @@ import numpy as np
 def stream(*identifiers: str | int, frame: int = 0) -> np.random.Generator:
     """Return the generator of these identifiers and this frame, at its start.
 
-    identifiers: what the numbers are for, such as the preset's seed, scene, setting, perturbation and its place among
-    equals; order and type count: ("ab", "c"), ("a", "bc"), 1 and "1" are all different.
+    identifiers: what the numbers are for, such as the preset's seed, scene, setting, perturbation and its occurrence.
+    Order and type count: ("ab", "c"), ("a", "bc"), 1 and "1" are all different.
     frame: 0 to 2^64 - 1. Raises ValueError without identifiers or for another frame, TypeError for other types.
     """
-    # numpy counts up before it draws and carries from word to word: 2^192 blocks before a frame meets the next.
+    # numpy counts up with carry from word to word: a frame can draw 2^192 blocks before it meets the next frame's.
     counter = np.array([0, 0, 0, _checked_frame(frame)], dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=_key(identifiers), counter=counter))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A setting's perturbations of colour as one node group of groups, in propagation order, and what its sockets say."""
+"""A setting's perturbations of colour as one node group of groups, in propagation order, and the sockets' values."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -23,9 +23,9 @@ from .groups import (
 
 
 def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
-    """Describe a chain: linear light in and out, converted once at its edges, encoded values between the groups.
+    """Describe a chain: it takes and gives linear light, converts once at each end, and passes encoded values inside.
 
-    steps: of colour, in propagation order. Each one's group node is called as `step_node` says.
+    steps: of colour, in propagation order. `step_node` gives the name of each one's group node.
     """
     graph = Graph(name, "Perturbations of colour in propagation order")
     image = graph.input(IMAGE_INPUT)
@@ -49,7 +49,7 @@ def step_node(step: Step[ColourPerturbation]) -> str:
 
 
 def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
-    """Return the largest values that a step's group has to serve, where they are more than it does by default."""
+    """Return the largest values that a step's group has to serve, where these exceed the group's default capacity."""
     levels = (step.severity,) if step.levels is None else step.levels
     used = [step.parameters(level) for level in levels if level != 0]
     served = {}
@@ -63,9 +63,9 @@ def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
 def socket_values(
     step: Step[ColourPerturbation], index: int, identifiers: Identifiers, *, scene_frame: int = 0
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what a step's sockets say for a frame of a sequence, by their names; and a note for the provenance.
+    """Return a step's socket values for a frame of a sequence, by socket name, and a note for the provenance.
 
-    scene_frame: the frame that Blender's scene stands at while this one is evaluated.
+    scene_frame: the frame of Blender's scene while this frame is evaluated.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
@@ -87,5 +87,5 @@ def socket_values(
 
 
 def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Tell whether a chain's picture has to be made, from its socket values by node; without any it is the frame's."""
+    """Tell whether a chain changes the frame, from its socket values by node; a chain without steps does not."""
     return not values or any(item["Enabled"] for item in values.values())

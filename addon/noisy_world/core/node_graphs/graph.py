@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A node group described as arithmetic, before Blender makes it: sockets, nodes, sections, and a stamp of it all.
 
-A description holds no Blender object. So it is finished, or has failed, before anything in a file is touched, and two
-descriptions are the same where their stamps are.
+A description holds no Blender object. So it is complete, or has failed, before anything in a file is changed. Two
+descriptions are equal if their stamps are.
 """
 
 import hashlib
@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 type Kind = Literal["float", "int", "bool", "vector", "color"]
 type Value = "Socket | float | tuple[float, ...]"
 
-IMAGE_KINDS = ("vector", "color")  # what has several numbers at each pixel
+IMAGE_KINDS = ("vector", "color")  # the kinds with several numbers at each pixel
 INTERFACE = -1  # the node number of the group's own inputs
 
 
 @dataclass(frozen=True)
 class GroupInput:
-    """An input of the group. subtype: as Blender names it (PIXEL, ANGLE, DISTANCE, FACTOR), which gives the unit."""
+    """An input of the group. subtype: Blender's name (PIXEL, ANGLE, DISTANCE, FACTOR), which decides the unit."""
 
     name: str
     kind: Kind
@@ -49,10 +49,10 @@ class GroupOutput:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """An image that a group carries with it, for what nodes cannot make.
+    """An image that a group brings with it, for what nodes cannot make.
 
-    make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, the same for the same `version`; or the path of
-    an image file, which is carried as it is. Values are used as they stand, without colour management.
+    make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, equal for equal `version`; or the path of an
+    image file, which is used as it is. Values are used as stored, without colour management.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Node:
-    """A node: its type, what it does (properties and unlinked inputs), what is linked to it, and where it belongs."""
+    """A node: its type, its properties, its inputs (linked or not), and the section it belongs to."""
 
     idname: str
     label: str
@@ -104,7 +104,7 @@ class Socket:
         return self.graph.math("MULTIPLY", other, self)
 
     def __truediv__(self, other: Value) -> "Socket":
-        """Divide; by zero is zero, as Blender's nodes have it."""
+        """Divide; as in Blender's nodes, division by zero gives zero."""
         return self.graph.math("DIVIDE", self, other)
 
     def __rtruediv__(self, other: Value) -> "Socket":
@@ -132,7 +132,7 @@ class Socket:
 
 @dataclass(frozen=True)
 class Made:
-    """A node that was made, to ask for its outputs."""
+    """A node that was added, which gives its outputs."""
 
     graph: "Graph"
     number: int
@@ -142,7 +142,7 @@ class Made:
         return Socket(self.graph, self.number, identifier, kind)
 
 
-# What a vector node calls differently, or can do only as several.
+# Operations that Blender's Vector Math node does not have; they are built from several nodes.
 _VECTOR_OPERATIONS = {"LESS_THAN", "GREATER_THAN"}
 
 
@@ -150,8 +150,8 @@ _VECTOR_OPERATIONS = {"LESS_THAN", "GREATER_THAN"}
 class Graph:
     """A node group that is being described.
 
-    name: of the group. description: what it does, for its tooltip. category: the asset catalogue that shows it; ""
-    keeps it to the groups that use it.
+    name: of the group. description: what it does, for its tooltip. category: the asset catalogue that shows it; "" for
+    a group that only other groups use.
     """
 
     name: str
@@ -180,7 +180,7 @@ class Graph:
 
     @contextmanager
     def section(self, label: str) -> Iterator[None]:
-        """Put the nodes that are made meanwhile into a labelled frame of their own."""
+        """Put the nodes that are added inside this context into a labelled frame node."""
         before, self._section = self._section, label
         yield
         self._section = before
@@ -198,9 +198,9 @@ class Graph:
         group: "Graph | None" = None,
         name: str = "",
     ) -> Made:
-        """Add a node, or find the same one in the same section.
+        """Add a node, or return the equal one of the same section.
 
-        inputs: by identifier: a socket, or the value of an unlinked one.
+        inputs: by identifier, each a socket or the value of an unlinked input.
         """
         item = Node(idname, label, self._section, dict(properties or {}), dict(inputs), picture, group, name)
         for value in item.inputs.values():
@@ -213,7 +213,7 @@ class Graph:
         return Made(self, self._known[text])
 
     def math(self, operation: str, *values: Value, label: str = "") -> Socket:
-        """Calculate at every pixel; with images (three numbers a pixel), or with one number.
+        """Calculate at every pixel, with images (three numbers a pixel) or with one number.
 
         operation: as Blender's Math and Vector Math nodes name it; comparisons give 0 and 1.
         """
@@ -226,7 +226,7 @@ class Graph:
 
     def _vector_math(self, operation: str, values: Sequence[Value], label: str) -> Socket:
         if operation in _VECTOR_OPERATIONS:
-            # Vector Math cannot compare: the sign of the difference can.
+            # Vector Math has no comparison; the sign of the difference serves as one.
             first, second = values if operation == "GREATER_THAN" else reversed(values)
             sign = self._vector_math("SIGN", (self._vector_math("SUBTRACT", (first, second), ""),), "")
             return self._vector_math("MAXIMUM", (sign, 0.0), label)
@@ -238,7 +238,7 @@ class Graph:
         return node.out("Value", "float") if scalar else node.out("Vector", "vector")
 
     def clamp(self, value: Socket, low: Value = 0.0, high: Value = 1.0) -> Socket:
-        """Return what is at least `low` and at most `high`."""
+        """Return the value clamped to [low, high]."""
         return self.math("MINIMUM", self.math("MAXIMUM", value, low), high)
 
     def mix(self, first: Value, second: Value, share: Value) -> Socket:
@@ -250,28 +250,28 @@ class Graph:
         return self.node("ShaderNodeCombineXYZ", {"X": x, "Y": y, "Z": z}).out("Vector", "vector")
 
     def choose(self, condition: Socket, if_true: Value, if_false: Value, kind: Kind = "color") -> Socket:
-        """Return one of two; where the condition is a bool input of the group itself, the other is not calculated.
+        """Return one of two values; if the condition is a bool input of the group itself, the other is not calculated.
 
-        A condition that is calculated, even as one value for the frame, spares nothing: then choose between a frame
-        and one value before what costs time, which passes one value on for nothing.
+        With a calculated condition, even one value for the whole frame, Blender calculates both. Then choose between
+        the frame and a single value before the slow nodes: these take no time for a single value.
         """
         types = {"color": "RGBA", "vector": "VECTOR", "float": "FLOAT", "int": "INT", "bool": "BOOLEAN"}
         inputs = {"Switch": condition, "True": _as(kind, if_true), "False": _as(kind, if_false)}
         return self.node("GeometryNodeSwitch", inputs, {"input_type": types[kind]}).out("Output", kind)
 
     def picture(self, picture: Picture) -> Socket:
-        """Show an image of ours."""
+        """Add a node that gives an image of ours."""
         return self.node("CompositorNodeImage", {}, label=picture.name, picture=picture).out("Image", "color")
 
     def group(self, graph: "Graph", inputs: Mapping[str, Any], name: str = "") -> Made:
-        """Add a group node; inputs and outputs go by their names."""
+        """Add a group node; its inputs and outputs are identified by their names."""
         return self.node("CompositorNodeGroup", inputs, group=graph, label=name, name=name)
 
     # --- identity ---
 
     @property
     def stamp(self) -> str:
-        """A hash of everything that the group is; kept until something is added."""
+        """A hash of the whole description; cached until something is added."""
         size = len(self.inputs), len(self.outputs), len(self.nodes)
         if self._stamped is None or self._stamped[0] != size:
             self._stamped = size, self._hash()
@@ -319,7 +319,7 @@ def _triple(value: float | tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _as(kind: Kind, value: Value) -> Any:
-    """Return an unlinked input's value as its kind wants it."""
+    """Return an unlinked input's value in the form of its kind."""
     if isinstance(value, Socket):
         return value
     if kind == "color":
@@ -328,7 +328,7 @@ def _as(kind: Kind, value: Value) -> Any:
 
 
 def _content(item: Any) -> Any:
-    """Return what a stamp is made of."""
+    """Return the part of a description that goes into its stamp, as plain values."""
     if isinstance(item, Socket):
         return ["socket", item.node, item.output, item.kind]
     if isinstance(item, Node):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A perturbation as a node group: the sockets that every group has, around the nodes that are its own.
+"""A perturbation as a node group: the sockets and conversions that all groups share, around each group's own nodes.
 
-A group's own nodes work on sRGB-encoded values in [0, 1], as the definitions do. At its edges a group converts from and
-to scene-linear light; with `Encoded` on, it takes and gives encoded values as they are.
+A group's own nodes work on sRGB-encoded values in [0, 1], as the definitions do. A group converts from scene-linear
+light at its input and back at its output; with `Encoded` on, it takes and gives encoded values as they are.
 """
 
 import math
@@ -15,10 +15,10 @@ from ..perturbing.kinds import ColourPerturbation, Perturbation
 from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Socket, Value
 
-REFERENCE_WIDTH_PX = 1200
-SEEDS = 2**24  # whole numbers that float32 holds exactly
-PURPOSES = 32  # fields of random numbers that a group may draw for a frame
-LARGEST_FRAME = 2**24 // PURPOSES
+REFERENCE_WIDTH_PX = 1200  # of Replica's sequences, whose severities these are
+SEEDS = 2**24  # float32 holds the whole numbers below this exactly
+PURPOSES = 32  # fields of random numbers that a group may draw for a frame; chosen
+LARGEST_FRAME = 2**24 // PURPOSES  # frame x PURPOSES + purpose keys the noise and has to be exact in float32
 
 BACK = "From encoded colour"
 IMAGE_INPUT = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame")
@@ -42,10 +42,10 @@ _UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm")
 class Canvas:
     """What a perturbation builds on.
 
-    image: encoded, in [0, 1]; its alpha means nothing. width_px, height_px: of the image that arrives, one number each.
-    scale: pixels of it for one of the reference width. position_px: each pixel's column and row (x, y, 0) at the
-    reference width, whole numbers, from the upper left. drift_frames: how many frames a kept pattern has moved on.
-    depth_m: planar depth, 0 = void, in a group that asks for it.
+    image: encoded, in [0, 1]; its alpha has no meaning. width_px, height_px: of the input image, one number each.
+    scale: pixels of the input image per pixel at the reference width. position_px: each pixel's column and row
+    (x, y, 0) at the reference width, whole numbers, from the upper left. drift_frames: how many frames a kept pattern
+    has moved on. depth_m: planar depth, 0 = void, in a group that asks for it.
     """
 
     graph: Graph
@@ -59,27 +59,27 @@ class Canvas:
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
 
-    def random(self, purpose: int, place: Value = (0.0, 0.0, 0.0)) -> Socket:
-        """Return three independent uniform numbers in [0, 1] for each place, of this seed and frame.
+    def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
+        """Return three independent uniform numbers in [0, 1] for each position, of this seed and frame.
 
-        purpose: from 0 to 31, another one for other numbers at the same place. place: whole numbers x and y, such as
-        position_px; left out, the numbers are the same for the whole frame.
+        purpose: from 0 to 31; each gives other numbers at the same position. position: whole numbers x and y, such as
+        position_px; without it, the numbers are the same for the whole frame.
         """
-        return self._white_noise(purpose, place, "Color", "vector")
+        return self._white_noise(purpose, position, "Color", "vector")
 
-    def random_value(self, purpose: int, place: Value = (0.0, 0.0, 0.0)) -> Socket:
-        """Return one uniform number for each place: as `random`, for less."""
-        return self._white_noise(purpose, place, "Value", "float")
+    def random_value(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
+        """Return one uniform number in [0, 1] for each position; faster than `random`."""
+        return self._white_noise(purpose, position, "Value", "float")
 
-    def _white_noise(self, purpose: int, place: Value, output: str, kind: Kind) -> Socket:
+    def _white_noise(self, purpose: int, position: Value, output: str, kind: Kind) -> Socket:
         if not 0 <= purpose < PURPOSES or self.seed is None or self.key is None:
             raise ValueError(
                 f"{self.graph.name}: purpose {purpose} has to be from 0 to {PURPOSES - 1}, of a seeded group"
             )
         graph = self.graph
         w = graph.math("MULTIPLY_ADD", self.key, float(PURPOSES), float(purpose))
-        if isinstance(place, Socket):
-            where: Value = graph.math("ADD", place, graph.vector(0.0, 0.0, self.seed))
+        if isinstance(position, Socket):
+            where: Value = graph.math("ADD", position, graph.vector(0.0, 0.0, self.seed))
         else:
             where = graph.vector(0.0, 0.0, self.seed)
         node = graph.node("ShaderNodeTexWhiteNoise", {"Vector": where, "W": w}, {"noise_dimensions": "4D"})
@@ -87,28 +87,28 @@ class Canvas:
 
 
 def socket_name(parameter: str) -> str:
-    """Return the name of a parameter's socket: the unit is the socket's own."""
+    """Return the name of a parameter's socket: without the unit, which the socket's subtype gives."""
     for suffix in _UNIT_SUFFIXES:
         parameter = parameter.removesuffix(suffix)
     return parameter.replace("_", " ").capitalize()
 
 
 def socket_value(perturbation: Perturbation, parameter: str, value: Any) -> Any:
-    """Return a parameter's value as its socket holds it: angles in radians."""
+    """Return a parameter's value in its socket's unit: angles are radians there."""
     info = next(item for item in fields(perturbation.parameters) if item.name == parameter).metadata["key"]
     return math.radians(value) if info.unit == "deg" else value
 
 
 def seed_of(identifiers: tuple[str | int, ...]) -> int:
-    """Return the Seed of a stream: the identifiers' own random number."""
+    """Return the value of the Seed socket for a stream: a random number drawn from it."""
     return int(stream(*identifiers, "compositor").integers(SEEDS))
 
 
 def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] | None = None) -> Graph:
     """Describe the node group of a perturbation of colour.
 
-    capacity: for parameters that the number of nodes depends on, the largest value that it is to serve; by default
-    that of the perturbation. Raises NoisyWorldError where the perturbation has no group.
+    capacity: for each parameter that the number of nodes depends on, the largest value to serve; by default that of
+    the perturbation. Raises NoisyWorldError where the perturbation has no group.
     """
     if perturbation.build is None:
         raise NoisyWorldError(f"{perturbation.name}: has no node group; the backend reference carries it out")
@@ -152,13 +152,13 @@ def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] 
 
 
 def to_encoded(graph: Graph, image: Socket, encoded: Socket) -> Socket:
-    """Return the image's encoded colour in [0, 1]: converted, or as it is where it is encoded."""
+    """Return the image's encoded colour, clipped to [0, 1]; an image that is encoded already is not converted."""
     with graph.section("To encoded colour"):
         return graph.choose(encoded, image, graph.clamp(convert(graph, image, "Linear Rec.709", "sRGB")))
 
 
 def from_encoded(graph: Graph, result: Socket, image: Socket, encoded: Socket) -> Socket:
-    """Return encoded colour, clipped to [0, 1], as the image came: linear light with its alpha, or encoded."""
+    """Clip encoded colour to [0, 1] and return it as the image was given: linear light with its alpha, or encoded."""
     with graph.section(BACK):
         clamped = graph.clamp(result)
         back = convert(graph, clamped, "sRGB", "Linear Rec.709")
@@ -172,7 +172,7 @@ def _unit(perturbation: Perturbation, parameter: str) -> str:
 
 
 def _parameters(graph: Graph, perturbation: Perturbation, served: Mapping[str, float]) -> dict[str, Socket]:
-    """Add a socket for each parameter; its default is severity 3's."""
+    """Add a socket for each parameter; its default is the value at severity 3."""
     hints = get_type_hints(perturbation.parameters)
     kinds: dict[Any, Kind] = {float: "float", int: "int", bool: "bool"}
     sockets = {}
@@ -192,7 +192,7 @@ def _parameters(graph: Graph, perturbation: Perturbation, served: Mapping[str, f
 
 
 def _timing(graph: Graph, perturbation: Perturbation) -> dict[str, Socket]:
-    """Add the sockets of what is random: where nothing is, there are none."""
+    """Add the sockets that control randomness; none for a perturbation that draws nothing."""
     if not perturbation.temporals:
         return {}
     sockets = {
@@ -223,7 +223,8 @@ def _canvas(image: Socket, reference: Socket, timing: Mapping[str, Socket], dept
     width, height = size.x, size.y
     scale = graph.math("DIVIDE", width, reference, label="Pixels for a reference pixel")
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
-    # From the lower left corner of a small preview to the whole pixels of the full frame, counted from the top.
+    # From pixels of a small preview, counted from its lower left, to whole pixels of the full frame from its upper
+    # left.
     flipped = graph.vector(0.5, height - 0.5)
     centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
     position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")

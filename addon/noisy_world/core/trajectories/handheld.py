@@ -136,7 +136,7 @@ def _find_room(
         beside = ~below & (points_m[:, 2] <= height_m + reach_m)
         occupied, known = (np.bincount(cell[s], minlength=indoors.size).reshape(shape) > 0 for s in (beside, below))
         known = _closed(known & indoors)
-        # Distances are between cell centres: a cell's diagonal covers both points' positions in their cells; and the bob.
+        # Between cell centres: a cell's diagonal more covers both points' positions in their cells, then the bob.
         apart_m = clearance_m + np.sqrt(2.0) * _CELL_M + 2.0 * _BOB_M
         free = (_distance_m(occupied | ~known, apart_m) >= apart_m) & inside
         plan = _largest_part(_distance_m(~free, 2.0 * _CELL_M) > 1.5 * _CELL_M)
