@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is written and read: images, layouts, files that are whole or not there, and what is finished."""
+"""Datasets on disk: images, layouts, atomic files, and which frames are finished."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A dataset on disk: what is finished, what is missing, and the papers that say how it was made.
+"""A dataset on disk: which frames are finished, which are missing, and the text files that say how it was made.
 
-While a run lasts, `OUT/.noisy_world` holds its identity, a journal a sequence with a line for each finished frame, and
-unfinished files. When all is done the journals become each sequence's frames.jsonl and the folder goes. A frame counts
-as finished when the journal names it and its files have the hashes written there; everything else is made again. So a
-killed run, a torn line, a truncated image or a power cut cost time and nothing else.
+During a run, `OUT/.noisy_world` holds the dataset's identity, a journal for each sequence with a line for each finished
+frame, and unfinished files. At the end each journal becomes its sequence's frames.jsonl, and the folder is removed. A
+frame counts as finished if the journal names it and its files have the hashes written there; everything else is made
+again. So a killed run, a torn line, a truncated image or a power cut costs time and nothing else.
 """
 
 import contextlib
@@ -38,9 +38,9 @@ FRAMES = "frames.jsonl"
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """What is finished of a frame: its number, its time stamp, the SHA-256 of each file by name inside the sequence.
+    """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
 
-    perturbed: what was done to it, by modality; each a list of steps with name, stream, severity and parameters.
+    perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
     """
 
     frame: int
@@ -56,7 +56,7 @@ class FrameRecord:
         return json.dumps(record, separators=(", ", ": ")) + "\n"
 
     def joined(self, other: "FrameRecord") -> "FrameRecord":
-        """Return both in one: colour and depth of a frame may be finished apart."""
+        """Return both records as one: colour and depth of a frame may be finished at different times."""
         files = {**self.files, **other.files}
         perturbed = {**self.perturbed, **other.perturbed}
         return FrameRecord(
@@ -75,7 +75,7 @@ def _read_records(path: Path) -> Iterator[FrameRecord]:
 
 
 def _parse_record(line: str) -> FrameRecord | None:
-    """Read a line of a journal; None where it is torn."""
+    """Read a line of a journal; None for a torn line."""
     try:
         record = json.loads(line)
         done = dict(record.get("perturbed", {}))
@@ -104,9 +104,9 @@ class Dataset:
         self._identity: dict[str, Any] = {}
 
     def open(self, identity: dict[str, Any], *, overwrite: bool) -> None:
-        """Take the folder for a run that is described by `identity`, and keep others out.
+        """Lock the folder for a run that writes the dataset with this `identity`.
 
-        Raises StorageError where the folder holds something else, and where another run is at it.
+        Raises StorageError where the folder holds something else, or another run writes to it.
         """
         if self.out.exists() and not self.out.is_dir():
             raise StorageError(f"{self.out}: is a file, not a folder; choose another with --out")
@@ -135,12 +135,13 @@ class Dataset:
     def join(self, identity: dict[str, Any]) -> None:
         """Take part in a run that another process has opened with the same `identity`.
 
-        Raises StorageError where no run is open, and where this process would make other bytes.
+        Raises StorageError where no run is open, or where this process has another identity and would write other
+        bytes.
         """
         opened = self._identity_there() if self.scratch.is_dir() else None
         if opened is None:
             raise StorageError(f"{self.out}: no run is open here")
-        # As the file has it: JSON knows no tuples, for instance.
+        # Through JSON, as the file is: JSON turns tuples into lists, for instance.
         if difference := first_difference(opened, json.loads(canonical(identity))):
             raise StorageError(
                 f"{self.out}: the run was opened otherwise ({difference}); leave its inputs alone while it lasts, and "
@@ -148,7 +149,7 @@ class Dataset:
             )
 
     def close(self) -> None:
-        """Let go of the folder. What is finished stays for the next run; where nothing is, nothing stays."""
+        """Unlock the folder. Finished frames stay for the next run; without any, the folder is removed."""
         if self._lock is None:
             return
         if self._identity and not self.holds_frames():
@@ -160,7 +161,7 @@ class Dataset:
         self._lock = None
 
     def holds_frames(self) -> bool:
-        """Tell whether a run before this one has finished any frame."""
+        """Tell whether an earlier run has finished a frame."""
         journals = self._work.glob("*/*/journal-*.jsonl")
         return (self.out / MANIFEST).exists() or any(journal.stat().st_size for journal in journals)
 
@@ -178,11 +179,11 @@ class Dataset:
         return None
 
     def _remove_dataset(self, identity: dict[str, Any]) -> None:
-        """Remove the files of the dataset that is there, and no file that is not one of its own."""
+        """Remove the files of the dataset in the folder, and no other file."""
         with storage_errors(self.out):
             for folder in identity.get("sequences", []):
                 sequence = self.out / folder
-                for layout in LAYOUTS.values():  # what is there may have another layout than this run's
+                for layout in LAYOUTS.values():  # the dataset in the folder may have another layout than this run's
                     _remove_sequence(sequence, layout)
                 for empty in (sequence, sequence.parent):
                     with contextlib.suppress(OSError):
@@ -202,9 +203,9 @@ class Dataset:
     # --- frames ---
 
     def take_stock(self, folder: str) -> dict[int, set[str]]:
-        """Return the files of each frame of a sequence that are there as they were written.
+        """Return by frame the files of a sequence that exist as they were written.
 
-        From then on the journals alone say what is finished; records of files that were lost or damaged are dropped.
+        Records of lost or damaged files are dropped, so that from then on the journals alone say what is finished.
         """
         intact = {frame: self._intact(folder, record) for frame, record in _joined(self._recorded(folder)).items()}
         intact = {frame: record for frame, record in intact.items() if record.files}
@@ -217,7 +218,7 @@ class Dataset:
         return {frame: set(record.files) for frame, record in intact.items()}
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
-        """Return what is finished of a sequence by frame, in order."""
+        """Return the records of a sequence's finished frames by frame, in order."""
         return _joined(record for path in self._journals(folder) for record in _read_records(path))
 
     def _journals(self, folder: str) -> list[Path]:
@@ -228,14 +229,14 @@ class Dataset:
             yield from _read_records(path)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
-        """Return the record without the files that are not as it says."""
+        """Return the record without the files whose hashes are others."""
         files = {
             name: digest for name, digest in record.files.items() if sha256_of_file(self.out / folder / name) == digest
         }
         return replace(record, files=files)
 
     def journal(self, folder: str, worker: int) -> "Journal":
-        """Open the journal of a sequence for a worker, and make the sequence's folders."""
+        """Open a worker's journal of a sequence, and create the sequence's folders."""
         with storage_errors(self.out / folder):
             for name in self.format.folders:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
@@ -247,17 +248,17 @@ class Dataset:
         return sha256_of_bytes(data)
 
     def link_file(self, source: Path, folder: str, name: str) -> None:
-        """Give a sequence a file that is there already, of this dataset or of another."""
+        """Link an existing file, of this dataset or another, into a sequence."""
         link_or_copy(source, self.out / folder / name, self.scratch)
 
     def drop_frames(self, folder: str, records: Iterable[FrameRecord]) -> None:
-        """Remove the files of frames of which only a part is there, left by another choice of frames."""
+        """Remove the files of incomplete frames, which a run with other --frames left."""
         for record in records:
             for name in record.files:
                 with storage_errors(self.out / folder / name):
                     (self.out / folder / name).unlink(missing_ok=True)
 
-    # --- papers ---
+    # --- text files ---
 
     def finish_sequence(self, folder: str, texts: dict[str, str], records: Iterable[FrameRecord]) -> dict[str, str]:
         """Write a sequence's text files and its frames.jsonl; return their SHA-256 by name."""
@@ -274,8 +275,8 @@ class Dataset:
         return sha256_of_bytes(data)
 
     def seal(self) -> None:
-        """End a run that has finished everything: nothing but the dataset stays."""
-        # The identity goes last, with the lock: until then the folder is one that can be resumed.
+        """End a run that has finished everything: remove the working folder."""
+        # The identity is removed last, with the lock: until then the run can be resumed.
         with storage_errors(self._work):
             for path in sorted(self._work.iterdir()):
                 if path.name not in ("identity.json", "lock"):
@@ -295,10 +296,10 @@ class Journal:
         self._path = path
 
     def append(self, record: FrameRecord) -> None:
-        """Add a frame whose files are in place."""
+        """Add a frame whose files are written."""
         line = record.line().encode()
         with storage_errors(self._path):
-            if self._file.write(line) != len(line):  # an unbuffered write may stop short at a full disk
+            if self._file.write(line) != len(line):  # an unbuffered write may write only a part when the disk is full
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def close(self) -> None:
@@ -307,7 +308,7 @@ class Journal:
 
 
 def _remove_sequence(folder: Path, layout: Layout) -> None:
-    """Remove the files that a sequence in a layout may have, and the folders inside it that are empty then."""
+    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then."""
     for pattern in (*layout.patterns, FRAMES):
         for path in folder.glob(pattern):
             path.unlink()
@@ -321,7 +322,7 @@ def _remove_sequence(folder: Path, layout: Layout) -> None:
 
 
 def _cut_torn_line(path: Path) -> None:
-    """Remove what a killed process left after the last whole line, lest the next line be glued to it."""
+    """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
     with contextlib.suppress(FileNotFoundError):
         data = path.read_bytes()
         if data and not data.endswith(b"\n"):
@@ -329,15 +330,15 @@ def _cut_torn_line(path: Path) -> None:
                 file.truncate(data.rfind(b"\n") + 1)
 
 
-def first_difference(there: Any, here: Any, place: str = "") -> str | None:
-    """Name the first place in which two JSON values differ, with both values, or None."""
+def first_difference(there: Any, here: Any, where: str = "") -> str | None:
+    """Return the keys of the first difference of two JSON values, with both values as text, or None."""
     if isinstance(there, dict) and isinstance(here, dict):
         parts = [(name, there.get(name), here.get(name)) for name in sorted({*there, *here})]
     elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
         parts = [(str(index), left, right) for index, (left, right) in enumerate(zip(there, here, strict=True))]
     else:
-        return None if there == here else f"{place} was {_short(there)}, is {_short(here)}"
-    inside = (first_difference(left, right, f"{place}.{name}" if place else name) for name, left, right in parts)
+        return None if there == here else f"{where} was {_short(there)}, is {_short(here)}"
+    inside = (first_difference(left, right, f"{where}.{name}" if where else name) for name, left, right in parts)
     return next((found for found in inside if found), None)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A contact sheet of a dataset: a few frames of each sequence, colour above and depth below, if new there."""
+"""A contact sheet of a dataset: a few frames of each sequence, colour above depth, without repeating what is equal."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .layouts import OutputFormat
 
+# Chosen, so that the sheet fits a screen's width and its text can be read.
 COLUMNS = 5
 TILE_WIDTH_PX = 320
 GAP_PX = 8
@@ -67,7 +68,7 @@ def draw_overview(
 
 
 def _first_of_scene(folders: Sequence[str]) -> dict[str, str]:
-    """Return for each sequence, `setting/scene`, the first one of its scene."""
+    """Return for each sequence (`setting/scene`) the first sequence of its scene."""
     first: dict[str, str] = {}
     return {folder: first.setdefault(_scene(folder), folder) for folder in folders}
 
@@ -96,7 +97,7 @@ def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:
     import cv2
 
     steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    # Depth is picked, not averaged: between two surfaces there is none.
+    # Nearest pixel: averaging would make depths between two surfaces, where there is nothing.
     return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / output.depth_scale_per_m
 
 
@@ -105,7 +106,7 @@ def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
 
 
 def colour_depth(depth_m: NDArray[np.floating], near_m: float, far_m: float) -> NDArray[np.uint8]:
-    """Return planar depth (H, W) in metres, 0 = void, as colours (H, W, 3): from near_m, warm, to far_m; void grey."""
+    """Return planar depth (H, W) in metres, 0 = void, as colours (H, W, 3): from warm, near_m, to cold; void is grey."""
     import cv2
 
     level = np.clip((far_m - depth_m) / max(far_m - near_m, 1e-9), 0, 1)  # near is warm

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a dataset was made from and with: everything that can reach a byte of it."""
+"""A dataset's provenance: its identity, which is everything that decides its bytes, and its manifest."""
 
 import platform
 import re
@@ -13,7 +13,7 @@ import numpy as np
 from ..machine import processor_features
 from ..planning.plan import Plan
 
-FORMAT = 1
+FORMAT = 1  # version of the identity and the manifest; raised when their keys change
 
 CONVENTIONS = {
     "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
@@ -26,7 +26,7 @@ GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values
 
 
 def package_version() -> str:
-    """Return this package's version, which blender_manifest.toml alone holds: beside the package or at the top."""
+    """Return this package's version from blender_manifest.toml, its only source: in the package or a folder above."""
     package = Path(__file__).resolve().parents[2]
     for folder in (package, *package.parents[:2]):
         manifest = folder / "blender_manifest.toml"
@@ -42,7 +42,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
 
     renderer: the versions of what renders, by name.
 
-    Which frames a run makes (--frames) is no part of it: frames keep their numbers and their bytes.
+    Which frames a run makes (--frames) is not part of it: frames keep their numbers and their bytes.
     """
     import cv2
     import OpenEXR

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are either whole or not there, and a lock that a killed process gives back."""
+"""Atomic files, which are written completely or not at all, and a lock that is released even by a killed process."""
 
 import contextlib
 import errno
@@ -30,10 +30,10 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
-    """Write a file so that under its name there is the whole content or what was there before.
+    """Write a file atomically: under its name is either the whole new content or what was there before.
 
     scratch: a folder on the same file system for the unfinished file. A power cut can still lose what the system had
-    not brought to the disk; hashes, checked when a dataset is taken up again, find that.
+    not yet written to the disk; the hashes, which are checked when a run is resumed, reveal that.
 
     Raises StorageError; the unfinished file is removed.
     """
@@ -60,12 +60,12 @@ def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
             write_atomic(target, source.read_bytes(), scratch)
             return
         unfinished.replace(target)
-        # Renaming one name of a file onto another of the same file does nothing, and leaves both.
+        # Renaming one name of a file to another name of the same file does nothing, so both would stay.
         unfinished.unlink(missing_ok=True)
 
 
 def _unfinished(scratch: Path, path: Path) -> Path:
-    """Return a name in the scratch folder that nobody else uses: threads write files of one name for many folders."""
+    """Return a unique name in the scratch folder: threads write files of equal names for different folders."""
     return scratch / f"{os.getpid()}-{next(_UNFINISHED)}-{path.name}"
 
 
@@ -84,7 +84,7 @@ def sha256_of_file(path: Path) -> str | None:
 
 
 class FolderLock:
-    """Keeps two runs out of one dataset. The system lets go of it when the process ends, however it ends."""
+    """Keeps a second run out of a dataset. The system releases the lock however the process ends."""
 
     def __init__(self, path: Path) -> None:
         """Take the lock or raise StorageError at once."""
@@ -96,25 +96,25 @@ class FolderLock:
             if not _try_lock(self._file.fileno()):
                 self._file.close()
                 raise StorageError(f"{path.parent.parent}: another run is writing here; wait for it, or stop it")
-            # The run before may have removed the file between our opening and our locking it.
+            # An earlier run may have removed the file between our opening and our locking it; then try again.
             with contextlib.suppress(FileNotFoundError):
                 if path.stat().st_ino == os.fstat(self._file.fileno()).st_ino:
                     return
             self._file.close()
 
     def release(self) -> None:
-        """Let go, leaving the file to whoever removes the folder."""
+        """Release the lock; the file itself stays until its folder is removed."""
         self._file.close()
 
 
 def _try_lock(descriptor: int) -> bool:
     try:
         if sys.platform == "win32":
-            import msvcrt  # noqa: PLC0415 - only there
+            import msvcrt  # noqa: PLC0415 - on Windows only
 
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
         else:
-            import fcntl  # noqa: PLC0415 - not there
+            import fcntl  # noqa: PLC0415 - not on Windows
 
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sequences that are on disk already: their files, and their frames, read as they are needed."""
+"""Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from ..trajectories.trajectory import Trajectory
 
-PAIRING_S = 0.02  # the TUM benchmark's own tolerance between stamps that belong together
+PAIRING_S = 0.02  # the greatest difference of stamps that belong together; the default of TUM's associate.py
 
 type StampedFile = tuple[float, Path]
 """A time stamp in seconds, and a file."""
@@ -22,9 +22,9 @@ type StampedFile = tuple[float, Path]
 
 @dataclass(frozen=True)
 class StoredFrame:
-    """One frame on disk; its images are read when they are asked for.
+    """A frame on disk, whose images are read on request.
 
-    colour: what its colour image holds, "rgb" or 8-bit "grey"; None where it is something else.
+    colour: what its colour image holds, "rgb" or 8-bit "grey"; None if it holds something else.
     """
 
     rgb_file: Path
@@ -34,7 +34,7 @@ class StoredFrame:
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded; grey in three alike. Raises InputError where the file is no image."""
+        """Colour (H, W, 3), RGB, sRGB-encoded; grey in three equal channels. Raises InputError if it is no image."""
         import cv2
 
         return np.ascontiguousarray(_read_image(self.rgb_file, cv2.IMREAD_COLOR)[..., ::-1])
@@ -52,10 +52,10 @@ class StoredFrame:
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """A sequence on disk: its pairs of images, its ground truth and how it counts depth.
+    """A recording: its pairs of images, its ground truth and its depth scale.
 
-    trajectory: the colour camera's poses, one for each pair of images. depth_scale_per_m: steps a metre.
-    camera: its intrinsics, where the layout tells them.
+    trajectory: the colour camera's poses, one for each pair of images. depth_scale_per_m: steps per metre.
+    camera: its intrinsics, or None where the layout does not hold them.
     """
 
     folder: Path
@@ -68,7 +68,7 @@ class StoredSequence:
 
     @cached_property
     def _first_image(self) -> tuple[tuple[int, int], str | None]:
-        """Width and height of the first colour image, and what it holds."""
+        """Width and height of the first colour image in pixels, and what it holds."""
         import cv2
 
         pixels = _read_image(self.rgb_files[0], cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
@@ -78,7 +78,7 @@ class StoredSequence:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of its first image."""
+        """Width and height of its first image in pixels."""
         return self._first_image[0]
 
     @property
@@ -95,9 +95,9 @@ class StoredSequence:
 def pair_by_stamp(
     folder: Path, rgb: Sequence[StampedFile], depth: Sequence[StampedFile], poses: Path, path: Trajectory
 ) -> tuple[tuple[Path, ...], tuple[Path, ...], Trajectory]:
-    """Return the colour images that have a depth image and a pose near them in time, with these, in the same order.
+    """Return the colour images that have a depth image and a pose within PAIRING_S, with these, in the same order.
 
-    poses: the file of the path. The frames' stamps are those of the poses. Raises InputError where there is none.
+    poses: the file of the path. The frames' stamps are those of the poses. Raises InputError where no image has both.
     """
     depth_stamps_s = np.array([stamp_s for stamp_s, _ in depth])
     pairs: list[tuple[Path, Path, int]] = []

@@ -87,5 +87,5 @@ def socket_values(
 
 
 def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Tell whether a chain changes the frame, from its socket values by node; a chain without steps does not."""
+    """Tell whether a chain has to be evaluated: one of its nodes is enabled, or it has none and gives the frame."""
     return not values or any(item["Enabled"] for item in values.values())

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a perturbation is, and what a setting does to a sequence."""
+"""Perturbations: their kinds, the steps of a setting, and carrying them out."""

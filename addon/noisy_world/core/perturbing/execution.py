@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where each kind of perturbation is carried out: the one place that calls `apply` and `choose`."""
+"""Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,10 +32,10 @@ type Notes = list[dict[str, Any]]
 def split_motion(
     steps: MotionSteps,
 ) -> tuple[MotionPart, MotionPart]:
-    """Return the steps that end with poses elsewhere, and the choices after them.
+    """Split steps of motion after the last one that moves poses.
 
-    The first part reaches up to and with the last step that moves poses, so what it sees has to be rendered; the second
-    shows frames of that. Steps of severity 0 do nothing and are in neither.
+    The first part leads to other poses, so its frames have to be rendered; the second only chooses among these frames.
+    Steps of severity 0 do nothing and are in neither.
     """
     active = tuple(step for step in steps if step.severity != 0)
     moves = [place for place, step in enumerate(active) if step.perturbation.apply is not None]
@@ -44,7 +44,7 @@ def split_motion(
 
 
 def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -> Trajectory:
-    """Carry out steps of motion on a path, in order. identifiers: of the sequence.
+    """Return a path after steps of motion, carried out in order. identifiers: of the sequence.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
@@ -66,7 +66,7 @@ def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -
 
 
 def chosen_poses(steps: MotionSteps, count: int, identifiers: Identifiers) -> NDArray[np.int64] | None:
-    """Return which of `count` poses the choices among the steps show, (N,), one after another; None without a choice.
+    """Return (N,): the numbers of the poses that are shown, of `count`, after all choices; None without a choice.
 
     identifiers: of the sequence. Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
@@ -80,7 +80,7 @@ def chosen_poses(steps: MotionSteps, count: int, identifiers: Identifiers) -> ND
 
 
 def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Trajectory:
-    """Return the chosen poses of a path, at the stamps of a path of that length; all of it for None."""
+    """Return the chosen poses of a path, with the path's first stamps; the whole path for None."""
     if chosen is None:
         return trajectory
     return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[: len(chosen)])
@@ -128,7 +128,7 @@ def perturb_rgb(
 def perturb_colour(
     step: Step[ColourPerturbation], rgb: NDArray[np.float32], severity: float | None, context: FrameContext
 ) -> NDArray[np.float32]:
-    """Carry out one step on (H, W, 3) float32; what comes back may lie outside [0, 1]. context: the step's own."""
+    """Carry out one step on (H, W, 3) float32; the result may lie outside [0, 1]. context: the step's own."""
     if step.perturbation.needs_depth and context.read_depth_m is None:
         raise TypeError(f"{step.perturbation.name} needs the frame's depth")
     made = step.perturbation.apply(rgb, step.parameters(severity), context)
@@ -173,10 +173,10 @@ def _checked_image(step: Step[Any], made: NDArray[np.float32], before: NDArray[n
 def paired_depth(
     steps: Sequence[Step[PairingPerturbation]], count: int, identifiers: Identifiers
 ) -> NDArray[np.int64] | None:
-    """Return for each of `count` frames the frame whose depth goes with it, (count,); None without steps.
+    """Return (count,): for each frame the one whose depth is paired with it, -1 if it is left out; None without steps.
 
-    -1 stands where the frame is left out. A later step shifts what the ones before have paired; what one leaves out
-    stays out. identifiers: of the sequence. Raises NoisyWorldError naming a perturbation that breaks its contract.
+    Each step acts on the pairs that the steps before it made; a frame that is left out stays out.
+    identifiers: of the sequence. Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
     paired: NDArray[np.int64] | None = None
     for step in steps:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a perturbation is: four typed kinds, each with the signature of its own execution, and the order of the stages.
+"""The four kinds of perturbation, each with the signature of its execution, and the order of the stages.
 
 A perturbation is one file with a `PERTURBATION`. Presets, panels, sockets, `--list` and the tests are derived from it.
 """
@@ -18,28 +18,28 @@ from ..streams import stream
 from ..trajectories.trajectory import Trajectory
 
 type Identifiers = tuple[str | int, ...]
-"""What names random streams: the preset's seed, the scene, the setting; then the perturbation and its occurrence."""
+"""Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
 type ColourStage = Literal["environment", "lens", "sensor", "post"]
 type Stage = Literal["motion", ColourStage, "depth", "pairing"]
-"""A stage of the image's way, in the order of propagation of "From Perfect to Noisy World Simulation"."""
+"""A stage of propagation, as in "From Perfect to Noisy World Simulation"; STAGES has them in order."""
 
 STAGES: tuple[Stage, ...] = ("motion", "environment", "lens", "sensor", "post", "depth", "pairing")
 COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
 
 type Temporal = Literal["fresh", "fixed", "drift"]
-"""How a random pattern goes on from frame to frame: redrawn, kept, or moved smoothly."""
+"""How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""
 
-SEVERITIES = (1, 2, 3, 4, 5)
-RESERVED = ("severity", "mode", "levels", "temporal")  # keys that stand beside the parameters in a preset
+SEVERITIES = (1, 2, 3, 4, 5)  # as ImageNet-C and the paper
+RESERVED = ("severity", "mode", "levels", "temporal")  # keys of every perturbation in a preset, beside its parameters
 
 
-# --- what an execution is told ---
+# --- what an execution is given ---
 
 
 @dataclass(frozen=True)
 class SequenceContext:
-    """What a perturbation of motion or of pairing is told: the randomness that belongs to it in a sequence."""
+    """What a perturbation of motion or pairing is given: its own random streams in a sequence."""
 
     identifiers: Identifiers
 
@@ -52,14 +52,14 @@ class SequenceContext:
 
 @dataclass(frozen=True)
 class FrameContext:
-    """What a perturbation of colour or depth is told beside its image.
+    """What a perturbation of colour or depth is given beside its image.
 
-    index: the frame's number in its sequence. identifiers: name the streams; every frame draws the same numbers alone
-    as in the whole sequence. temporal: how patterns go on. stamp_s: the frame's time stamp, seconds. intrinsics: of the
-    camera that took the image. Both are None only where a library's caller did not give them.
-    read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` describe it.
+    index: the frame's number in its sequence. identifiers: of its random streams; a frame made alone draws the same
+    numbers as in the whole sequence. temporal: how patterns change from frame to frame. stamp_s: the frame's time
+    stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
+    not give them. read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
 
-    Two contexts are equal where their randomness is: index, identifiers and temporal count.
+    Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
     """
 
     index: int
@@ -71,23 +71,23 @@ class FrameContext:
     read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
 
     def stream(self, *purpose: str) -> np.random.Generator:
-        """Return a generator of this frame's own."""
+        """Return the generator of this frame."""
         return stream(*self.identifiers, *purpose, frame=self.index)
 
     def pattern_stream(self, *purpose: str) -> np.random.Generator:
-        """Return the generator of what `temporal` keeps: this frame's own, or the sequence's."""
+        """Return the generator of a pattern: this frame's where patterns are fresh, else the sequence's."""
         if self.temporal == "fresh":
             return self.stream(*purpose)
         return stream(*self.identifiers, *purpose, "sequence")
 
     @property
     def drift_frames(self) -> int:
-        """How many frames a kept pattern has moved on: 0 unless it drifts."""
+        """By how many frames a kept pattern has moved on: 0 unless it drifts."""
         return self.index if self.temporal == "drift" else 0
 
     @property
     def rgb(self) -> NDArray[np.float32]:
-        """Clean colour (H, W, 3), sRGB-encoded in [0, 1], not to be written to.
+        """Clean colour (H, W, 3), sRGB-encoded in [0, 1], read-only.
 
         Raises TypeError for a perturbation that does not say needs_rgb.
         """
@@ -97,7 +97,7 @@ class FrameContext:
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
-        """Clean planar depth (H, W), metres, 0 = void, not to be written to.
+        """Clean planar depth (H, W), metres, 0 = void, read-only.
 
         Raises TypeError for a perturbation that does not say needs_depth.
         """
@@ -115,36 +115,42 @@ def _read_only(image: NDArray[np.float32]) -> NDArray[np.float32]:
 # --- the kinds ---
 
 type MotionApply = Callable[[Trajectory, Any, SequenceContext], Trajectory]
-"""A path; parameters; context -> other poses, as many, with the same stamps."""
+"""A path; parameters; context -> a path of the same number of poses, with the same stamps."""
 
 type MotionChoose = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
-"""The number of poses; parameters; context -> (N,) indices of the poses that are shown, one after another.
+"""The number of poses; parameters; context -> (N,) indices of the poses that are shown, in this order.
 
-From 1 to as many indices as there are poses, in any order, repeated or not. Stamps are the first N of the path's.
+N is from 1 to the number of poses; indices may repeat. The frames' stamps are the path's first N.
 """
 
 type ColourApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
-"""(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array alike. The input is left alone.
+"""(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array of the same shape and type.
 
-The result may lie outside [0, 1]: whoever calls clips.
+The input is not changed. The result may lie outside [0, 1]: the caller clips it.
 """
 
 type BytesApply = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
-"""(H, W, 3) uint8 RGB; parameters; context -> a new array alike. The input is left alone.
+"""(H, W, 3) uint8 RGB; parameters; context -> a new array of the same shape and type. The input is not changed.
 
-Byte for byte what `apply` makes of `rgb / np.float32(255)`, rounded by `images.rgb_bytes`: a faster way, no other one.
+The result is byte for byte that of `apply` on `rgb / np.float32(255)`, rounded by `images.rgb_bytes`; only faster.
 """
 
 type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
-"""groups.Canvas; a socket for each parameter, sizes in pixels of the image that arrives, angles in degrees; the largest
-values to be served -> the socket of the perturbed image, encoded as the canvas's. It may lie outside [0, 1].
+"""groups.Canvas; a socket for each parameter, sizes in pixels of the input image, angles in degrees; the largest values
+to serve -> the socket of the perturbed image, encoded as the canvas's. The result may lie outside [0, 1].
 """
 
 type DepthApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
-"""(H, W) float32 planar depth, metres, 0 = void; parameters; context -> a new array alike. The input is left alone."""
+"""(H, W) float32 planar depth, metres, 0 = void; parameters; context -> a new array of the same shape and type.
+
+The input is not changed.
+"""
 
 type PairingApply = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
-"""The number of frames; parameters; context -> (count,) the frame whose depth goes with each; -1: it is left out."""
+"""The number of frames; parameters; context -> (count,) for each frame the one whose depth is paired with it.
+
+-1 leaves the frame out.
+"""
 
 
 @dataclass(frozen=True)
@@ -162,16 +168,16 @@ class Distribution:
 class Perturbation:
     """What all kinds share; a perturbation is one of the four kinds below.
 
-    name: as in presets: small letters, digits and underscores. label: as in panels. stage: its place in the order of
-    propagation. order: its place inside the stage; ours go in steps of 10, equal ones by name. parameters: a frozen
-    dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
-    severities: for each parameter that severity sets, its value at severities 1 to 5; {} where there is no severity.
-    source: of those values. temporals: what `temporal` may be; () where no pattern is random from frame to frame.
+    name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of propagation.
+    order: its rank inside the stage; ours are multiples of 10, and names decide between equal ones. parameters: a
+    frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
+    severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
+    source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
     counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the installed package
-    that brought it, set where it is found; None for our own.
+    that brought it, set when it is found; None for our own.
 
-    Raises ValueError for a name, parameters or severities that are not like this, and for a parameter with the name of
-    one of the keys that every perturbation has in a preset.
+    Raises ValueError for a name, parameters or severities that are not as described, and for a parameter with the name
+    of a key that every perturbation has in a preset.
     """
 
     name: str
@@ -200,7 +206,7 @@ class Perturbation:
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, which presets use otherwise")
 
     def at_severity(self, severity: float, **given: Any) -> Any:
-        """Return the parameters of a severity, linearly between the table's; `given` stand over them.
+        """Return the parameters at a severity, interpolated linearly in the table; `given` override them.
 
         severity: 1 to 5. Raises ValueError for any other: 0 is the identity, which has no parameters, and between 0
         and 1 there is nothing to interpolate from.
@@ -216,10 +222,10 @@ class Perturbation:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionPerturbation(Perturbation):
-    """Acts on the camera's path, once on a sequence: it moves poses, or chooses among them. One of the two is given.
+    """Acts on the camera's path, once in a sequence: it moves poses, or chooses among them. One of the two is given.
 
-    apply: other poses; what is seen from them is rendered again. choose: which poses are shown; nothing is rendered
-    again. Raises ValueError where both or neither are given, or temporals.
+    apply: returns other poses, from which frames are rendered again. choose: returns which poses are shown; nothing is
+    rendered again. Raises ValueError where both or neither are given, or temporals.
     """
 
     stage: Stage = field(default="motion", init=False)
@@ -237,11 +243,10 @@ class MotionPerturbation(Perturbation):
 class ColourPerturbation(Perturbation):
     """Acts on a colour image; several of the same name may act after one another.
 
-    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, where a
-    frame comes as bytes, goes as bytes and nothing else stands between. build: the same definition as a compositor node
-    group; None where there is none. capacity: for parameters that the number of its nodes depends on, the largest value
-    that the group serves by default. needs_depth: the context holds the frame's depth, and the group has an input for
-    it.
+    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used where
+    it is the only step on a frame that is read as bytes. build: the same definition as a compositor node group, or
+    None. capacity: for each parameter that the number of its nodes depends on, the largest value that the group serves
+    by default. needs_depth: the context holds the frame's depth, and the group has an input for it.
 
     Raises ValueError for another stage.
     """
@@ -272,7 +277,7 @@ class DepthPerturbation(Perturbation):
 
 @dataclass(frozen=True, kw_only=True)
 class PairingPerturbation(Perturbation):
-    """Acts, once on a sequence, on which depth goes with which colour.
+    """Acts, once in a sequence, on which depth is paired with which colour.
 
     Raises ValueError where temporals are given.
     """
@@ -292,7 +297,7 @@ KINDS: tuple[type[Perturbation], ...] = (
     PairingPerturbation,
 )
 SEQUENCE_KINDS = (MotionPerturbation, PairingPerturbation)
-"""Kinds that act on a whole sequence: each of their perturbations at most once, at one severity."""
+"""The kinds that act on a whole sequence: a setting has each of their perturbations at most once, at one severity."""
 
 
 def _check_parameters(name: str, parameters: type) -> None:
@@ -316,10 +321,10 @@ def _check_no_temporals(perturbation: Perturbation) -> None:
 
 
 def kind_name(perturbation: Perturbation) -> str:
-    """Return the kind in a word: motion, colour, depth or pairing."""
+    """Return the kind's name: motion, colour, depth or pairing."""
     return type(perturbation).__name__.removesuffix("Perturbation").lower()
 
 
 def propagation_key(perturbation: Perturbation) -> tuple[int, int, str]:
-    """Return what perturbations are sorted by: stage, order, name."""
+    """Return the key by which perturbations are sorted: stage, order, name."""
     return STAGES.index(perturbation.stage), perturbation.order, perturbation.name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a preset says of its settings, read into steps and checked."""
+"""Reading a preset's settings into steps, and checking them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -12,7 +12,7 @@ from .steps import Backend, Setting, Step
 
 type Registry = Mapping[str, Perturbation]
 
-DEFAULT_SEVERITY = 3.0
+DEFAULT_SEVERITY = 3.0  # chosen: the middle one; node groups have its values as their defaults
 
 
 def parse_settings(
@@ -20,7 +20,7 @@ def parse_settings(
 ) -> tuple[Setting, ...]:
     """Read the preset's settings: SettingSpec items with `name` and `perturb`, or with `sweep`.
 
-    backend: of the settings that name none.
+    backend: for settings that name none.
 
     Raises InputError naming the key.
     """
@@ -46,7 +46,7 @@ def parse_settings(
 
 
 def _swept(sweep: Any, place: Place, registry: Registry, backend: Backend) -> list[Setting]:
-    """Make a setting of each name, severity and mode: `fog_s3`, `fog_s3_dynamic`."""
+    """Return a setting for each name, severity and mode, called `fog_s3`, `fog_s3_dynamic` and so on."""
     settings = []
     for (index, name), severity, mode in product(enumerate(sweep.perturb), sweep.severities, sweep.modes):
         where = place.at("perturb").at(index)

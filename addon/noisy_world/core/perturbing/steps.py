@@ -2,7 +2,7 @@
 """What a setting does to a sequence: its perturbations in the order of propagation.
 
 The order is the paper's, whatever the order in the preset: motion, then colour (environment, lens, sensor,
-post-processing) and depth, then pairing; within a stage as each perturbation says.
+post-processing) and depth, then pairing. Within a stage, each perturbation's `order` decides.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,8 +28,9 @@ type Backend = Literal["compositor", "reference"]
 class Step[Kind: Perturbation]:
     """One perturbation of a setting.
 
-    occurrence: its number among those of the same name, from 0. severity: None where parameters alone are given.
-    levels: what each frame's severity is drawn from, in dynamic mode. given: parameters that stand over the severity's.
+    occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
+    given. levels: the severities that each frame's is drawn from in dynamic mode. given: parameters that override the
+    severity's.
     """
 
     perturbation: Kind
@@ -40,7 +41,7 @@ class Step[Kind: Perturbation]:
     given: Mapping[str, Any]
 
     def context(self, where: FrameContext) -> FrameContext:
-        """Return what this step is told of a frame. where: the frame, with the identifiers of its sequence.
+        """Return this step's context for a frame. where: the frame, with the identifiers of its sequence.
 
         Other images are handed on only to a perturbation that says that it needs them.
         """
@@ -54,11 +55,11 @@ class Step[Kind: Perturbation]:
         )
 
     def sequence_context(self, identifiers: Identifiers) -> SequenceContext:
-        """Return what this step is told of a whole sequence. identifiers: the sequence's."""
+        """Return this step's context for a whole sequence. identifiers: the sequence's."""
         return SequenceContext((*identifiers, self.perturbation.name, self.occurrence))
 
     def severity_of(self, context: FrameContext) -> float | None:
-        """Return the severity of a frame; in dynamic mode it is drawn, evenly and for each frame alone."""
+        """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame."""
         if self.levels is None:
             return self.severity
         return self.levels[int(context.stream("severity").integers(len(self.levels)))]
@@ -70,7 +71,7 @@ class Step[Kind: Perturbation]:
         return self.perturbation.at_severity(severity, **self.given)
 
     def note(self, context: FrameContext, severity: float | None) -> dict[str, Any]:
-        """Say for the provenance what is done to a frame."""
+        """Return a record of what is done to a frame, for frames.jsonl."""
         done: dict[str, Any] = {"name": self.perturbation.name, "stream": list(context.identifiers)}
         if severity is not None:
             done["severity"] = severity
@@ -86,7 +87,7 @@ def steps_of_kind[Kind: Perturbation](steps: Iterable[Step[Any]], kind: type[Kin
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of the benchmark: a name and what is done to every scene, in propagation order. None is clean.
+    """A setting of the benchmark: a name, and its steps in propagation order. Without steps it is clean.
 
     backend: what executes the steps of colour.
     """
@@ -97,35 +98,35 @@ class Setting:
 
     @property
     def motion(self) -> tuple[Step[MotionPerturbation], ...]:
-        """What is done to the path."""
+        """The steps that act on the path."""
         return steps_of_kind(self.steps, MotionPerturbation)
 
     @property
     def rgb(self) -> tuple[Step[ColourPerturbation], ...]:
-        """What is done to colour."""
+        """The steps that act on colour."""
         return steps_of_kind(self.steps, ColourPerturbation)
 
     @property
     def depth(self) -> tuple[Step[DepthPerturbation], ...]:
-        """What is done to depth."""
+        """The steps that act on depth."""
         return steps_of_kind(self.steps, DepthPerturbation)
 
     @property
     def pairing(self) -> tuple[Step[PairingPerturbation], ...]:
-        """What is done to which depth goes with which colour."""
+        """The steps that act on which depth is paired with which colour."""
         return steps_of_kind(self.steps, PairingPerturbation)
 
     @property
     def composited(self) -> bool:
-        """Whether Blender's compositor has something to do."""
+        """Whether Blender's compositor executes a step."""
         return self.backend == "compositor" and bool(self.rgb)
 
     @property
     def needs_depth(self) -> bool:
-        """Whether something is done to colour that depends on depth."""
+        """Whether a step of colour depends on depth."""
         return any(step.perturbation.needs_depth for step in self.rgb)
 
     @property
     def needs_rgb(self) -> bool:
-        """Whether something is done to depth that depends on colour."""
+        """Whether a step of depth depends on colour."""
         return any(step.perturbation.needs_rgb for step in self.depth)

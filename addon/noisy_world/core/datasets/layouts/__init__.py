@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dataset layouts, each an object in a file of its own, writer and reader together."""
+"""Dataset layouts: each is an object in its own file, which both writes and reads."""
 
 from pathlib import Path
 
@@ -27,9 +27,9 @@ LAYOUTS: dict[str, Layout] = {layout.name: layout for layout in (ReplicaLayout()
 
 
 def find_sequence(folder: Path) -> StoredSequence:
-    """Find the files of a sequence; each layout says whether it is one of its own.
+    """Find the files of a sequence by the layout that recognises its folder.
 
-    Raises InputError where none or several do, and where files are missing or do not match.
+    Raises InputError where no layout or several recognise it, and where files are missing or do not match.
     """
     found = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
     if len(found) == 1:

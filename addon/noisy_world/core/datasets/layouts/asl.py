@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that the ASL format is made of, as EuRoC has them: data.csv, with nanoseconds, and sensor.yaml.
+"""Reading and writing the files of the ASL format as EuRoC has them: data.csv, with nanoseconds, and sensor.yaml.
 
-Nothing here knows where such a file lies.
+Where these files lie in a sequence is decided in `euroc`.
 """
 
 import math
@@ -28,16 +28,15 @@ from ...trajectories.trajectory import Trajectory
 from ..stored import StampedFile, read_text
 from .layout import lines
 
-STAMP_DIGITS = 19  # those of the largest 64-bit integer, so that sorting by name is sorting by time
+STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
 LARGEST_NS = 2**63 - 1
 IMAGES_HEADER = "#timestamp [ns],filename"
-POSES_HEADER = (
-    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"  # EuRoC's own
-)
-POSE_COLUMNS = (8, 17)  # 17: velocities and biases of an IMU too
+# The first columns of EuRoC's own header.
+POSES_HEADER = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+POSE_COLUMNS = (8, 17)  # 17 with an IMU's velocities and biases
 DEPTH_SCALE_KEY = "depth_scale_per_m"
 
-# As for trajectory files: what is off by rounding is mended, what is off by more is a mistake.
+# As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
 _QUAT_NORM_TOLERANCE = 1e-2
 
@@ -46,20 +45,20 @@ _QUAT_NORM_TOLERANCE = 1e-2
 
 
 def nanoseconds(stamp_s: float) -> int:
-    """Return a stamp in nanoseconds: those of the shortest decimal that is this float64.
+    """Return a stamp in nanoseconds: those of the shortest decimal number that reads back to this float64.
 
-    Around 1.3e9 s a float64 is known to 2.4e-7 s only: its own digits after that would look exact and mean nothing.
+    Around 1.3e9 s, float64 numbers are 2.4e-7 s apart: further digits would look exact and mean nothing.
     """
     return int((Decimal(repr(float(stamp_s))) * 10**9).to_integral_value(ROUND_HALF_EVEN))
 
 
 def stamp_text(stamp_s: float) -> str:
-    """Return a stamp as the names of the images have it: nanoseconds, 19 digits."""
+    """Return a stamp as in the images' names: nanoseconds, 19 digits."""
     return f"{nanoseconds(stamp_s):0{STAMP_DIGITS}d}"
 
 
 def stamps_problem(stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
-    """Say why these stamps cannot name files, or nothing where they can."""
+    """Return why these stamps cannot name files, or "" where they can."""
     before = -1
     for frame, stamp_s in enumerate(stamps_s):
         stamp_ns = nanoseconds(stamp_s)
@@ -75,14 +74,14 @@ def stamps_problem(stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
 
 
 def images_csv(names: Sequence[str]) -> str:
-    """Return the list of a camera's images, which are called by their stamps."""
+    """Return the list of a camera's images, which are named after their stamps."""
     return lines([IMAGES_HEADER, *(f"{name.partition('.')[0]},{name}" for name in names)])
 
 
 def poses_csv(path: Trajectory) -> str:
     """Return the poses of a body: t [ns], p [m], q (w first), body-to-world; numbers read back to the same float64."""
     quats = continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3]))
-    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 makes -0.0 plain 0.0
+    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
     rows = zip(map(stamp_text, path.stamps_s), values.tolist(), strict=True)
     return lines([POSES_HEADER, *(",".join([stamp, *map(repr, row)]) for stamp, row in rows)])
 
@@ -122,7 +121,7 @@ def read_poses_csv(path: Path) -> Trajectory:
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
-    """Yield where each row stands, and its cells without the blanks around them."""
+    """Yield for each row where it is ("line 3"), and its cells without the blanks around them."""
     for number, line in enumerate(read_text(path).splitlines(), 1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield f"line {number}", [cell.strip() for cell in line.split(",")]
@@ -156,7 +155,7 @@ def _check_order(path: Path, stamps_s: Sequence[float]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class AslSensor:
-    """What a sensor.yaml says. body_from_sensor (4, 4): T_BS; camera, depth_scale_per_m: None where it says none."""
+    """The content of a sensor.yaml. body_from_sensor: T_BS (4, 4). camera, depth_scale_per_m: None if not given."""
 
     body_from_sensor: NDArray[np.float64]
     camera: Intrinsics | None
@@ -172,7 +171,7 @@ def sensor_yaml(
     rate_hz: float | None = None,
     depth_scale_per_m: float | None = None,
 ) -> str:
-    """Return a sensor.yaml. rate_hz: None where a single frame has none."""
+    """Return the text of a sensor.yaml. rate_hz: None for a single frame, which has no rate."""
     matrix = (",\n" + " " * 9).join(", ".join(map(repr, row)) for row in (body_from_sensor + 0.0).tolist())
     rows = [
         f"sensor_type: {kind}",
@@ -205,7 +204,7 @@ def sensor_yaml(
 
 
 def read_sensor_yaml(path: Path) -> AslSensor:
-    """Read a sensor.yaml. Raises InputError for a camera that is no plain pinhole, and for what is not as it should."""
+    """Read a sensor.yaml. Raises InputError for a camera that is no plain pinhole, and for missing or wrong values."""
     document = _load_yaml(path)
     return AslSensor(_body_from_sensor(path, document), _camera(path, document), _depth_scale(path, document))
 
@@ -213,7 +212,7 @@ def read_sensor_yaml(path: Path) -> AslSensor:
 def _load_yaml(path: Path) -> dict[str, Any]:
     import yaml
 
-    # Some tools put OpenCV's own first line before it, which is no YAML.
+    # Some tools begin the file with OpenCV's line %YAML:1.0, which is not valid YAML.
     text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
     try:
         document = yaml.safe_load(text)

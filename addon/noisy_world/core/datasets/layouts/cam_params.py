@@ -25,12 +25,13 @@ def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
 
 
 def read_depth_scale(folder: Path) -> float | None:
-    """Return the depth scale, steps a metre, of a sequence's cam_params.json; None where there is no such file.
+    """Return the depth scale, steps per metre, of a sequence's cam_params.json; None where there is no such file.
 
-    It lies in the folder above the sequence's; where it does not, in the sequence's own. Raises InputError.
+    It is looked for in the folder above the sequence's, then in the sequence's own. Raises InputError for a wrong
+    scale.
     """
-    for place in (folder.parent, folder):
-        path = place / CAM_PARAMS
+    for parent in (folder.parent, folder):
+        path = parent / CAM_PARAMS
         if path.is_file():
             try:
                 scale = float(json.loads(path.read_text(encoding="utf-8"))["camera"]["scale"])

@@ -32,23 +32,23 @@ COLOUR = f"{MAV}/cam0"
 DEPTH = f"{MAV}/depth0"
 TRUE_STATE = f"{MAV}/state_groundtruth_estimate0"
 NOMINAL_STATE = f"{MAV}/state_nominal0"
-# Text numbers of the same pose differ by less; a sensor that is really elsewhere differs by more.
-_SAME_PLACE = 1e-9
+# Two texts of the same pose differ by less than this, sensors at different poses by more. Chosen.
+_SAME_POSE = 1e-9
 
 
 class EurocLayout(Layout):
     """`mav0/cam0`, `mav0/depth0`, `mav0/state_groundtruth_estimate0`, each a `data.csv` and a `sensor.yaml`.
 
-    Images are called by their time stamps, in nanoseconds. The body is the robot where there is one, else the colour
-    camera itself.
+    Images are named after their time stamps in nanoseconds. The body is the robot if there is one, else the colour
+    camera.
     """
 
     name = "euroc"
     label = "EuRoC ASL"
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
-    colours = ("grey", "rgb")  # Basalt ends at an image that is not one channel
-    depth_scale_per_m = 5000.0  # that of TUM, so that depth passes from one to the other untouched
+    colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
+    depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
     conventions: ClassVar[dict[str, str]] = {
         "pose": "body-to-world; T_BS of a sensor.yaml is sensor-to-body; camera axes x right, y down, z forward "
         "(OpenCV); metres; world z up",
@@ -76,7 +76,7 @@ class EurocLayout(Layout):
         return f"{DEPTH}/data/{stamp_text(stamp_s)}.png"
 
     def stamps_problem(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
-        """Say which stamp cannot name a file."""
+        """Return which stamp cannot name a file, or ""."""
         return stamps_problem(stamps_s)
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
@@ -90,7 +90,7 @@ class EurocLayout(Layout):
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
             comment = "grey of colour" if facts.format.colour == "grey" else "colour"
             texts[f"{COLOUR}/data.csv"] = images_csv(names)
-            # What ORB-SLAM3 takes as its file of times: a line is an image's name without its ending.
+            # The file of times that ORB-SLAM3 asks for: each line is an image's name without its suffix.
             texts[f"{COLOUR}/timestamps.txt"] = lines([PurePosixPath(name).stem for name in names])
             texts[f"{COLOUR}/sensor.yaml"] = sensor_yaml(
                 "camera", comment, body_from_rgb, camera=facts.camera, rate_hz=rate_hz
@@ -108,7 +108,7 @@ class EurocLayout(Layout):
             )
         states = {TRUE_STATE: (chosen.robot or chosen.rgb, "where the body was")}
         if chosen.nominal is not None:
-            # It is the colour camera's, as the other layouts have it; here it is told as the body's.
+            # The nominal path is the colour camera's; this layout holds poses of the body.
             rgb_from_body = Sensor(invert_pose(body_from_rgb))
             states[NOMINAL_STATE] = (
                 sensor_trajectory(chosen.nominal, rgb_from_body),
@@ -124,18 +124,18 @@ class EurocLayout(Layout):
         return (folder / MAV).is_dir()
 
     def read(self, folder: Path) -> StoredSequence:
-        """Find the images and poses whose stamps lie near one another; poses become the colour camera's."""
-        for place, what in ((COLOUR, "colour"), (DEPTH, "depth")):
-            if not (folder / place / "data.csv").is_file():
-                remedy = f"{place} has to be there: a sequence needs colour and depth"
-                raise InputError(folder / place / "data.csv", f"is not there: no {what}", remedy=remedy)
-        rgb, depth = (read_images_csv(folder / place / "data.csv") for place in (COLOUR, DEPTH))
-        colour_file, depth_file = (folder / place / "sensor.yaml" for place in (COLOUR, DEPTH))
+        """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""
+        for sensor, what in ((COLOUR, "colour"), (DEPTH, "depth")):
+            if not (folder / sensor / "data.csv").is_file():
+                remedy = f"{sensor} has to be there: a sequence needs colour and depth"
+                raise InputError(folder / sensor / "data.csv", f"is not there: no {what}", remedy=remedy)
+        rgb, depth = (read_images_csv(folder / sensor / "data.csv") for sensor in (COLOUR, DEPTH))
+        colour_file, depth_file = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
         colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
         if depth_sensor.depth_scale_per_m is None:
             problem = f"holds no {DEPTH_SCALE_KEY}"
             raise InputError(depth_file, problem, remedy="add it: the steps of the depth images a metre")
-        if np.abs(colour_sensor.body_from_sensor - depth_sensor.body_from_sensor).max() > _SAME_PLACE:
+        if np.abs(colour_sensor.body_from_sensor - depth_sensor.body_from_sensor).max() > _SAME_POSE:
             problem = f"T_BS is not that of {COLOUR}, but depth has to be the colour camera's"
             raise InputError(depth_file, problem, remedy="register the depth images to the colour camera")
         poses = folder / TRUE_STATE / "data.csv"
@@ -147,5 +147,5 @@ class EurocLayout(Layout):
 
 
 def _rate_hz(path: Trajectory) -> float | None:
-    """Return how many frames a second there are; None of a single frame."""
+    """Return the frames per second; None for a single frame."""
     return None if len(path) == 1 else 1 / float(np.median(np.diff(path.stamps_s)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a dataset layout is, and the form that a dataset is written in."""
+"""What a dataset layout is, and the format that a dataset is written in."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -26,13 +26,13 @@ _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
 
 
 class Layout(ABC):
-    """How a dataset lies on disk: which file is called what, the text files beside the images, and how it is read.
+    """How a dataset lies on disk: the names of its files, the text files beside the images, and how it is read.
 
-    name: in presets. label, meaning: for people. images: the kinds that colour may be stored as, and colours: in colour
-    or in grey; of both the first is the default. depth_scale_per_m: steps of the depth images a metre, where a preset
-    gives none. conventions: where they are others than the manifest has for all layouts. patterns: glob patterns of
-    every file that may lie in a sequence's folder, and setting_files: the names of those in a setting's folder, for who
-    removes a dataset.
+    name: in presets. label, meaning: for people. images: the image kinds that colour may be stored as. colours: "rgb",
+    "grey" or both. The first of each is the default. depth_scale_per_m: steps of the depth images per metre, unless a
+    preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
+    all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
+    Patterns and setting_files say what to remove when a dataset is replaced.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -49,7 +49,7 @@ class Layout(ABC):
 
     @property
     def summary(self) -> str:
-        """What it is and which images it takes, in a sentence."""
+        """A sentence on what the layout is and which images it takes."""
         return f"{self.meaning[0].upper()}{self.meaning[1:]}; {' or '.join(_SPOKEN[kind] for kind in self.images)}"
 
     @abstractmethod
@@ -61,7 +61,7 @@ class Layout(ABC):
         """Return the name of a frame's depth image."""
 
     def stamps_problem(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
-        """Say why frames with these stamps cannot be written, or nothing where they can."""
+        """Return why frames with these stamps cannot be written, or "" where they can."""
         del stamps_s
         return ""
 
@@ -85,10 +85,10 @@ class Layout(ABC):
 
 @dataclass(frozen=True)
 class OutputFormat:
-    """What a dataset is written as.
+    """The format that a dataset is written in: its layout and what a preset may choose besides.
 
-    modalities: "rgb", "depth" or both. depth_scale_per_m: steps of the 16-bit depth images a metre. depth_beyond: what
-    becomes of depth that 16 bits do not hold: void (0), or the farthest that they do.
+    modalities: "rgb", "depth" or both. depth_scale_per_m: steps of the 16-bit depth images per metre. depth_beyond:
+    what depth becomes that 16 bits cannot hold: void (0), or the farthest depth that they hold.
     """
 
     layout: Layout
@@ -117,13 +117,13 @@ class OutputFormat:
         return self.layout.setting_texts(camera, self.depth_scale_per_m)
 
     def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
-        """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as the dataset's colour images are."""
+        """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset."""
         if self.colour == "grey":
             return encode_colour(grey_bytes(rgb), self.image)
         return encode_colour(rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb), self.image)
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
-        """Encode planar depth (H, W) in metres, 0 = void, as the dataset's depth images are."""
+        """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
         return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
 
 
@@ -143,17 +143,17 @@ class FrameNames:
         return self.format.layout.depth_name(frame, float(self.stamps_s[frame]))
 
     def of(self, frame: int) -> set[str]:
-        """Return the names of the images that a frame has: those of the dataset's modalities."""
+        """Return the names of a frame's images, one for each modality of the dataset."""
         found = {"rgb": self.rgb, "depth": self.depth}
         return {found[modality](frame) for modality in self.format.modalities}
 
 
 @dataclass(frozen=True, eq=False)
 class SequenceFacts:
-    """What the text files of a sequence tell.
+    """The content of a sequence's text files.
 
-    frames: the numbers of the frames that there are. paths: of the whole sequence, whose i-th frame has the i-th pose.
-    rig: where the sensors sit on the robot; None where the colour camera is all there is.
+    frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
+    rig: the sensors' poses on the robot; None where there is no rig.
     """
 
     format: OutputFormat
@@ -164,7 +164,7 @@ class SequenceFacts:
 
     @cached_property
     def chosen(self) -> SensorPaths:
-        """The paths of the frames that there are."""
+        """The paths of the frames that exist."""
         rows = list(self.frames)
         return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
 
@@ -178,15 +178,15 @@ PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")
 
 
 def path_suffix(name: str) -> str:
-    """Return what tells a path's file from the colour camera's: "_robot" for the robot's, for instance."""
+    """Return the suffix in the name of a path's file: "" for the colour camera's, "_robot" for the robot's."""
     return "" if name == "rgb" else f"_{name}"
 
 
 def numbered(name: str) -> tuple[str, ...]:
-    """Return glob patterns of a file that is called by its frame's number, in the place of {}: 6 digits, or 7."""
+    """Return glob patterns of files named after their frame's number, of 6 digits or 7, which replaces {} in `name`."""
     return tuple(name.format("[0-9]" * digits) for digits in (6, 7))
 
 
 def lines(rows: Sequence[str]) -> str:
-    """Return lines of text, each with its end."""
+    """Return the rows as text, each ended by a line feed."""
     return "".join(f"{row}\n" for row in rows)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Replica's layout, that of iMAP and NICE-SLAM."""
+"""The layout of the Replica sequences that iMAP and NICE-SLAM read."""
 
 import re
 from pathlib import Path
@@ -50,7 +50,7 @@ class ReplicaLayout(Layout):
         return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
 
     def recognises(self, folder: Path) -> bool:
-        """Tell whether there is a folder of results."""
+        """Tell whether there is a folder `results`."""
         return (folder / RESULTS).is_dir()
 
     def read(self, folder: Path) -> StoredSequence:

@@ -41,7 +41,7 @@ class TumLayout(Layout):
         return f"depth/{frame:06d}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
-        """Return a file of poses for each path, a list for each modality, and where there are two the pairs."""
+        """Return a file of poses for each path, a list for each modality, and the pairs if there are two modalities."""
         stamps = [f"{stamp_s:.6f}" for stamp_s in facts.chosen.rgb.stamps_s]
         names, modalities = facts.names, facts.format.modalities
         rgb = [f"{stamp} {names.rgb(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
@@ -56,7 +56,7 @@ class TumLayout(Layout):
         return texts
 
     def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
-        """Return cam_params.json: the benchmark has no file of intrinsics of its own."""
+        """Return cam_params.json, as the benchmark has no file of intrinsics of its own."""
         return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
 
     def recognises(self, folder: Path) -> bool:
@@ -64,7 +64,7 @@ class TumLayout(Layout):
         return (folder / "rgb.txt").is_file()
 
     def read(self, folder: Path) -> StoredSequence:
-        """Find the images and poses whose stamps lie near one another."""
+        """Find images and poses with close stamps."""
         rgb, depth = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
         poses = folder / "groundtruth.txt"
         rgb_files, depth_files, trajectory = pair_by_stamp(folder, rgb, depth, poses, read_trajectory(poses))
