@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noisy World: clean 3D scenes in, noisy RGB-D worlds out.
 
-As a Blender extension it adds a tab to the 3D view's sidebar; scenes, trajectories and presets are used through the
-library and through headless/generate.py as well, and none of them needs the tab.
+As a Blender extension it adds a tab to the 3D view's sidebar. The library and headless/generate.py use the same scenes,
+trajectories and presets without the tab.
 """
 
 from pathlib import Path
@@ -11,8 +11,8 @@ from pathlib import Path
 def register() -> None:
     """Show the tab.
 
-    Raises ImportError where packages are missing, or where an installed one brings perturbations that cannot be had;
-    Blender says its message without a traceback for the words it begins with.
+    Raises ImportError where packages are missing, or an installed one brings perturbations that cannot be loaded.
+    Blender shows a message that begins with "Add-on not loaded: " without a traceback.
     """
     from .core.errors import NoisyWorldError  # noqa: PLC0415
     from .core.requirements import install_remedy, missing_packages, missing_sentence  # noqa: PLC0415

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an author of perturbations imports: the four kinds, what they are told, and what a node group is built on.
+"""What an author of perturbations imports: the four kinds, their contexts, and what node groups are built with.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 

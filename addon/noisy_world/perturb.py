@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The perturbations as a library: one array, or the frames of a sequence that exists. No Blender is needed.
+"""The perturbations as a library: for one image, or for the frames of a recording. No Blender is needed.
 
 from noisy_world.perturb import apply, frames
 
@@ -42,11 +42,11 @@ def apply[Pixel: (np.uint8, np.float32)](
     stamp_s: float | None = None,
     **values: Any,
 ) -> NDArray[Pixel]:
-    """Perturb one colour or depth image; the input is left alone.
+    """Perturb one colour or depth image; the input is not changed.
 
     image: (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], for a perturbation of colour; (H, W) float32 planar
     depth in metres, 0 = void, for one of depth. The result has the same shape and type.
-    name: of the perturbation, such as "fog". seed, frame: name the random stream; the same ones, the same pixels.
+    name: of the perturbation, such as "fog". seed, frame: decide the random stream; equal ones give equal pixels.
     depth_m: (H, W) float32 planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
     an image of colour, for the perturbations of depth that depend on it. intrinsics, stamp_s: of the image, for
     perturbations that ask for them; stamp_s in seconds.
@@ -117,11 +117,11 @@ def frames(
 ) -> Iterator[PerturbedFrame]:
     """Perturb a sequence in any layout, frame by frame, without writing anything.
 
-    perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name): name
-    the random streams; a preset with the same ones makes the same pixels. intrinsics: of the sequence's camera, for
+    perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name):
+    decide the random streams; a preset with equal ones makes equal pixels. intrinsics: of the sequence's camera, for
     perturbations that ask for them.
 
-    Raises InputError for a folder that holds no sequence, and for what a preset could not say either.
+    Raises InputError for a folder that holds no sequence, and for values that a preset could not have.
     """
     stored = find_sequence(Path(folder))
     whole = Setting(setting, parse_steps(perturb, Place("frames"), registry()))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A clean frame on its way to the files: its images, decoded once, and what perturbations are told of it."""
+"""A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,33 +44,34 @@ class CleanFrame:
         return self.rgb / np.float32(255) if self.rgb.dtype == np.uint8 else self.rgb.astype(np.float32, copy=False)
 
     def byte_rgb(self) -> NDArray[np.uint8]:
-        """Return colour (H, W, 3) as bytes, rounded where it is not yet."""
+        """Return colour (H, W, 3) as uint8, rounded if it is float."""
         return self.rgb if self.rgb.dtype == np.uint8 else rgb_bytes(self.rgb)
 
     def read_depth_m(self) -> NDArray[np.float32]:
-        """Return the depth, for who reads it later."""
+        """Return the depth; a function that contexts can hand on."""
         return self.depth_m
 
     def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
-        """Return the file that holds an image just as a dataset would write it, where there is one already."""
+        """Return an existing file that holds an image exactly as a dataset would write it, or None."""
         return self._image.file_as(modality, format_)
 
 
 @dataclass(frozen=True)
 class Camera:
-    """What is known of the camera beside its images.
+    """What is known about the camera beside its images.
 
-    intrinsics: None where they are not. stamps_s: (N,) time stamps of the path's frames, seconds; a sequence's i-th
-    frame has the i-th.
+    intrinsics: None where unknown. stamps_s: (N,) time stamps of the path's frames, seconds; frame i of a sequence has
+    the i-th.
     """
 
     intrinsics: Intrinsics | None
     stamps_s: NDArray[np.float64]
 
     def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
-        """Return what perturbations are told of a frame of a sequence.
+        """Return the context of a frame of a sequence.
 
-        frame: the number that names its randomness: the frame's own or, for depth, that of the frame it was taken with.
+        frame: the number that decides its random streams: the frame's own or, for depth, that of the frame with which
+        the depth was taken.
         """
         setting = sequence.setting
         return FrameContext(
@@ -84,4 +85,4 @@ class Camera:
 
 
 type Perturbed = tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]
-"""(H, W, 3) colour, None where nothing changes it; and what was done, for the provenance."""
+"""(H, W, 3) colour, or None where no step changes it; and a record of what was done, for frames.jsonl."""

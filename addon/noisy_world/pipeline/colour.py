@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Perturbed colour, by Blender's compositor or by the reference: both are asked here, in the same words."""
+"""Perturbed colour, by Blender's compositor or by the reference, behind one interface."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,26 +15,26 @@ if TYPE_CHECKING:
     from ..blender.compositor import Compositor
 
 type Colours = Mapping[tuple[str, int], Callable[[], Perturbed]]
-"""By a sequence's folder and the number of its frame: what gives its colour. Called once, in any thread."""
+"""By a sequence's folder and a frame's number: a function that returns its colour; called once, in any thread."""
 
 
 class ColourExecutor(Protocol):
     """Carries out the perturbations of colour."""
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
-        """Perturb a clean frame for each sequence and frame of it that shows it."""
+        """Perturb a clean frame for each pair of a sequence and a frame of it that shows the clean one."""
         ...
 
 
 class ReferenceColour:
-    """numpy and OpenCV. The work is done where the result is asked for, beside the rendering."""
+    """numpy and OpenCV. The work is done when the result is asked for, in the writer's threads beside the rendering."""
 
     def __init__(self, camera: Camera) -> None:
-        """Take what is known of the camera."""
+        """Keep the camera."""
         self._camera = camera
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
-        """Return what perturbs each frame when it is called."""
+        """Return for each frame a function that perturbs it."""
         return {(sequence.folder, frame): partial(self._one, clean, sequence, frame) for sequence, frame in asked}
 
     def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> Perturbed:
@@ -42,7 +42,7 @@ class ReferenceColour:
 
 
 class CompositorColour:
-    """Blender's compositor, which works in the main thread alone: the work is done at once."""
+    """Blender's compositor, which works only in the main thread, so the work is done at once."""
 
     def __init__(self, compositor: "Compositor") -> None:
         """Take the compositor with a chain for each sequence's folder."""
@@ -53,7 +53,7 @@ class CompositorColour:
         made: dict[tuple[str, int], Callable[[], Perturbed]] = {}
         waiting = list(asked)
         while waiting:
-            # A chain gives one picture an evaluation; a sequence that shows the source frame twice waits its turn.
+            # A chain gives one image per evaluation; a sequence that shows the source frame twice takes another one.
             turn = {sequence.folder: (sequence, frame) for sequence, frame in reversed(waiting)}
             waiting = [item for item in waiting if item not in turn.values()]
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
@@ -75,7 +75,7 @@ class Colour:
         self._executors = executors
 
     def of(self, clean: CleanFrame) -> Colours:
-        """Return what gives the colour of each frame that shows a clean one perturbed."""
+        """Return a function for the colour of each frame that shows the clean one perturbed."""
         colours: dict[tuple[str, int], Callable[[], Perturbed]] = {}
         for executor, sequences in self._executors.items():
             asked = [(sequence, frame) for sequence in sequences for frame in sequence.showing("rgb", clean.source)]
@@ -88,7 +88,7 @@ class Colour:
 def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int, int]) -> Iterator[Colour]:
     """Prepare the executors that sequences need.
 
-    size_px: width and height of the frames; the width is the one that sizes in pixels are meant at.
+    size_px: width and height of the frames; parameters in pixels refer to this width.
     """
     perturbed = [item for item in sequences if item.frames and item.setting.rgb]
     composited = [item for item in perturbed if item.setting.composited]

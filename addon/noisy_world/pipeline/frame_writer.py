@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a frame that was rendered or read to the files of every sequence that shows it."""
+"""Writing a frame that was rendered or read into the files of every sequence that shows it."""
 
 import threading
 from collections import deque
@@ -18,7 +18,7 @@ from ..core.planning.source import Modality
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours
 
-# Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
+# Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
 ENCODERS = 2
 
@@ -26,7 +26,7 @@ ENCODERS = 2
 class FrameWriter:
     """Perturbs, encodes and writes frames in threads beside the rendering, for every sequence that shows them.
 
-    What several sequences show alike is written once and linked.
+    An image that several sequences share is written once and linked.
     """
 
     def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
@@ -42,11 +42,11 @@ class FrameWriter:
         self._lock = threading.Lock()
 
     def submit(self, clean: CleanFrame, colours: Colours) -> int:
-        """Hand over a clean frame; wait while too many wait. Return how many were finished meanwhile.
+        """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
 
-        colours: what gives the colour of each frame that shows it perturbed.
+        colours: functions for the colour of each frame that shows it perturbed.
 
-        Raises what went wrong with an earlier frame.
+        Raises the error of an earlier frame, if there was one.
         """
         self._waiting.append(self._pool.submit(self._write, clean, colours))
         finished = 0
@@ -56,7 +56,7 @@ class FrameWriter:
         return finished
 
     def drain(self) -> int:
-        """Wait for all; return how many were finished."""
+        """Wait for all queued frames; return how many were finished."""
         finished = len(self._waiting)
         while self._waiting:
             self._waiting.popleft().result()
@@ -103,7 +103,7 @@ class FrameWriter:
     def _write_one_depth(
         self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", taken: int, name: str
     ) -> tuple[str, list[dict[str, Any]]]:
-        """Write the depth of a frame, perturbed as it was taken; return the file's SHA-256 and what was done."""
+        """Write the depth that was taken with a frame, perturbed; return the file's SHA-256 and what was done."""
         depth_m, notes = None, []
         if sequence.setting.depth:
             context = self._camera.context(sequence, taken, clean)
@@ -120,14 +120,14 @@ class FrameWriter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        # What waits is let go where an error ends the run: the next run makes it again.
+        # After an error, queued frames are dropped; the next run makes them.
         self._pool.shutdown(wait=True, cancel_futures=True)
         for journal in self._journals:
             journal.close()
 
 
 class CleanFiles:
-    """The clean images of one frame, each encoded when it is first needed, and from then on linked."""
+    """The clean images of one frame, each encoded when it is first needed and linked afterwards."""
 
     def __init__(self, dataset: Dataset, clean: CleanFrame) -> None:
         self._dataset = dataset

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run did, and how fast."""
+"""The report of a run: what it did, and how fast."""
 
 from dataclasses import dataclass, field
 
 
 @dataclass
 class Report:
-    """What a run did: what goes to run.json and to the user."""
+    """What a run did, for run.json and for the user."""
 
     frames_rendered: int = 0
     frames_kept: int = 0
@@ -20,7 +20,7 @@ class Report:
 
     @property
     def frames_per_s(self) -> float | None:
-        """Frames a second from the first frame on, loading not counted."""
+        """Frames per second from the first frame on, without loading."""
         return self.frames_rendered / self.rendering_s if self.frames_rendered and self.rendering_s > 0 else None
 
     def merge(self, other: "Report") -> None:
@@ -34,7 +34,7 @@ class Report:
         self.notes += [note for note in other.notes if note not in self.notes]
 
     def content(self) -> dict[str, object]:
-        """Return what run.json says."""
+        """Return the content of run.json."""
         rate = self.frames_per_s
         return {
             "frames_rendered": self.frames_rendered,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Plan -> render once -> write for every setting -> dataset: the only orchestration there is."""
+"""A run: it renders a plan's frames once, writes them for every setting, and completes the dataset."""
 
 import shutil
 import threading
@@ -29,14 +29,14 @@ from .frame_writer import FrameWriter
 from .report import Report
 
 type Work = dict[str, list[int]]
-"""Source frames to be rendered, by the name of the render."""
+"""The source frames to render, by the name of the render."""
 
 type Workers = Callable[[list[Work], Progress], Report]
-"""Runs each of several pieces of work in a process of its own and returns when all are done."""
+"""A function that carries out each of several pieces of work in its own process, and returns when all are done."""
 
 
 class Run:
-    """One run of a plan into a folder."""
+    """A run: one execution of a plan into a folder."""
 
     def __init__(
         self,
@@ -51,7 +51,8 @@ class Run:
     ) -> None:
         """Prepare a run.
 
-        stop: when set, the run ends after the frame in hand. workers: what runs the jobs where there are several.
+        stop: when set, the run ends after the current frame. workers: what starts the processes where there are
+        several.
         """
         self._plan = plan
         self._progress = progress
@@ -64,10 +65,10 @@ class Run:
         self.report = Report(jobs=jobs)
 
     def make_dataset(self) -> Report:
-        """Make the dataset, or what is missing of it.
+        """Make the dataset, or the part of it that is missing.
 
-        Raises InterruptedRunError when stopped, StorageError when the disk refuses; what is finished stays, and the
-        same run again goes on from there.
+        Raises InterruptedRunError when stopped, StorageError when the disk cannot be written. Finished frames stay, and
+        another run of the same plan continues from there.
         """
         start_s = time.perf_counter()
         made_from = self._identity()
@@ -94,7 +95,7 @@ class Run:
         return self.report
 
     def take_part(self, work: Work, worker: int) -> Report:
-        """Render a piece of the work of a run that another process has opened.
+        """Render a part of the work of a run that another process has opened.
 
         Raises StorageError where that run was opened with other inputs or versions than this process finds.
         """
@@ -106,7 +107,7 @@ class Run:
         return identity(self._plan, renderer_versions(self._plan))
 
     def _missing(self) -> Work:
-        """Find what is to be rendered: source frames that some sequence needs for a file it does not have."""
+        """Find what is to be rendered: the source frames that a sequence needs for a missing file."""
         work: Work = {}
         for render in self._plan.renders:
             names = self._dataset.format.names(render.scene.source.stamps_s)
@@ -181,7 +182,7 @@ class Run:
             self._progress.advance(frames)
 
     def _paths_of(self, render: Render) -> SensorPaths:
-        """Return where the sensors go in a render, made once."""
+        """Return the sensors' paths in a render; each is made once."""
         if render.name not in self._paths:
             self._paths[render.name] = source_paths(self._plan, render)
         return self._paths[render.name]
@@ -189,7 +190,7 @@ class Run:
     # --- text files ---
 
     def _finish(self, made_from: dict[str, Any]) -> None:
-        """Write what goes beside the images, and the manifest."""
+        """Write the text files beside the images, and the manifest."""
         files: dict[str, object] = {}
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
@@ -216,7 +217,7 @@ class Run:
         self._dataset.write_text(MANIFEST, canonical(manifest(self._plan, made_from, files, counts)))
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
-        """Return the whole frames of a sequence, those of earlier runs too, and remove what is there in part."""
+        """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
         names = self._dataset.format.names(render.scene.source.stamps_s)
         records = self._dataset.records(sequence.folder)
         whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
@@ -227,7 +228,7 @@ class Run:
 
 
 def renderer_versions(plan: Plan) -> dict[str, str]:
-    """Ask Blender for the versions of what a plan needs of it."""
+    """Return the versions of Blender and of what else renders the plan."""
     if not plan.needs_blender:
         return {}
     from ..blender import session
@@ -254,7 +255,7 @@ def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
 
 
 def split_work(work: Work, parts: int) -> list[Work]:
-    """Share the frames out in runs of neighbours, so that each part loads as few scenes as can be."""
+    """Divide the frames into ranges of neighbours, so that each part loads as few scenes as possible."""
     flat = [(scene, frame) for scene, frames in work.items() for frame in frames]
     pieces: list[Work] = []
     for chunk in np.array_split(np.arange(len(flat)), min(parts, len(flat))):

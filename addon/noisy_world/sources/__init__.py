@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where clean frames come from, a file for each kind of source; `core.planning.source` says what each has to give.
+"""Sources of clean frames, one file for each; `core.planning.source` is their protocol.
 
-The scenes of a preset: which files each one is, found and checked before anything is loaded.
+Here: the scenes of a preset, whose files are found and checked before anything is loaded.
 """
 
 import glob
@@ -19,7 +19,7 @@ from .recording import Recording
 
 
 def find_scenes(preset: Preset) -> list[Scene]:
-    """Return the scenes of a preset; an entry stands for one scene, or for as many as its wildcards match.
+    """Return the scenes of a preset; an entry is one scene, or as many as its wildcards match.
 
     Raises InputError for files that are missing or wrong.
     """
@@ -65,7 +65,7 @@ def _mesh_scene(
     _check_name(name, place)
     assert spec.trajectory is not None
     if mesh_path is not None:
-        check_ply(mesh_path)  # what the header tells need not wait until the scenes before are rendered
+        check_ply(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
     seed, where = preset.spec.seed, place.at("trajectory")
     if spec.trajectory.file is None:
         return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
@@ -104,7 +104,7 @@ def _matched_parts(pattern: str, text: str) -> tuple[str, ...]:
 
 
 def _filled(template: str, parts: tuple[str, ...], place: Place) -> str:
-    """Put what the mesh's wildcards matched in the place of those of another text, in order."""
+    """Replace each wildcard of a text by what the mesh's wildcards matched, in order."""
     if template.count("*") > len(parts):
         raise place.error(f"{template!r} has more * than mesh has wildcards")
     for part in parts:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh and a path through it, as a source: its frames are rendered in Blender."""
+"""The source of a mesh and a path through it, whose frames Blender renders."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 class MeshSource:
     """A mesh with a path through it.
 
-    name: of the scene. mesh_path: None is the embedded room. path_file: None where the path is made in the mesh.
-    known_path: the path that was read. seed: of a path that is made and has no seed of its own.
+    name: of the scene. mesh_path: None is the embedded room. path_file: None where the path is generated in the mesh.
+    known_path: the path that was read. seed: of a generated path that has no seed of its own.
     """
 
     name: str
@@ -52,12 +52,12 @@ class MeshSource:
 
     @property
     def gives(self) -> Gives:
-        """Frames from anywhere, rendered."""
+        """Rendered frames from any pose."""
         return Gives(rendered=True, any_pose=True)
 
     @cached_property
     def stamps_s(self) -> NDArray[np.float64]:
-        """Time stamps (N,) of the path; a path that is not made yet has those of a camera that stands still."""
+        """Time stamps (N,) of the path in seconds; those of a path that is not generated yet follow from its rate."""
         if self.known_path is not None:
             return self.known_path.stamps_s
         handheld = self._handheld
@@ -70,7 +70,7 @@ class MeshSource:
         return self.spec.axes
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return what is asked for: a mesh can be seen through any camera."""
+        """Return the intrinsics asked for: a mesh can be rendered through any camera."""
         return asked
 
     @property
@@ -79,7 +79,7 @@ class MeshSource:
         return self.spec.handheld
 
     def trajectory(self) -> Trajectory:
-        """Return the path that was read, or make the one through the mesh."""
+        """Return the path that was read, or generate one through the mesh."""
         return self.known_path if self.known_path is not None else self._made_path
 
     @cached_property
@@ -122,12 +122,12 @@ class MeshSource:
                 where = ", ".join(f"{value:g}" for value in session.origin_m)
                 note(f"far from the origin, so rendered around ({where}) m; poses stay as given")
             opened = OpenMesh(session, mesh, camera, note)
-            del mesh  # the first frame tells, and then the memory is free
+            del mesh  # only the check of the first frame still needs it; then the memory is free
             yield opened
 
 
 class OpenMesh:
-    """A mesh in Blender. The first frame is held against the mesh; then the mesh itself is let go."""
+    """A mesh in Blender. Its first frame is checked against the mesh, which is then released."""
 
     def __init__(self, session: "Session", mesh: Mesh, camera: Intrinsics, note: Callable[[str], None]) -> None:
         self._session = session
@@ -145,7 +145,7 @@ class OpenMesh:
         return frame
 
     def _check(self, mesh: Mesh, moment: Moment, depth_m: NDArray[np.float32]) -> None:
-        """Say what looks wrong with the first frame, while there is time to stop."""
+        """Note what looks wrong with the first frame, early enough to stop the run."""
         where = f"frame {moment.index}"
         if not depth_m.any():
             declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
@@ -155,7 +155,7 @@ class OpenMesh:
 
 
 def load_mesh(path: Path | None) -> Mesh:
-    """Read a mesh, or make the embedded room where there is no path; the last ones stay at hand.
+    """Read a mesh, or build the embedded room where there is no path; the last ones are cached.
 
     Raises InputError.
     """
@@ -166,7 +166,7 @@ def load_mesh(path: Path | None) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _room() -> Mesh:
-    return build_room()  # seconds, and a path is made in it as well
+    return build_room()  # cached too: building takes seconds, and a path may need it before the renderer does
 
 
 @lru_cache(maxsize=1)

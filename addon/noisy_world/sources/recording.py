@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A sequence that is on disk already, as a source: its frames are read."""
+"""The source of a recording: a sequence on disk, whose frames are read."""
 
 import hashlib
 from collections.abc import Callable, Iterator
@@ -20,12 +20,12 @@ from ..core.schema import Place
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
 
-INTRINSICS_TOLERANCE_PX = 1e-3  # what people round away when they copy intrinsics
+INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A sequence in the layout of a dataset."""
+    """A sequence on disk in one of the layouts."""
 
     stored: StoredSequence
     place: Place
@@ -37,7 +37,7 @@ class Recording:
 
     @property
     def gives(self) -> Gives:
-        """Frames as they were recorded."""
+        """Frames from the recorded poses, not rendered."""
         return Gives(rendered=False, any_pose=False)
 
     @property
@@ -47,11 +47,11 @@ class Recording:
 
     @property
     def robot_axes(self) -> Axes | None:
-        """None: no rig can see it otherwise."""
+        """None: a recording has no rig."""
         return None
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return the intrinsics that are asked for, if they are its own as far as it tells them."""
+        """Return the intrinsics asked for. Raises InputError where the recording's own are known and differ."""
         wide, high = self.stored.size_px
         if (wide, high) != (asked.width_px, asked.height_px):
             remedy = f"say so in camera, which has {asked.width_px} x {asked.height_px}"
@@ -81,8 +81,8 @@ class Recording:
     def open(
         self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
     ) -> Iterator["OpenRecording"]:
-        """Make ready to read."""
-        del paths, camera, options, note  # as they are in the files
+        """Prepare to read frames."""
+        del paths, camera, options, note  # the files decide all of it
         yield OpenRecording(self.stored)
 
 
@@ -92,12 +92,12 @@ def _intrinsics_px(camera: Intrinsics) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A sequence that gives its frames."""
+    """A recording that is ready to give frames."""
 
     stored: StoredSequence
 
     def frame(self, moment: Moment) -> "RecordedFrame":
-        """Return the frame of a moment; its images are read when they are asked for."""
+        """Return the frame of a moment; its images are read on request."""
         return RecordedFrame(self.stored.frame(moment.index))
 
 
@@ -118,7 +118,7 @@ class RecordedFrame:
         return self.stored.depth_m
 
     def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
-        """Return the file of an image where a dataset would write just that: the same kind, colours and scale."""
+        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
         stored = self.stored
         if modality == "rgb":
             same = stored.rgb_file.suffix == f".{format_.image}" and stored.colour == format_.colour

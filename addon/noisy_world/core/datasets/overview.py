@@ -106,7 +106,7 @@ def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
 
 
 def colour_depth(depth_m: NDArray[np.floating], near_m: float, far_m: float) -> NDArray[np.uint8]:
-    """Return planar depth (H, W) in metres, 0 = void, as colours (H, W, 3): from warm, near_m, to cold; void is grey."""
+    """Return planar depth (H, W) in metres, 0 = void, as colours (H, W, 3): from warm, near_m, to cold; void grey."""
     import cv2
 
     level = np.clip((far_m - depth_m) / max(far_m - near_m, 1e-9), 0, 1)  # near is warm

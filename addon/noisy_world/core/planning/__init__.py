@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a preset to what is to be done."""
+"""Planning: from a preset to the sequences and renders that a run makes."""

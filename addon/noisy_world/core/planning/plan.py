@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a preset to what is to be done: every sequence, and every render that several sequences may share."""
+"""The plan of a preset: every sequence, and every render, which several sequences may share."""
 
 from collections.abc import Sequence as Many
 from dataclasses import dataclass, replace
@@ -26,8 +26,8 @@ from .source import Modality, Scene
 class Render:
     """What is rendered (or read) once for all the sequences that show it.
 
-    frames: the source frames that they need. camera: of its images. moving: what moves the scene's path, with the names
-    of the random streams; without steps the path is as planned.
+    frames: the source frames that these need. camera: of its images. moving: the steps that move the scene's path, with
+    the identifiers of their random streams; without steps the path is as planned.
     """
 
     name: str
@@ -40,18 +40,18 @@ class Render:
 
     @property
     def needs_depth(self) -> bool:
-        """Whether some colour depends on depth."""
+        """Whether a step of colour depends on depth."""
         return any(sequence.setting.needs_depth for sequence in self.sequences)
 
     @property
     def needs_rgb(self) -> bool:
-        """Whether some depth depends on colour."""
+        """Whether a step of depth depends on colour."""
         return any(sequence.setting.needs_rgb for sequence in self.sequences)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All of it. chosen: which frames of each sequence are to be made, where not all are."""
+    """All renders and sequences of a preset. chosen: the frames of each sequence to make, if not all."""
 
     preset: Preset
     camera: Intrinsics
@@ -73,7 +73,7 @@ class Plan:
 
     @property
     def renders_anything(self) -> bool:
-        """Whether anything is rendered, and not only read."""
+        """Whether anything is rendered, rather than read from a recording."""
         return any(scene.source.gives.rendered for scene in self.scenes)
 
     @property
@@ -95,7 +95,7 @@ class Plan:
 def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
     """Read the settings of a preset. registry: the perturbations that they may name.
 
-    Raises InputError where they are wrong, or ask for what cannot be.
+    Raises InputError where they are wrong or cannot be carried out.
     """
     spec = preset.spec
     settings = parse_settings(spec.settings, preset.place("settings"), registry, spec.render.backend)
@@ -109,8 +109,8 @@ def lay_out_plan(
 ) -> Plan:
     """Lay out the work of a preset with its settings and scenes.
 
-    chosen: which frames of each sequence, start and stop only; they keep their numbers. Raises InputError where the
-    preset asks for what cannot be.
+    chosen: the frames of each sequence to make, start and stop only; they keep their numbers. Raises InputError where
+    the preset asks for what cannot be made.
     """
     spec = preset.spec
     _check_scenes(scenes, preset)
@@ -130,7 +130,7 @@ def lay_out_plan(
 
 
 def _renders(plan: Plan, scene: Scene) -> list[Render]:
-    """Group the settings of a scene by what has to be rendered: one for all that leave the path alone."""
+    """Group the settings of a scene by what has to be rendered: one render serves all that leave the path alone."""
     _check_chosen(scene, plan)
     preset, modalities = plan.preset, plan.format.modalities
     camera = scene.source.camera(plan.camera)
@@ -169,7 +169,7 @@ def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int,
 
 
 def source_paths(plan: Plan, render: Render) -> SensorPaths:
-    """Return where each sensor goes in a render, after the motion that there may be; "nominal" where it deviates."""
+    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate."""
     planned = render.scene.source.trajectory()
     if not render.moving:
         return _sensor_paths(plan, planned)
@@ -185,23 +185,23 @@ def _sensor_paths(plan: Plan, trajectory: Trajectory) -> SensorPaths:
     return SensorPaths(sensor_trajectory(trajectory, plan.rig.rgb), depth, trajectory)
 
 
-# --- what cannot be ---
+# --- checks ---
 
 
 def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
-    """Refuse names given twice, and what a layout or a rig cannot take."""
+    """Refuse names given twice, and scenes that do not fit the layout or the rig."""
     names = [scene.name for scene in scenes]
     for scene in scenes:
         if names.count(scene.name) > 1:
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
-            raise scene.place.at("sequence").error("is a sequence, which no rig can see otherwise", "leave rig out")
+            raise scene.place.at("sequence").error("is a recording, which has no other poses for a rig", "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.stamps_s):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
 
 
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
-    """Refuse what needs colour and depth from one place, where they are measured at two."""
+    """Refuse perturbations that need colour and depth from one pose, where the sensors have two."""
     rig = preset.spec.rig
     if rig is None or rig.depth is None:
         return
@@ -209,13 +209,13 @@ def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
         if setting.needs_depth or setting.needs_rgb:
             seen = "depth that the colour camera" if setting.needs_depth else "colour that the depth sensor"
             raise preset.place("settings").error(
-                f"{setting.name}: needs the {seen} sees, but rig.depth is another place",
+                f"{setting.name}: needs the {seen} sees, but rig.depth has another pose",
                 "take that setting out, or rig.depth",
             )
 
 
 def _check_executions(settings: tuple[Setting, ...], preset: Preset) -> None:
-    """Refuse what the compositor cannot do."""
+    """Refuse perturbations that the compositor cannot execute."""
     for setting in settings:
         lacking = [step.perturbation.name for step in setting.rgb if step.perturbation.build is None]
         if setting.composited and lacking:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A sequence of a dataset, and which frame shows which: the one place that says so.
+"""A sequence of a dataset, and which source frames its frames show. Only this module decides that.
 
 Frames are counted in two ways. A *frame* is one of the sequence, as it is written; a *source frame* is one of the path
-that is rendered or recorded. Faster motion shows every other source frame; desynchronisation pairs the colour of
-one frame with the depth of another.
+that is rendered or recorded. Motion twice as fast shows every second source frame; desynchronisation pairs the colour
+of one frame with the depth of another.
 """
 
 from collections.abc import Sequence as Many
@@ -25,7 +25,7 @@ class Shown:
     """What a frame of a sequence shows.
 
     rgb_source: the source frame of its colour. depth_source: that of its depth. depth_frame: the frame of the sequence
-    that the depth belongs to, which names the depth's randomness; another one than its own under desynchronisation.
+    that the depth belongs to, whose random streams the depth uses; under desynchronisation it is another frame.
     """
 
     rgb_source: int
@@ -37,9 +37,9 @@ class Shown:
 class Sequence:
     """One setting of one scene: a folder of the dataset.
 
-    identifiers: name its random streams. source_frames: the source frame of each of its frames, in a sequence without
-    gaps. depth_frames: for each of its frames the one whose depth goes with it, -1 where the frame is left out; None
-    where that is its own. frames: those that are to be made.
+    identifiers: of its random streams. source_frames: the source frame of each of its frames, as if none were left out.
+    depth_frames: for each of its frames the one whose depth is paired with it, -1 where the frame is left out; None
+    where each has its own depth. frames: those that are to be made.
     """
 
     setting: Setting
@@ -56,16 +56,16 @@ class Sequence:
 
     @property
     def skips(self) -> bool:
-        """Whether its frames are others of the path than those of the same numbers."""
+        """Whether its frames show source frames of other numbers than their own."""
         return self.source_frames != tuple(range(len(self.source_frames)))
 
     @property
     def paired(self) -> bool:
-        """Whether colours go with depths of other frames."""
+        """Whether colour may be paired with the depth of another frame."""
         return self.depth_frames is not None
 
     def frame_at(self, source: int) -> int:
-        """Return the frame that shows a source frame: the first one or, without any, of the nearest before."""
+        """Return the first frame that shows a source frame or, if none does, the nearest source frame before it."""
         sources, frames = self._first_shown
         before = int(np.searchsorted(sources, source, side="right")) - 1
         return int(frames[before]) if before >= 0 else 0
@@ -76,7 +76,7 @@ class Sequence:
         return np.unique(np.array(self.source_frames, dtype=np.int64), return_index=True)
 
     def leaves_out(self, frame: int) -> bool:
-        """Tell whether there is no depth to go with a frame, which is then not made."""
+        """Tell whether a frame is not made because no depth is paired with it."""
         return self.depth_frames is not None and self.depth_frames[frame] < 0
 
     def shown(self, frame: int) -> Shown:
@@ -108,10 +108,9 @@ class Sequence:
 def lay_out(
     setting: Setting, scene: str, source_count: int, identifiers: Identifiers, chosen: slice | None = None
 ) -> Sequence:
-    """Return what a setting makes of a scene whose path has so many frames.
+    """Return the sequence that a setting makes of a scene.
 
-    identifiers: the preset's seed, the scene, the setting. chosen: which of the sequence's frames are to be made, start
-    and stop only.
+    identifiers: the preset's seed, the scene, the setting. chosen: the sequence's frames to make, start and stop only.
     """
     moving, choosing = split_motion(setting.motion)
     before = chosen_poses(moving, source_count, identifiers)
@@ -126,9 +125,9 @@ def lay_out(
 
 
 def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
-    """Return the poses of a sequence's own frames, from those of the path that it shows.
+    """Return the paths of a sequence's frames, given the source frames' paths.
 
-    The camera's rate stays what it was: frame i has the i-th stamp.
+    The camera's rate does not change: frame i has the path's i-th stamp.
     """
     rows = np.array(sequence.source_frames, dtype=np.int64)
     return paths.each(lambda path: take_poses(path, rows))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where clean frames come from: what everything else knows of a mesh, of a recording, and of whatever is added.
+"""The protocol of sources, where clean frames come from: a mesh, a recording, or one that is added.
 
-Nothing outside a source asks which one it is. `noisy_world.sources` holds them.
+All other code uses a source by this protocol alone and never asks which one it is. `noisy_world.sources` holds them.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ type Modality = Literal["rgb", "depth"]
 
 
 class SourceFrame(Protocol):
-    """A clean frame. What was not asked for is None."""
+    """A clean frame; an image that was not asked for is None."""
 
     @property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8] | None:
@@ -36,7 +36,7 @@ class SourceFrame(Protocol):
         ...
 
     def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return the file that holds an image just as a dataset would write it, where there is one already."""
+        """Return an existing file that holds an image exactly as a dataset would write it, or None."""
         ...
 
 
@@ -44,8 +44,8 @@ class SourceFrame(Protocol):
 class Gives:
     """What a source can give.
 
-    rendered: its frames come from a renderer, which takes time and Blender. any_pose: it can be seen from anywhere, and
-    not only from where it was recorded.
+    rendered: its frames come from a renderer, which takes time and Blender. any_pose: it gives frames from any pose,
+    not only from those that were recorded.
     """
 
     rendered: bool
@@ -54,7 +54,7 @@ class Gives:
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """How frames are rendered, by sources that render. threads 0: as many as the machine has."""
+    """How sources that render make their frames. threads: 0 for as many as the machine has."""
 
     near_m: float
     far_m: float
@@ -68,7 +68,7 @@ class RenderOptions:
 
 
 class OpenSource(Protocol):
-    """A source that gives frames."""
+    """A source that is ready to give frames."""
 
     def frame(self, moment: Moment) -> SourceFrame:
         """Return the frame of a moment."""
@@ -80,7 +80,7 @@ class Source(Protocol):
 
     @property
     def location(self) -> str:
-        """The file or folder, or the name of what is embedded, for people."""
+        """The file, the folder or the name of an embedded scene, for messages."""
         ...
 
     @property
@@ -95,34 +95,34 @@ class Source(Protocol):
 
     @property
     def robot_axes(self) -> Axes | None:
-        """The axes that the path's poses were declared in, and a rig's extrinsics refer to; None without."""
+        """The axes in which the path's poses were declared and a rig's extrinsics are given; None without a rig."""
         ...
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return the intrinsics of its frames, given those that are asked for.
+        """Return the intrinsics of its frames, given those that the preset asks for.
 
-        Raises InputError where it cannot give them.
+        Raises InputError where it cannot give these.
         """
         ...
 
     def trajectory(self) -> Trajectory:
-        """Return the path of the camera, or of the robot that carries it. Made once; it may take seconds."""
+        """Return the path of the camera, or of the robot that carries it. It is made once and may take seconds."""
         ...
 
     def hashes(self) -> dict[str, Any]:
-        """Return what decides the frames' bytes: names as people gave them, and SHA-256 of the files."""
+        """Return what decides the frames' bytes: names as the preset gives them, and the SHA-256 of the files."""
         ...
 
     def open(
         self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
     ) -> AbstractContextManager[OpenSource]:
-        """Make ready to give frames along the paths. note: is told what a user should know of what was found."""
+        """Prepare to give frames along the paths. note: called with sentences that the user should see."""
         ...
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of a preset: its name in the dataset, where the preset speaks of it, and where its frames come from."""
+    """A scene of a preset: its name in the dataset, its place in the preset, and its source."""
 
     name: str
     place: Place

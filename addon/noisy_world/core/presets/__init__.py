@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a preset may say, and reading it."""
+"""Presets: the keys that they may have, and reading them."""

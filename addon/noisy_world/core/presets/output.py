@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a preset may say of the files that are written; layouts are those of the registry."""
+"""The keys of a preset's `output`, derived from the registry of layouts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ KNOWN_LAYOUTS = " or ".join(layout.label for layout in LAYOUTS.values())
 
 
 def _defaults(of: Callable[[Layout], str]) -> str:
-    """Say what each layout has where a preset says nothing: "default jpg for replica, png for tum and euroc"."""
+    """Return the layouts' defaults in words: "default jpg for replica, png for tum and euroc"."""
     names: dict[str, list[str]] = {}
     for name, layout in LAYOUTS.items():
         names.setdefault(of(layout), []).append(name)
@@ -54,7 +54,7 @@ class OutputSpec:
 
     @property
     def format(self) -> OutputFormat:
-        """What the dataset is written as: what is not given here is as the layout has it."""
+        """The format of the dataset; keys that are not given have the layout's defaults."""
         layout = LAYOUTS[self.layout]
         return OutputFormat(
             layout,
@@ -67,7 +67,7 @@ class OutputSpec:
 
 
 def check_output(spec: OutputSpec, place: Place) -> None:
-    """Check what the layout decides. Raises InputError naming the key."""
+    """Check that the layout can have these keys' values. Raises InputError naming the key."""
     layout = LAYOUTS[spec.layout]
     for name, allowed in (("image", layout.images), ("colour", layout.colours)):
         given, known = getattr(spec, name), " or ".join(allowed)

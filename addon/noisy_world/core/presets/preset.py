@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a preset may say, and reading it: YAML in, checked frozen dataclasses out. A preset runs no code."""
+"""The keys of a preset, and reading it: YAML in, checked frozen dataclasses out. A preset runs no code."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ from ..schema import Place, key, parse
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 
 EMBEDDED_ROOM = "embedded:room"
-WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)
+WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
 
 
 def _safe_name(name: str) -> str:
@@ -157,6 +157,7 @@ class SettingSpec:
     )
 
 
+# Of the Replica sequences that iMAP and NICE-SLAM use.
 REPLICA_CAMERA = CameraSpec(width=1200, height=680, fx=600.0, fy=600.0, cx=599.5, cy=339.5)
 
 
@@ -175,7 +176,7 @@ class PresetSpec:
 
 @dataclass(frozen=True)
 class Preset:
-    """A checked preset: the file, the document as it stands there (with overrides), and what it says."""
+    """A checked preset: its file, its document as read (with overrides applied), and the checked content."""
 
     path: Path
     document: dict[str, Any]
@@ -188,7 +189,7 @@ class Preset:
         return hashlib.sha256(text.encode()).hexdigest()
 
     def place(self, path: str) -> Place:
-        """Return the place of a key, for an error about it."""
+        """Return the place of a key, for errors."""
         return Place(self.path, path)
 
 
@@ -241,7 +242,7 @@ def _load_yaml(path: Path) -> dict[str, Any]:
 
 
 def _loader() -> type:
-    """Make a safe YAML loader that refuses a key given twice, and that reads 1e-3 as the number it is."""
+    """Return a safe YAML loader that refuses a key given twice, and reads 1e-3 as a number."""
     import yaml
 
     class Loader(yaml.SafeLoader):
@@ -258,7 +259,7 @@ def _loader() -> type:
 
     number = re.compile(r"^[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9_]+)[eE][-+]?[0-9]+$")
     Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789."))
-    # Dates have no place here, and JSON cannot hold them.
+    # No key takes a date, and JSON cannot hold one.
     Loader.yaml_implicit_resolvers = {
         letter: [item for item in resolvers if item[0] != "tag:yaml.org,2002:timestamp"]
         for letter, resolvers in Loader.yaml_implicit_resolvers.items()
@@ -291,7 +292,8 @@ def _override(document: dict[str, Any], text: str, path: Path) -> None:
             node[step] = value
         elif isinstance(node, dict):
             if not isinstance(node.get(step), (dict, list)):
-                # A bare text stands for its mapping: trajectory.every may be set where only the file was named.
+                # A bare text stands for {file: text}: so trajectory.every can be set where the preset names only a
+                # file.
                 node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
             node = node[step]
         else:
@@ -299,7 +301,7 @@ def _override(document: dict[str, Any], text: str, path: Path) -> None:
 
 
 def _check(spec: PresetSpec, place: Place) -> None:
-    """Check what one key alone cannot tell."""
+    """Check what involves several keys."""
     if not spec.scenes:
         raise place.at("scenes").error("is empty", "name a scene")
     if not spec.settings:
@@ -356,5 +358,5 @@ def _check_sensor(spec: SensorSpec, place: Place) -> None:
 
 
 def canonical(value: Mapping[str, Any]) -> str:
-    """Return JSON text that is the same for the same content, for files that people read."""
+    """Return JSON text that people can read; equal content gives equal text."""
     return json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
