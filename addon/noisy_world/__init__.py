@@ -2,7 +2,7 @@
 """Noisy World: clean 3D scenes in, noisy RGB-D worlds out.
 
 As a Blender extension it adds a tab to the 3D view's sidebar; scenes, trajectories and presets are used through the
-library and through headless/generate.py as well, and none of them needs the tab.
+library and through the command `noisy-world` (headless/generate.py) as well, and none of them needs the tab.
 """
 
 from pathlib import Path
