@@ -61,12 +61,12 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="how a run tells that it goes on: text on standard error for people (default), or for programs lines of "
         "JSON on standard output, each behind '@noisy-world '",
     )
-    parser.add_argument("--worker", metavar="K", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
         options.preset = Path(options.overrides.pop())  # a preset behind --set is no override
-    if options.preset is None and options.list not in KNOWN:
+    if options.preset is None and options.list not in KNOWN and not options.worker:
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
         options.preset = found_preset(options.preset)

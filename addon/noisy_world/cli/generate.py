@@ -14,7 +14,7 @@ from .missing import blender_problem, missing_package
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
-    from ..pipeline import Report
+    from ..run_report import Report
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -25,7 +25,7 @@ def main(arguments: list[str], entry: Entry) -> int:
     from ..core.errors import InterruptedRunError, NoisyWorldError
 
     try:
-        return run(options, entry)
+        return do(options, entry)
     except InterruptedRunError:
         again = entry.pasteable(own_arguments(options))
         say(f"stopped; what is finished stays, and the same command goes on from there:\n  {again}")
@@ -34,22 +34,20 @@ def main(arguments: list[str], entry: Entry) -> int:
         return fail(str(error), options, entry)
 
 
-def run(options: argparse.Namespace, entry: Entry) -> int:
+def do(options: argparse.Namespace, entry: Entry) -> int:
     """Do what the command line asks."""
-    from ..core.planning.plan import make_plan
     from ..core.presets.preset import read_preset
-    from ..perturbations import registry
+    from ..planning import make_plan
 
+    if options.worker:
+        return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    preset = read_preset(options.preset, options.overrides)
-    plan = make_plan(preset, options.frames, registry())
+    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
         return print_plan(plan, out_folder(options))
-    if options.worker is not None:
-        return take_part(plan, options)
     return generate(plan, options, entry)
 
 
@@ -57,14 +55,14 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and say what came of it."""
     from ..pipeline import Run
     from .running import listener, machine_listener
-    from .workers import run_workers
+    from .workers import orders_for, run_workers
 
     if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
         other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
         return fail(problem + other, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
-    make = Run(
+    run = Run(
         plan,
         out,
         progress=progress,
@@ -72,13 +70,10 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         overwrite=options.overwrite,
         jobs=options.jobs,
         workers=lambda pieces, listener: run_workers(
-            [entry.command(own_arguments(options, worker=number)) for number in range(len(pieces))],
-            pieces,
-            listener,
-            stop,
+            entry.command(["--worker"]), orders_for(plan, out, options.jobs, pieces), listener, stop
         ),
     )
-    report = make()
+    report = run.make_dataset()
     for sequence in (item for item in plan.sequences if item.frames):
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
@@ -89,16 +84,12 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
-def take_part(plan: "Plan", options: argparse.Namespace) -> int:
-    """Render the frames that are named on standard input, for the process that started this one."""
-    from ..pipeline import Run
+def work() -> int:
+    """Carry out the order on standard input, for the process that started this one."""
     from .running import stop_on_signal
-    from .workers import Parent, work_for
+    from .workers import Order, Parent, carry_out
 
-    parent = Parent()
-    stop = stop_on_signal(None)
-    run_ = Run(plan, out_folder(options), progress=parent, stop=stop, jobs=options.jobs)
-    return work_for(parent, run_, json.load(sys.stdin), options.worker)
+    return carry_out(Order(**json.load(sys.stdin)), Parent(), stop_on_signal(None))
 
 
 def figures(report: "Report") -> str:
@@ -115,8 +106,8 @@ def figures(report: "Report") -> str:
     return ", ".join(parts)
 
 
-def own_arguments(options: argparse.Namespace, *, worker: int | None = None) -> list[str]:
-    """Return the arguments that do the same again, or a worker's part of it."""
+def own_arguments(options: argparse.Namespace) -> list[str]:
+    """Return the arguments that do the same again."""
     words = [str(options.preset), "--out", str(out_folder(options))]
     if options.overrides:
         words += ["--set", *options.overrides]
@@ -126,7 +117,6 @@ def own_arguments(options: argparse.Namespace, *, worker: int | None = None) -> 
             f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
         ]
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
-    words += ["--worker", str(worker)] if worker is not None else []
     return words
 
 

@@ -49,9 +49,7 @@ def list_plan(plan: "Plan", what: str) -> int:
     """List what a preset holds."""
     if what == "scenes":
         for render in plan.renders:
-            scene = render.scene
-            source = scene.existing.folder if scene.existing else scene.mesh_path or scene.spec.mesh
-            print(f"{render.name}  {len(render.frames)} frames  {source}")
+            print(f"{render.name}  {len(render.frames)} frames  {render.scene.source.location}")
     elif what == "settings":
         for setting in plan.settings:
             print(setting.name)
@@ -63,12 +61,12 @@ def list_plan(plan: "Plan", what: str) -> int:
 
 def print_plan(plan: "Plan", out: Path) -> int:
     """Print what a run would do."""
-    from ..core.planning.plan import estimate
+    from ..core.planning.estimate import estimate
 
     guess = estimate(plan)
     camera = plan.camera
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
-    print(f"dataset    {out} ({plan.layout.name} layout, {plan.layout.image} and 16-bit png)")
+    print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
     print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:
