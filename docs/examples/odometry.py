@@ -11,6 +11,7 @@ onto the other best (Horn, 1987; without scale): the root mean square is the abs
 import argparse
 import sys
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -46,10 +47,11 @@ def track(
     truth = np.loadtxt(folder / "groundtruth.txt", ndmin=2)
     true_m, tracked_m = [], []
     c2w = np.eye(4)
-    before, lost = None, 0
+    before: tuple[NDArray[np.float32], NDArray[Any]] | None = None
+    lost = 0
     for rgb_stamp_s, rgb_name, _, depth_name in pairs:
-        grey = cv2.imread(str(folder / rgb_name), cv2.IMREAD_GRAYSCALE)
-        steps = cv2.imread(str(folder / depth_name), cv2.IMREAD_UNCHANGED)
+        grey = read_image(folder / rgb_name, cv2.IMREAD_GRAYSCALE)
+        steps = read_image(folder / depth_name, cv2.IMREAD_UNCHANGED)
         depth_m = steps.astype(np.float32) / DEPTH_SCALE_PER_M
         depth_m[steps == 0] = np.nan  # void
         if before is not None:
@@ -61,6 +63,14 @@ def track(
         tracked_m.append(c2w[:3, 3])
         true_m.append(truth[np.abs(truth[:, 0] - float(rgb_stamp_s)).argmin(), 1:4])
     return np.array(tracked_m), np.array(true_m), lost
+
+
+def read_image(path: Path, form: int) -> NDArray[Any]:
+    """Read an image, (H, W) or (H, W, 3) BGR; ends the program where it cannot be read."""
+    image = cv2.imread(str(path), form)
+    if image is None:
+        raise SystemExit(f"{path}: cannot be read")
+    return image
 
 
 def absolute_error_m(tracked_m: NDArray[np.float64], true_m: NDArray[np.float64]) -> float:
