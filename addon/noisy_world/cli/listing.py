@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be listed: keys, perturbations, presets; and what a preset holds."""
+"""What can be listed: keys, layouts, perturbations, presets; and what a preset holds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
 
-KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 
 
@@ -22,6 +22,8 @@ def list_known(what: str) -> int:
         for name in shipped_presets():
             print(name)
         return 0
+    if what == "layouts":
+        return list_layouts()
     if what == "perturbations":
         return list_perturbations()
     rows = list(list_keys(PresetSpec))
@@ -31,13 +33,31 @@ def list_known(what: str) -> int:
     return 0
 
 
+def list_layouts() -> int:
+    """List every layout with its images, colours (of both the default first) and depth scale."""
+    from ..core.datasets.layouts import LAYOUTS
+    from ..core.presets.output import OutputSpec
+
+    for layout in LAYOUTS.values():
+        print(f"{layout.name}  {layout.label}, {layout.meaning}")
+        print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
+        farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
+        print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
+    return 0
+
+
 def list_perturbations() -> int:
-    """List every perturbation with its parameters, their ranges and their values at severities 1 to 5."""
+    """List every perturbation in the order of propagation: its kind, its place, and its parameters.
+
+    Parameters come with their ranges and their values at severities 1 to 5.
+    """
+    from ..core.perturbing.kinds import kind_name
     from ..core.schema import list_keys
     from ..perturbations import registry
 
     for item in registry().values():
-        print(f"{item.name}  ({item.category}; {item.label})")
+        origin = f"; from {item.distribution}" if item.distribution else ""
+        print(f"{item.name}  ({kind_name(item)}, stage {item.stage}, order {item.order}; {item.label}{origin})")
         for name, meaning in list_keys(item.parameters):
             levels = item.severities.get(name)
             at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""

@@ -22,6 +22,7 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
 def package_version() -> str:
@@ -54,6 +55,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
+            **_perturbation_packages(plan),
             "noisy_world": package_version(),
             **renderer,
             "python": platform.python_version(),
@@ -67,6 +69,12 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
             "features": processor_features(),
         },
     }
+
+
+def _perturbation_packages(plan: Plan) -> dict[str, str]:
+    """Return the versions of the installed packages whose perturbations the preset uses, by name."""
+    used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
+    return {item.name: item.version for item in used if item is not None}
 
 
 def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
@@ -93,7 +101,8 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
-        "conventions": CONVENTIONS,
+        "colour": plan.format.colour,
+        "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,
         "files": files,
     }
