@@ -30,7 +30,7 @@ def rewrite(item: griffe.Object, known: set[str]) -> None:
     if item.docstring is not None:
         item.docstring.value = "\n\n".join(
             listed(paragraph, known)
-            for paragraph in item.docstring.value.replace("\nRaises ", "\n\nRaises ").split("\n\n")
+            for paragraph in re.sub(r"(?<=[.;])\s+Raises (?=[A-Z])", "\n\nRaises ", item.docstring.value).split("\n\n")
         )
 
 
