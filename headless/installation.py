@@ -3,18 +3,23 @@
 
 A checkout has the package in addon/. In the extension the package is the folder above the scripts, which Blender may
 have loaded as bl_ext.<repository>.noisy_world: the scripts' name for it then leads to the modules that are there.
+The scripts start and end here as well: in a Blender program both differ from a plain Python.
 """
 
 import importlib
 import importlib.util
 import sys
-from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
+import traceback
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from noisy_world.cli.entry import Entry
 
 PACKAGE = "noisy_world"
+INTERRUPTED = 130  # as shells have it
+BUG = 70  # EX_SOFTWARE of sysexits.h
 SCRIPTS = Path(__file__).resolve().parent
 ROOT = SCRIPTS.parent
 # The extension's folder is a package; a checkout's is not.
@@ -43,6 +48,41 @@ def inside_blender() -> bool:
     return bpy is not None and bool(bpy.app.binary_path)
 
 
+def script_arguments() -> list[str]:
+    """Return the command line's arguments; in a Blender program, those after --."""
+    if not inside_blender():
+        return sys.argv[1:]
+    return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+
+
+def entry(script: Path) -> "Entry":
+    """Return how a script was started; `prepare_imports` comes first."""
+    from noisy_world.cli.entry import Entry  # noqa: PLC0415 - found just now
+    from noisy_world.core.requirements import install_remedy  # noqa: PLC0415
+
+    binary = sys.modules["bpy"].app.binary_path if inside_blender() else ""
+    words = (binary, "-b", "-P", str(script), "--") if binary else (sys.executable, str(script))
+    if INSTALLED:
+        remedy = f"enable the add-on, or {install_remedy(ROOT)}"
+    elif binary:
+        remedy = f"run: make -C {ROOT} blender-env BLENDER={binary}"
+    else:
+        remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
+    return Entry(script.name, words, "this Blender's " if binary else "", remedy)
+
+
+def end_with(main: Callable[[list[str]], int]) -> NoReturn:
+    """Run a script's command line and end the process with its status: Blender would go on after an exception."""
+    try:
+        status = main(script_arguments())
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception:  # noqa: BLE001 - a bug keeps its traceback
+        traceback.print_exc()
+        status = BUG
+    sys.exit(status)
+
+
 def use_extension(folder: Path) -> None:
     """Let PACKAGE be the package in that folder: the one that Blender loaded or, where it has not, itself."""
     if PACKAGE in sys.modules:
@@ -51,7 +91,7 @@ def use_extension(folder: Path) -> None:
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if name.rpartition(".")[2] == PACKAGE and file is not None and Path(file).resolve() == entry:
-            sys.meta_path.insert(0, OtherName(PACKAGE, name))
+            importlib.import_module(f"{name}.other_name").give_other_name(PACKAGE, name)
             return
     spec = importlib.util.spec_from_file_location(PACKAGE, entry, submodule_search_locations=[str(folder)])
     assert spec is not None
@@ -59,36 +99,3 @@ def use_extension(folder: Path) -> None:
     package = importlib.util.module_from_spec(spec)
     sys.modules[PACKAGE] = package
     spec.loader.exec_module(package)
-
-
-class OtherName(MetaPathFinder, Loader):
-    """Gives a package that is loaded another name, under which its modules are the same objects, not loaded again."""
-
-    def __init__(self, alias: str, name: str) -> None:
-        self._alias = alias
-        self._name = name
-        self._specs: dict[str, ModuleSpec | None] = {}
-
-    def find_spec(
-        self,
-        fullname: str,
-        path: Sequence[str] | None = None,  # noqa: ARG002 - the protocol's
-        target: ModuleType | None = None,  # noqa: ARG002
-    ) -> ModuleSpec | None:
-        """Claim what is named after the alias."""
-        if fullname != self._alias and not fullname.startswith(f"{self._alias}."):
-            return None
-        real = importlib.util.find_spec(self._name + fullname.removeprefix(self._alias))
-        if real is None:
-            return None
-        return ModuleSpec(fullname, self, is_package=real.submodule_search_locations is not None)
-
-    def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Hand out the module under its own name; the import system is about to replace its spec."""
-        module = importlib.import_module(self._name + spec.name.removeprefix(self._alias))
-        self._specs[module.__name__] = module.__spec__
-        return module
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Give the module its spec back: it has been executed."""
-        module.__spec__ = self._specs.pop(module.__name__)

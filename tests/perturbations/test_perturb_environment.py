@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import _ice, fog, frost, snow, spatter
 
 MODULES = {module.PERTURBATION.name: module for module in (fog, frost, snow, spatter)}
@@ -54,7 +54,7 @@ def flat(size, level=0.0):
 
 
 def frame(index=0, temporal="fresh", seed=1):
-    return Frame(index, (seed, "scene", "setting", "weather", 0), temporal)
+    return FrameContext(index, (seed, "scene", "setting", "weather", 0), temporal)
 
 
 def run(name, rgb, severity=3, where=None, **given):

@@ -3,7 +3,7 @@
 
 import bpy
 
-from noisy_world.core.perturbing.mixture import parse_steps
+from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 

@@ -10,11 +10,14 @@ import bpy
 import numpy as np
 
 from ..core.datasets.storage import storage_errors, write_atomic
-from ..core.perturbing.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
-from ..core.planning.plan import make_plan
+from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import Identifiers, MotionPerturbation
+from ..core.perturbing.reading import parse_settings, parse_steps
+from ..core.perturbing.steps import Setting, Step, steps_of_kind
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
+from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
 from .properties import OVERRIDE, parameters_of, perturbation_of
 
@@ -22,10 +25,12 @@ CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
 PANEL = "Noisy World panel"  # stands for a file's name in messages about what the panel holds
 DEVIATION = {"deviation_rotation_deg": "rotation_deg", "deviation_translation_m": "translation_m"}
+OWN_FIELDS = ("motion_deviation", "faster_motion")  # perturbations that the panel has fields for, beside its list
 CAMERA = {
     "width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy",
     "near_m": "near_m", "far_m": "far_m",
 }  # fmt: skip
+INTRINSICS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 HANDHELD = {
     "handheld_frames": "frames", "handheld_rate_hz": "rate_hz", "handheld_speed_m_s": "speed_m_s",
     "handheld_clearance_m": "clearance_m",
@@ -108,15 +113,32 @@ def _trajectory(settings: Any, folder: Path | None) -> dict[str, Any]:
 
 def perturb_of(settings: Any) -> list[dict[str, Any]]:
     """Return what the panel does to a scene, as a preset's `perturb`; what is switched off is left out."""
-    faster = [{"faster_motion": {"factor": settings.speed_factor}}] if settings.speed_factor > 1 else []
-    steps = [{step.perturbation: values_of(step)} for step in settings.steps if step.enabled]
-    return faster + _deviation(settings) + steps
+    listed = []
+    for step in settings.steps:
+        if step.enabled and step.perturbation not in registry():
+            raise unknown_name(Place(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
+        if step.enabled:
+            listed.append({step.perturbation: values_of(step)})
+    return _own_motion(settings) + listed
 
 
-def _deviation(settings: Any) -> list[dict[str, Any]]:
-    if not (settings.deviation_rotation_deg or settings.deviation_translation_m):
-        return []
-    return [{"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}}]
+def _own_motion(settings: Any) -> list[dict[str, Any]]:
+    """Return what the panel's own fields do to the path."""
+    steps: list[dict[str, Any]] = []
+    if settings.speed_factor > 1:
+        steps.append({"faster_motion": {"factor": settings.speed_factor}})
+    if settings.deviation_rotation_deg or settings.deviation_translation_m:
+        steps.append({"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}})
+    return steps
+
+
+def listed_motion(settings: Any) -> list[dict[str, Any]]:
+    """Return what the panel's list does to the path, as a preset's `perturb`."""
+    return [
+        {step.perturbation: values_of(step)}
+        for step in settings.steps
+        if step.enabled and isinstance(registry().get(step.perturbation), MotionPerturbation)
+    ]
 
 
 def values_of(step: Any) -> dict[str, Any]:
@@ -146,9 +168,15 @@ def steps_of(settings: Any) -> tuple[Step, ...]:
     return parse_steps(perturb_of(settings), Place(PANEL, "perturbations"), registry())
 
 
-def deviation_of(settings: Any) -> Step | None:
-    """Return what moves the camera off its path, whatever else is right or wrong; None where nothing does."""
-    return next(iter(parse_steps(_deviation(settings), Place(PANEL, "deviation"), registry())), None)
+def motion_of(settings: Any) -> tuple[Step[MotionPerturbation], ...]:
+    """Return what is done to the path, in propagation order, whatever else is right or wrong."""
+    perturb = _own_motion(settings) + listed_motion(settings)
+    return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
+
+
+def intrinsics_of(settings: Any) -> Intrinsics:
+    """Return the panel's camera."""
+    return Intrinsics(*(value_of(settings, name) for name in INTRINSICS))
 
 
 def identifiers_of(settings: Any) -> Identifiers:
@@ -169,7 +197,7 @@ def save_preset(settings: Any, path: Path) -> None:
     import yaml
 
     preset = preset_of(settings, path)
-    make_plan(preset, None, registry())  # what cannot be generated is not saved either
+    make_plan(preset)  # what cannot be generated is not saved either
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -265,7 +293,7 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
     settings.engine, settings.samples = spec.render.engine, spec.render.samples
     settings.backend = setting.backend
     settings.layout = spec.output.layout
-    settings.image = spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")
+    settings.image = spec.output.format.image
     settings.use_rgb = "rgb" in spec.output.modalities
     settings.use_depth = "depth" in spec.output.modalities
     settings.overview = spec.output.overview
@@ -274,14 +302,15 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
 
 
 def _take_steps(settings: Any, setting: Setting) -> None:
-    deviation, faster = setting.named("motion_deviation"), setting.named("faster_motion")
+    by_name = {step.perturbation.name: step for step in setting.motion}
+    deviation, faster = by_name.get("motion_deviation"), by_name.get("faster_motion")
     for name, field in DEVIATION.items():
         set_value(settings, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
     settings.speed_factor = 1 if faster is None else faster.parameters(None).factor
     settings.steps.clear()
     settings.active_step = 0
     for step in setting.steps:
-        if step.perturbation.category != "motion":
+        if step.perturbation.name not in OWN_FIELDS:
             take_step(settings.steps.add(), step)
     tell("steps")(settings, bpy.context)
 
@@ -313,7 +342,7 @@ def add_step(settings: Any, name: str) -> int:
         if registry()[name].temporals:
             item.temporal = registry()[name].temporals[0]
     places = list(registry())
-    order = [places.index(step.perturbation) for step in settings.steps]
+    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in settings.steps]
     place = sum(other <= order[-1] for other in order[:-1])
     settings.steps.move(len(order) - 1, place)
     settings.active_step = place

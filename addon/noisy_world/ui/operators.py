@@ -7,10 +7,11 @@ from typing import Any
 import bpy
 
 from ..core.errors import NoisyWorldError
+from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
 from .described import tell, title
-from .document import add_step, may_move
+from .document import OWN_FIELDS, add_step, may_move
 from .properties import active_step
 
 UNDOABLE = {"REGISTER", "UNDO"}
@@ -142,7 +143,10 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         if name not in registry():
             self.report({"ERROR"}, f"{name!r}: no such perturbation")
             return CANCELLED
-        once = registry()[name].category == "sync"
+        if name in OWN_FIELDS:
+            self.report({"ERROR"}, f"{title(registry()[name].label)} has fields of its own in Deviation and Speed")
+            return CANCELLED
+        once = isinstance(registry()[name], SEQUENCE_KINDS)
         if once and any(step.perturbation == name for step in settings.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is there already: it acts once on a sequence")
             return CANCELLED

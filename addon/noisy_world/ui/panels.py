@@ -6,20 +6,22 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbing.kinds import SEVERITIES, Category, Perturbation
+from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
 from .described import title
+from .document import OWN_FIELDS
 from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
 
 TAB = "Noisy World"
-STAGES: dict[Category, tuple[str, str]] = {
+STAGE_LABELS: dict[Stage, tuple[str, str]] = {
+    "motion": ("Motion", "CON_FOLLOWPATH"),
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
     "sensor": ("Sensor", "TEXTURE"),
     "post": ("Post-Processing", "IMAGE_DATA"),
     "depth": ("Depth", "IMAGE_ZDEPTH"),
-    "sync": ("Synchronisation", "TIME"),
+    "pairing": ("Synchronisation", "TIME"),
 }
 
 
@@ -146,7 +148,7 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
             return
         row = layout.row(align=True)
         row.active = item.enabled
-        row.label(text=short_label(perturbation), icon=STAGES[perturbation.category][1])
+        row.label(text=short_label(perturbation), icon=STAGE_LABELS[perturbation.stage][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
             part.alignment = "RIGHT"
@@ -160,25 +162,30 @@ class NOISYWORLD_MT_add_step(bpy.types.Menu):
     bl_label = "Add Perturbation"
 
     def draw(self, _: bpy.types.Context) -> None:
-        """Draw a menu for each stage."""
-        for category, (label, icon) in STAGES.items():
-            self.layout.menu(f"NOISYWORLD_MT_add_{category}", text=label, icon=icon)
+        """Draw a menu for each stage that has some."""
+        for stage, (label, icon) in STAGE_LABELS.items():
+            if addable(stage):
+                self.layout.menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
 
 
-def _stage_menu(category: Category) -> type:
+def addable(stage: Stage) -> list[Perturbation]:
+    """Return what the list can hold of a stage: what has no fields of its own."""
+    return [item for item in registry().values() if item.stage == stage and item.name not in OWN_FIELDS]
+
+
+def _stage_menu(stage: Stage) -> type:
     """Make the menu of a stage."""
 
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
-        for perturbation in registry().values():
-            if perturbation.category == category:
-                label = short_label(perturbation)
-                self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+        for perturbation in addable(stage):
+            label = short_label(perturbation)
+            self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
     return type(
-        f"NOISYWORLD_MT_add_{category}",
+        f"NOISYWORLD_MT_add_{stage}",
         (bpy.types.Menu,),
         {
-            "bl_label": STAGES[category][0],
+            "bl_label": STAGE_LABELS[stage][0],
             "draw": draw,
             "__module__": __name__,
             "__doc__": "Perturbations of this stage",
@@ -217,7 +224,8 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
         column.prop(step, "use_severity")
         if step.use_severity:
             column.prop(step, "severity", slider=True)
-            column.row().prop(step, "mode", expand=True)
+            if not isinstance(perturbation, SEQUENCE_KINDS):
+                column.row().prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
         label, buttons = _split_row(column)
         label.label(text="Pattern")
@@ -301,7 +309,7 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         generate.draw(layout, context)
 
 
-STAGE_MENUS = tuple(_stage_menu(category) for category in STAGES)
+STAGE_MENUS = tuple(_stage_menu(stage) for stage in STAGE_LABELS)
 CLASSES: tuple[Any, ...] = (
     NOISYWORLD_UL_steps,
     NOISYWORLD_MT_add_step,
