@@ -309,6 +309,7 @@ def _walk(room: _Room, rng: np.random.Generator, speed_m_s: float, time_s: Float
     cells = np.flatnonzero(room.plan)
     visited = [int(rng.choice(cells))]
     corners = visited.copy()
+    corners_m = room.centre_m(corners)
     length_m, wanted_m = 0.0, speed_m_s * time_s[-1] + 2.0
     # Time goes slower than at the start by the integral of a smooth step.
     u = np.clip(time_s / _START_S, 0.0, 1.0)
