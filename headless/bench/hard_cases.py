@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
 from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_mesh, rays
 from noisy_world.blender import session as session_module

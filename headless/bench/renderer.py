@@ -15,7 +15,7 @@ from typing import Any
 
 STARTED_S = time.perf_counter()
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
 FARTHEST_M = 10.0  # what 16-bit depth holds; the hard cases look beyond
 LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")

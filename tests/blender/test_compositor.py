@@ -237,7 +237,7 @@ def test_two_processes_make_the_same_bytes():
         "    made = by_nodes(name, image, [50], severity=4, depth_m=image[..., 0] * 5)[0]\n"
         "    print('digest', name, hashlib.sha256(made.tobytes()).hexdigest())\n"
     )
-    command = [sys.executable, "-c", script, str(ROOT / "addon"), str(ROOT / "tests"), *NAMES]
+    command = [sys.executable, "-c", script, str(ROOT / "addon"), str(ROOT / "tests/support"), *NAMES]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     found = dict(line.split()[1:] for line in result.stdout.splitlines() if line.startswith("digest"))
     rgb = picture(90, 130)

@@ -144,9 +144,9 @@ def test_looks_toward_open_space_rather_than_at_near_walls():
 def test_same_seed_same_bytes_in_another_process():
     script = (
         "import sys; sys.path[:0] = [{tests!r}, {addon!r}]\n"
-        "from core.test_handheld import *\n"
+        "from test_handheld import *\n"
         "sys.stdout.write(handheld_path(boxes(ROOM, PILLAR), seed=3, frames=300).c2w.tobytes().hex())"
-    ).format(tests=str(Path(__file__).parents[1]), addon=str(Path(__file__).parents[2] / "addon"))
+    ).format(tests=str(Path(__file__).parent), addon=str(Path(__file__).parents[3] / "addon"))
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}
     other = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert handheld_path(boxes(ROOM, PILLAR), seed=3, frames=300).c2w.tobytes().hex() == other.stdout

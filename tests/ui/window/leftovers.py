@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an add-on leaves behind in a Blender with a window: enable, disable, enable, reload all scripts, disable.
 
-    blender -P tests/gui/leftovers.py -- ADD-ON'S MODULE RESULT.json
+    blender -P tests/ui/window/leftovers.py -- ADD-ON'S MODULE RESULT.json
 
 The result holds what was there before, after enabling, after enabling again, after the reloads and at the end.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an artist does with the add-on, done in a Blender's window: run by a Blender program with simulated events.
 
-    blender --enable-event-simulate -P tests/gui/drive.py -- FOLDER [ADD-ON'S FOLDER]
+    blender --enable-event-simulate -P tests/ui/window/drive.py -- FOLDER [ADD-ON'S FOLDER]
 
 FOLDER holds trajectory.txt, five poses in the embedded room. Writes pictures, the preset, the dataset and result.json
 there. The add-on is the extension that is installed, or the package in the other folder.

@@ -71,7 +71,7 @@ def used(archive, tmp_path_factory):
     folder = tmp_path_factory.mktemp("add_on")
     install(folder, archive, "-e")
     np.savetxt(folder / "trajectory.txt", poses().reshape(FRAMES, 16))
-    told = blender(folder, "--enable-event-simulate", "-P", ROOT / "tests/gui/drive.py", "--", folder)
+    told = blender(folder, "--enable-event-simulate", "-P", ROOT / "tests/ui/window/drive.py", "--", folder)
     if pictures := os.environ.get("NOISY_WORLD_PICTURES"):
         Path(pictures).mkdir(parents=True, exist_ok=True)
         for path in (*folder.glob("*.png"), *folder.glob("remarks.txt")):
@@ -140,7 +140,7 @@ def test_the_copied_command_goes_on_with_the_panels_dataset(used):
 def test_enabling_and_reloading_twenty_times_leaves_nothing(archive, tmp_path):
     install(tmp_path, archive)
     result = tmp_path / "result.json"
-    told = blender(tmp_path, "-P", ROOT / "tests/gui/leftovers.py", "--", MODULE, result)
+    told = blender(tmp_path, "-P", ROOT / "tests/ui/window/leftovers.py", "--", MODULE, result)
     assert result.is_file(), told.stdout + told.stderr
     found = json.loads(result.read_text())
     assert not found["error"], found["error"]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ends a run before each single call to the file system, resumes it and compares with an undisturbed dataset.
 
-    python tests/core/crash_every_step.py PRESET UNDISTURBED FOLDER
+    python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER
 
 Prints the number of steps; fails with an AssertionError. Frames come from fake_session: the files are what is tried.
 """
@@ -13,7 +13,7 @@ import threading
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parents[1] / "addon")]
+sys.path[:0] = [str(HERE.parent / "support"), str(HERE.parents[1] / "addon")]
 
 import fake_session
 from worlds import content

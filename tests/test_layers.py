@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-ADDON = Path(__file__).resolve().parents[2] / "addon"
+ADDON = Path(__file__).resolve().parents[1] / "addon"
 MODULES = sorted(
     ".".join(path.relative_to(ADDON).with_suffix("").parts).removesuffix(".__init__")
     for path in (ADDON / "noisy_world" / "core").rglob("*.py")

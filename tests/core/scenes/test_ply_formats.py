@@ -30,7 +30,7 @@ from ply_files import (
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply import read_ply
 
-REAL_ROOM = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "real_room"
+REAL_ROOM = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real_room"
 
 
 class TestFormats:

@@ -11,7 +11,7 @@ import pytest
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.room import INTERIOR_MAX_M, INTERIOR_MIN_M, build_room
 
-ADDON = Path(__file__).resolve().parents[2] / "addon"
+ADDON = Path(__file__).resolve().parents[3] / "addon"
 DIGEST_IN_ANOTHER_PROCESS = """
 import sys
 sys.path.insert(0, sys.argv[1])

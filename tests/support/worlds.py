@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from analytic import box_mesh, look_at
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 GENERATE = ROOT / "headless" / "generate.py"
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.0, 1.5, 2.5])
 

@@ -16,7 +16,7 @@ from noisy_world.core.geometry import (
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, subsample
 from noisy_world.core.trajectories.files import detect_format, kitti_text, read_trajectory, replica_text, tum_text
 
-REAL_ROOM = Path(__file__).parents[3] / "shared/data/real_room"
+REAL_ROOM = Path(__file__).parents[4] / "shared/data/real_room"
 
 IDENTITY = "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n"
 TUM_LINE = "0.5 1 2 3 0 0 0 1\n"

@@ -1,19 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The core is tested as it has to work: without Blender."""
-
-import sys
+"""PLY files as bytes: read, or refused."""
 
 import pytest
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.scenes.ply import read_ply
-
-pytest.register_assert_rewrite("ply_files")
-
-
-@pytest.fixture(autouse=True)
-def _no_bpy(monkeypatch):
-    monkeypatch.setitem(sys.modules, "bpy", None)  # importing it raises ImportError
 
 
 @pytest.fixture(scope="session")
