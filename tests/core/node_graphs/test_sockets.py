@@ -15,7 +15,7 @@ def sockets():
 @pytest.mark.parametrize(
     "decide",
     [
-        lambda a, b: max(a, b),
+        max,
         lambda a, b: min(a, 1.0),
         lambda a, b: sorted([a, b]),
         lambda a, b: a or b,
