@@ -17,7 +17,7 @@ $(VENV)/.installed: requirements.lock
 	@test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }
 	test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
-	$(PY) headless/system_libraries.py
+	PYTHONPATH=addon $(PY) -m noisy_world.cli.system_libraries
 	touch $@
 
 demo: venv ## render presets/demo.yaml into out/demo
@@ -27,26 +27,26 @@ picture: demo ## draw the README's picture anew
 	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
 
 ice: venv ## draw frost's pictures of ice anew
-	$(PY) headless/draw_ice.py
+	$(PY) headless/tools/draw_ice.py
 
 gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
-	$(PY) headless/gallery.py docs/gallery.jpg
+	$(PY) headless/tools/gallery.py docs/gallery.jpg
 
 screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
-	$(BLENDER) --factory-startup -P headless/screenshots.py -- docs
+	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
 
 assets: venv ## write the asset library of node groups for Blender's asset browser
-	$(PY) headless/assets.py
+	$(PY) headless/tools/assets.py
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
-	$(PY) headless/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
+	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
 
 test: venv ## run the tests
 	$(PY) -m pytest
 
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env
-	$(PY) headless/report.py --out out/bench
+	$(PY) headless/bench/report.py --out out/bench
 
 $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
 	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-bench.lock
@@ -61,7 +61,7 @@ format: venv ## format the code
 	$(VENV)/bin/ruff format .
 
 blender-env: venv ## install the packages that a Blender program lacks, beside the project: BLENDER=/path/to/blender
-	$(PY) headless/blender_env.py $(BLENDER)
+	$(PY) headless/tools/blender_env.py $(BLENDER)
 
 peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to compare with; needs Python 3.11
 

@@ -3,18 +3,26 @@
 
 A checkout has the package in addon/. In the extension the package is the folder above the scripts, which Blender may
 have loaded as bl_ext.<repository>.noisy_world: the scripts' name for it then leads to the modules that are there.
+The scripts start and end here as well: in a Blender program both differ from a plain Python.
 """
 
 import importlib
 import importlib.util
 import sys
-from collections.abc import Sequence
+import traceback
+from collections.abc import Callable, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from noisy_world.cli.entry import Entry
 
 PACKAGE = "noisy_world"
+INTERRUPTED = 130  # as shells have it
+BUG = 70  # EX_SOFTWARE of sysexits.h
 SCRIPTS = Path(__file__).resolve().parent
 ROOT = SCRIPTS.parent
 # The extension's folder is a package; a checkout's is not.
@@ -41,6 +49,41 @@ def inside_blender() -> bool:
     """Tell whether this is a Blender program, not a Python with the bpy package."""
     bpy = sys.modules.get("bpy")
     return bpy is not None and bool(bpy.app.binary_path)
+
+
+def script_arguments() -> list[str]:
+    """Return the command line's arguments; in a Blender program, those after --."""
+    if not inside_blender():
+        return sys.argv[1:]
+    return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+
+
+def entry(script: Path) -> "Entry":
+    """Return how a script was started; `prepare_imports` comes first."""
+    from noisy_world.cli.entry import Entry  # noqa: PLC0415 - found just now
+    from noisy_world.core.requirements import install_remedy  # noqa: PLC0415
+
+    binary = sys.modules["bpy"].app.binary_path if inside_blender() else ""
+    words = (binary, "-b", "-P", str(script), "--") if binary else (sys.executable, str(script))
+    if INSTALLED:
+        remedy = f"enable the add-on, or {install_remedy(ROOT)}"
+    elif binary:
+        remedy = f"run: make -C {ROOT} blender-env BLENDER={binary}"
+    else:
+        remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
+    return Entry(script.name, words, "this Blender's " if binary else "", remedy)
+
+
+def end_with(main: Callable[[list[str]], int]) -> NoReturn:
+    """Run a script's command line and end the process with its status: Blender would go on after an exception."""
+    try:
+        status = main(script_arguments())
+    except KeyboardInterrupt:
+        status = INTERRUPTED
+    except Exception:  # noqa: BLE001 - a bug keeps its traceback
+        traceback.print_exc()
+        status = BUG
+    sys.exit(status)
 
 
 def use_extension(folder: Path) -> None:

@@ -12,10 +12,11 @@ MODULES = sorted(
     ".".join(path.relative_to(ADDON).with_suffix("").parts).removesuffix(".__init__")
     for path in (ADDON / "noisy_world" / "core").rglob("*.py")
 )
+COMMAND = [f"noisy_world.cli.{name}" for name in ("command", "generate", "list_command", "export_mesh", "workers")]
 
 
 @pytest.mark.parametrize(
-    "modules", [MODULES, ["noisy_world.pipeline"], ["noisy_world"]], ids=["core", "pipeline", "top"]
+    "modules", [MODULES, ["noisy_world.pipeline"], ["noisy_world"], COMMAND], ids=["core", "pipeline", "top", "command"]
 )
 def test_imports_stay_light(modules):
     code = f"""
@@ -44,6 +45,11 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "addon/noisy_world/core/datasets/images.py": "import cv2\n",
         "addon/noisy_world/blender/camera.py": "from ..pipeline import Run\n",
         "addon/noisy_world/pipeline.py": "from .blender.session import Session\n",
+        "addon/noisy_world/frame_writer.py": "from .cli.entry import Entry\n",
+        "addon/noisy_world/perturbations/fog.py": "from ..cli.entry import Entry\n",
+        "addon/noisy_world/ui/runs.py": "from ..cli import generate\n",
+        "addon/noisy_world/cli/missing.py": "import bpy\n",
+        "addon/noisy_world/cli/running.py": "from ..ui import runs\n",
     }
     for name, line in breaches.items():
         path = tmp_path / name

@@ -3,42 +3,24 @@
 
 import threading
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .clean_frame import Camera, CleanFrame
+from .colour import Colours
 from .core.datasets.dataset import Dataset, FrameRecord
-from .core.datasets.existing import StoredFrame
-from .core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
 from .core.datasets.storage import sha256_of_file
 from .core.errors import InputError
-from .core.perturbing.mixture import perturb_depth, perturb_rgb
-from .core.planning.plan import Sequence
+from .core.perturbing.execution import perturb_depth
+from .core.planning.plan import Render
+from .core.planning.sequence import Sequence
+from .core.planning.source import Modality
 
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
 WAITING_FRAMES = 3
 ENCODERS = 2
-
-
-type Composited = Mapping[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]
-"""By the sequence's folder: (H, W, 3) perturbed colour, None where nothing changes it; and what was done."""
-
-
-class SourceFrame(Protocol):
-    """A clean frame; None is what is not there."""
-
-    @property
-    def rgb(self) -> NDArray[Any] | None:
-        """Colour (H, W, 3), float32 in [0, 1] or uint8; RGB, sRGB-encoded."""
-
-    @property
-    def depth_m(self) -> NDArray[np.float32] | None:
-        """Planar depth (H, W) in metres; 0 = void."""
 
 
 class FrameWriter:
@@ -47,29 +29,26 @@ class FrameWriter:
     What several sequences show alike is written once and linked.
     """
 
-    def __init__(
-        self, dataset: Dataset, sequences: tuple[Sequence, ...], worker: int, stamps_s: NDArray[np.float64]
-    ) -> None:
-        """Open the journals.
-
-        stamps_s: time stamps of the sequences' frames, whose i-th is the same in all.
-        """
+    def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
+        """Open the journals."""
         self._dataset = dataset
-        self._sequences = [sequence for sequence in sequences if sequence.frames]
-        self._stamps_s = stamps_s
+        self._stamps_s = render.scene.source.stamps_s
+        self._camera = Camera(render.camera, self._stamps_s)
+        self._names = dataset.format.names(self._stamps_s)
+        self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[None]] = deque()
         self._lock = threading.Lock()
 
-    def submit(self, source: int, image: SourceFrame, composited: Composited | None = None) -> int:
-        """Hand over a frame of the render; wait while too many wait. Return how many were finished meanwhile.
+    def submit(self, clean: CleanFrame, colours: Colours) -> int:
+        """Hand over a clean frame; wait while too many wait. Return how many were finished meanwhile.
 
-        composited: by the sequence's folder, colour that the compositor has perturbed already, and what was done.
+        colours: what gives the colour of each frame that shows it perturbed.
 
         Raises what went wrong with an earlier frame.
         """
-        self._waiting.append(self._pool.submit(self._write, source, image, composited or {}))
+        self._waiting.append(self._pool.submit(self._write, clean, colours))
         finished = 0
         while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
             self._waiting.popleft().result()
@@ -83,62 +62,59 @@ class FrameWriter:
             self._waiting.popleft().result()
         return finished
 
-    def _write(self, source: int, image: SourceFrame, composited: Composited) -> None:
-        clean = CleanFiles(self._dataset, image)
+    def _write(self, clean: CleanFrame, colours: Colours) -> None:
+        files = CleanFiles(self._dataset, clean)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
-            records = [
-                *self._write_rgb(sequence, source, clean, composited),
-                *self._write_depth(sequence, source, clean),
-            ]
+            records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
             with self._lock:
                 for record in records:
                     journal.append(record)
 
     def _write_rgb(
-        self, sequence: Sequence, source: int, clean: "CleanFiles", composited: Composited
+        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours
     ) -> Iterator[FrameRecord]:
-        layout = self._dataset.layout
-        frame = sequence.rgb_shown_by.get(source)
-        if frame is None or "rgb" not in layout.modalities:
-            return
-        pixels, notes = None, []
-        if sequence.setting.composited:
-            pixels, notes = composited[sequence.folder]
-        elif sequence.setting.rgb:
-            depth_m = clean.depth_m if sequence.setting.needs_depth else None
-            pixels, notes = perturb_rgb(sequence.setting.rgb, clean.rgb, frame, sequence.identifiers, depth_m)
-        name = layout.rgb_name(frame)
-        if pixels is None:
-            digest = clean.give("rgb", sequence.folder, name)
-        else:
-            digest = self._dataset.write_file(sequence.folder, name, encode_rgb(pixels, layout.image))
-        yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, {"rgb": notes} if notes else {})
-
-    def _write_depth(self, sequence: Sequence, source: int, clean: "CleanFiles") -> Iterator[FrameRecord]:
-        layout = self._dataset.layout
-        shown_by = sequence.depth_shown_by.get(source, [])
-        if not shown_by or "depth" not in layout.modalities:
-            return
-        depth_m, notes = None, []
-        taken = source // sequence.every  # the frame that the depth belongs to, and its randomness with it
-        if sequence.setting.depth:
-            depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, taken, sequence.identifiers)
-        first = None
-        digest = ""
-        for frame in shown_by:
-            name = layout.depth_name(frame)
-            if depth_m is None:
-                digest = clean.give("depth", sequence.folder, name)
-            elif first is None:
-                data = encode_depth(quantise_depth(depth_m, layout.depth_scale_per_m))
-                digest = self._dataset.write_file(sequence.folder, name, data)
-                first = self._dataset.out / sequence.folder / name
+        format_ = self._dataset.format
+        for frame in sequence.showing("rgb", clean.source) if "rgb" in format_.modalities else ():
+            pixels, notes = colours[sequence.folder, frame]() if sequence.setting.rgb else (None, [])
+            name = self._names.rgb(frame)
+            if pixels is None:
+                digest = files.give("rgb", sequence.folder, name)
             else:
-                self._dataset.link_file(first, sequence.folder, name)
+                digest = self._dataset.write_file(sequence.folder, name, format_.encode_rgb(pixels))
+            yield self._record(frame, {name: digest}, {"rgb": notes} if notes else {})
+
+    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles") -> Iterator[FrameRecord]:
+        format_ = self._dataset.format
+        written: dict[int, tuple[Path, str, list[dict[str, Any]]]] = {}  # by the frame that the depth belongs to
+        for frame in sequence.showing("depth", clean.source) if "depth" in format_.modalities else ():
+            name = self._names.depth(frame)
+            taken = sequence.shown(frame).depth_frame
+            if taken in written:
+                path, digest, notes = written[taken]
+                self._dataset.link_file(path, sequence.folder, name)
+            else:
+                digest, notes = self._write_one_depth(sequence, clean, files, taken, name)
+                written[taken] = (self._dataset.out / sequence.folder / name, digest, notes)
             done: dict[str, object] = {"depth": notes} if notes else {}
-            if sequence.depth_of is not None:
-                done["sync"] = {"depth_of_frame": taken}
-            yield FrameRecord(frame, float(self._stamps_s[frame]), {name: digest}, done)
+            if sequence.paired:
+                done["pairing"] = {"depth_of_frame": taken}
+            yield self._record(frame, {name: digest}, done)
+
+    def _write_one_depth(
+        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", taken: int, name: str
+    ) -> tuple[str, list[dict[str, Any]]]:
+        """Write the depth of a frame, perturbed as it was taken; return the file's SHA-256 and what was done."""
+        depth_m, notes = None, []
+        if sequence.setting.depth:
+            context = self._camera.context(sequence, taken, clean)
+            depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
+        if depth_m is None:
+            return files.give("depth", sequence.folder, name), notes
+        data = self._dataset.format.encode_depth(depth_m)
+        return self._dataset.write_file(sequence.folder, name, data), notes
+
+    def _record(self, frame: int, files: dict[str, str], done: dict[str, Any]) -> FrameRecord:
+        return FrameRecord(frame, float(self._stamps_s[frame]), files, done)
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -153,27 +129,18 @@ class FrameWriter:
 class CleanFiles:
     """The clean images of one frame, each encoded when it is first needed, and from then on linked."""
 
-    def __init__(self, dataset: Dataset, image: SourceFrame) -> None:
+    def __init__(self, dataset: Dataset, clean: CleanFrame) -> None:
         self._dataset = dataset
-        self._image = image
-        self._written: dict[str, tuple[Path, str]] = {}
+        self._clean = clean
+        self._written: dict[Modality, tuple[Path, str]] = {}
 
-    @cached_property
-    def rgb(self) -> NDArray[Any]:
-        """Colour (H, W, 3), float32 in [0, 1] or uint8."""
-        assert self._image.rgb is not None
-        return self._image.rgb
-
-    @cached_property
-    def depth_m(self) -> NDArray[np.float32]:
-        """Planar depth (H, W) in metres; 0 = void."""
-        assert self._image.depth_m is not None
-        return self._image.depth_m
-
-    def give(self, modality: str, folder: str, name: str) -> str:
+    def give(self, modality: Modality, folder: str, name: str) -> str:
         """Put the clean image under a name into a sequence; return its SHA-256."""
-        if modality not in self._written and isinstance(self._image, StoredFrame):
-            self._take_stored(modality, self._image)
+        if modality not in self._written and (path := self._clean.file_as(modality, self._dataset.format)):
+            digest = sha256_of_file(path)
+            if digest is None:
+                raise InputError(path, "is gone")
+            self._written[modality] = (path, digest)
         if modality in self._written:
             path, digest = self._written[modality]
             self._dataset.link_file(path, folder, name)
@@ -182,24 +149,6 @@ class CleanFiles:
         self._written[modality] = (self._dataset.out / folder / name, digest)
         return digest
 
-    def _encoded(self, modality: str) -> bytes:
-        layout = self._dataset.layout
-        if modality == "rgb":
-            pixels = self.rgb if self.rgb.dtype == np.uint8 else rgb_bytes(self.rgb)
-            return encode_rgb(pixels, layout.image)
-        return encode_depth(quantise_depth(self.depth_m, layout.depth_scale_per_m))
-
-    def _take_stored(self, modality: str, image: StoredFrame) -> None:
-        """Use the file of an existing sequence as it is, where the dataset's are of the same kind."""
-        layout = self._dataset.layout
-        if modality == "rgb":
-            path, same = image.rgb_file, image.rgb_file.suffix == f".{layout.image}"
-        else:
-            path = image.depth_file
-            same = image.depth_scale_per_m == layout.depth_scale_per_m and path.suffix == ".png"
-        if not same:
-            return
-        digest = sha256_of_file(path)
-        if digest is None:
-            raise InputError(path, "is gone")
-        self._written[modality] = (path, digest)
+    def _encoded(self, modality: Modality) -> bytes:
+        format_ = self._dataset.format
+        return format_.encode_rgb(self._clean.rgb) if modality == "rgb" else format_.encode_depth(self._clean.depth_m)

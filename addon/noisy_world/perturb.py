@@ -16,11 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.datasets.existing import find_sequence
-from .core.perturbing.mixture import Setting, parse_steps, perturb_colour, perturb_depth, perturb_motion, perturb_rgb
-from .core.planning.plan import lay_out
+from .clean_frame import Camera, CleanFrame
+from .core.datasets.layouts import find_sequence
+from .core.geometry import Intrinsics
+from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
+from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
+from .core.perturbing.reading import parse_steps
+from .core.perturbing.steps import Setting
+from .core.planning.sequence import lay_out, written_paths
 from .core.schema import Place
+from .core.trajectories.sensor_paths import SensorPaths
 from .perturbations import registry
+from .sources.recording import RecordedFrame
 
 
 def apply[Pixel: (np.uint8, np.float32)](
@@ -30,6 +37,9 @@ def apply[Pixel: (np.uint8, np.float32)](
     seed: int = 0,
     frame: int = 0,
     depth_m: NDArray[np.float32] | None = None,
+    rgb: NDArray[Any] | None = None,
+    intrinsics: Intrinsics | None = None,
+    stamp_s: float | None = None,
     **values: Any,
 ) -> NDArray[Pixel]:
     """Perturb one colour or depth image; the input is left alone.
@@ -37,31 +47,43 @@ def apply[Pixel: (np.uint8, np.float32)](
     image: (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], for a perturbation of colour; (H, W) float32 planar
     depth in metres, 0 = void, for one of depth. The result has the same shape and type.
     name: of the perturbation, such as "fog". seed, frame: name the random stream; the same ones, the same pixels.
-    depth_m: (H, W) float32 planar depth, 0 = void, for the perturbations of colour that depend on it.
+    depth_m: (H, W) float32 planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
+    an image of colour, for the perturbations of depth that depend on it. intrinsics, stamp_s: of the image, for
+    perturbations that ask for them; stamp_s in seconds.
     values: as in a preset: severity (0, or 1 to 5), mode, levels, temporal, or single parameters.
 
     Raises InputError for a name or a value that does not exist, TypeError for an array of another kind.
     """
     (step,) = parse_steps([{name: values}], Place("apply"), registry())
-    category = step.perturbation.category
-    identifiers = (seed, "", "")
-    if category in ("motion", "sync"):
+    if isinstance(step.perturbation, SEQUENCE_KINDS):
         raise TypeError(f"{name} acts on a whole sequence, not on an image")
-    if category == "depth":
+    where = FrameContext(
+        frame,
+        (seed, "", ""),
+        stamp_s=stamp_s,
+        intrinsics=intrinsics,
+        read_rgb=None if rgb is None else lambda: _as_float(rgb),
+        read_depth_m=None if depth_m is None else lambda: depth_m,
+    )
+    if isinstance(step.perturbation, DepthPerturbation):
         _check(image, image.ndim == 2 and image.dtype == np.float32, "(H, W) float32")
-        depth_m, _ = perturb_depth([step], image, frame, identifiers)  # type: ignore[arg-type]
-        return image.copy() if depth_m is None else depth_m  # type: ignore[return-value]
+        made_m, _ = perturb_depth([step], image, where)  # type: ignore[arg-type]
+        return image.copy() if made_m is None else made_m  # type: ignore[return-value]
     kinds = (np.uint8, np.float32)
     _check(image, image.ndim == 3 and image.shape[2] == 3 and image.dtype in kinds, "(H, W, 3) uint8 or float32")
     if image.dtype == np.uint8:
-        pixels, _ = perturb_rgb([step], image, frame, identifiers, depth_m)
+        pixels, _ = perturb_rgb([step], image, where)
         return image.copy() if pixels is None else pixels  # type: ignore[return-value]
-    where = step.frame(frame, identifiers)
-    severity = step.severity_of(where)
+    context = step.context(where)
+    severity = step.severity_of(context)
     if severity == 0:
         return image.copy()
-    made = perturb_colour(step, image, severity, where, depth_m)  # type: ignore[arg-type]
+    made = perturb_colour(step, image, severity, context)  # type: ignore[arg-type]
     return np.clip(made, 0.0, 1.0)  # type: ignore[return-value]
+
+
+def _as_float(rgb: NDArray[Any]) -> NDArray[np.float32]:
+    return rgb / np.float32(255) if rgb.dtype == np.uint8 else rgb
 
 
 def _check(image: NDArray[Any], fits: bool, wanted: str) -> None:
@@ -91,35 +113,36 @@ def frames(
     seed: int = 0,
     setting: str = "setting",
     scene: str | None = None,
+    intrinsics: Intrinsics | None = None,
 ) -> Iterator[PerturbedFrame]:
-    """Perturb a sequence in Replica's or TUM's layout, frame by frame, without writing anything.
+    """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name): name
-    the random streams; a preset with the same ones makes the same pixels.
+    the random streams; a preset with the same ones makes the same pixels. intrinsics: of the sequence's camera, for
+    perturbations that ask for them.
 
     Raises InputError for a folder that holds no sequence, and for what a preset could not say either.
     """
-    existing = find_sequence(Path(folder))
-    steps = parse_steps(perturb, Place("frames"), registry())
-    for step in steps:
-        if step.perturbation.name == "motion_deviation":
-            raise Place("frames").error("motion_deviation needs a mesh: a sequence cannot be seen from elsewhere")
+    stored = find_sequence(Path(folder))
+    whole = Setting(setting, parse_steps(perturb, Place("frames"), registry()))
+    moving, _ = split_motion(whole.motion)
+    if moving:
+        name = moving[-1].perturbation.name
+        raise Place("frames").error(f"{name} needs a mesh: a sequence cannot be seen from elsewhere")
     name = Path(folder).name if scene is None else scene
-    whole = Setting(setting, steps)
-    sequence = lay_out(whole, name, len(existing.trajectory), (seed, name, setting))
-    faster = whole.named("faster_motion")
-    path = existing.trajectory
-    path = path if faster is None else perturb_motion(faster, path, sequence.identifiers)
+    sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
+    path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
+    camera = Camera(intrinsics, path.stamps_s)
     for index in sequence.frames:
-        source = sequence.depth_source(index)
-        rgb, depth_m = existing.frame(sequence.rgb_source(index)).rgb, existing.frame(source).depth_m
-        seen_m = existing.frame(sequence.rgb_source(index)).depth_m if whole.needs_depth else None
-        new_rgb, _ = perturb_rgb(whole.rgb, rgb, index, sequence.identifiers, seen_m)
-        new_depth_m, _ = perturb_depth(whole.depth, depth_m, source // sequence.every, sequence.identifiers)
+        shown = sequence.shown(index)
+        clean = CleanFrame(shown.rgb_source, RecordedFrame(stored.frame(shown.rgb_source)))
+        taken = CleanFrame(shown.depth_source, RecordedFrame(stored.frame(shown.depth_source)))
+        rgb, _ = perturb_rgb(whole.rgb, clean.rgb, camera.context(sequence, index, clean))
+        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, camera.context(sequence, shown.depth_frame, taken))
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),
             path.c2w[index],
-            rgb if new_rgb is None else new_rgb,
-            depth_m if new_depth_m is None else new_depth_m,
+            clean.byte_rgb() if rgb is None else rgb,
+            taken.depth_m if depth_m is None else depth_m,
         )

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The parts of `headless/report.py`; three of them are programs that it starts."""
+"""Measurements: `report.py` and `perturbation_report.py` are what a person starts, the rest are their parts."""

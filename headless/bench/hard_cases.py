@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_mesh, rays
 from noisy_world.blender import session as session_module
 from noisy_world.blender.render import RenderedFrame
-from noisy_world.blender.session import RenderOptions, Session
+from noisy_world.blender.session import Session
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.core.geometry import (
     Intrinsics,
@@ -33,7 +33,9 @@ from noisy_world.core.geometry import (
     rotation_from_quat_wxyz,
     slerp,
 )
+from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = CAMERAS["fx above fy"]
@@ -73,8 +75,9 @@ def main() -> None:
 
 def render(mesh: Mesh, c2w: np.ndarray, options: RenderOptions = OPTIONS, camera: Intrinsics = CAMERA) -> RenderedFrame:
     """Render one frame."""
-    with Session(mesh, "case", {"": evenly_stamped(np.asarray(c2w)[None])}, camera, options) as session:
-        return session.render(0)
+    paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]))
+    with Session(mesh, "case", paths, camera, options) as session:
+        return session.frame(paths.moment(0))
 
 
 def worst(depth_m: np.ndarray, true_m: np.ndarray, where: np.ndarray) -> float:

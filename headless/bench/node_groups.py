@@ -13,7 +13,10 @@ from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.mixture import Step, parse_steps, perturb_colour
+from noisy_world.core.perturbing.execution import perturb_colour
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 
@@ -74,8 +77,8 @@ def errors(frames: NDArray[np.uint8]) -> str:
             (step,) = parse_steps([{name: values}], Place("report"), registry())
             with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
                 found = compositor.evaluate(rgb, {"x": (0, (SEED, "", ""))}, depth_m)[0]["x"]
-            frame = step.frame(0, (SEED, "", ""))
-            wanted = np.clip(perturb_colour(step, rgb, severity, frame, depth_m), 0, 1)
+            context = step.context(FrameContext(0, (SEED, "", ""), read_depth_m=lambda: depth_m))
+            wanted = np.clip(perturb_colour(step, rgb, severity, context), 0, 1)
             apart = np.abs(found - wanted) * 255
             row.append(f"{apart.max():.2f} ({apart.mean():.3f})")
         rows.append(row)

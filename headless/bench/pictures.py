@@ -3,10 +3,8 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from report import Results
+from .results import Results
 
 MARKS = {"cycles": "o", "eevee": "s", "workbench": "^"}
 
@@ -22,7 +20,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def draw(results: "Results", path: Path) -> None:
+def draw(results: Results, path: Path) -> None:
     """Draw and save."""
     import matplotlib as mpl  # noqa: PLC0415 - slow, and needed at the end
 

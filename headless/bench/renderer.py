@@ -24,36 +24,40 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
     from noisy_world.core.datasets.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories  # noqa: PLC0415
-    from noisy_world.core.planning.scenes import load_mesh  # noqa: PLC0415
+    from noisy_world.core.planning.plan import source_paths  # noqa: PLC0415
     from noisy_world.core.presets.preset import read_preset  # noqa: PLC0415
+    from noisy_world.planning import make_plan  # noqa: PLC0415
 
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]
     imported_s = time.perf_counter()
     from noisy_world.blender.session import Session  # noqa: PLC0415
+    from noisy_world.clean_frame import CleanFrame  # noqa: PLC0415
     from noisy_world.frame_writer import FrameWriter  # noqa: PLC0415
     from noisy_world.pipeline import render_options  # noqa: PLC0415
+    from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s
-    mesh = load_mesh(render.scene)
-    trajectories = render_trajectories(plan, render, load_trajectory(plan, render.scene, mesh))
-    options = render_options(plan, jobs=2 if "--one-thread" in flags else 1)
-    dataset = Dataset(Path(out), plan.layout)
+    mesh = load_mesh(Path(render.scene.source.location))
+    paths = source_paths(plan, render)
+    options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
+    dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path}, overwrite=True)
-    with Session(mesh, "bench", trajectories, plan.camera, options) as session:
+    with Session(mesh, "bench", paths, plan.camera, options) as session:
         del mesh
+        forget_meshes()
         if "--all-on" in flags:
             switch_everything_on()
         loaded_s = time.perf_counter()
-        frame_count = len(trajectories[""])
+        frame_count = len(paths)
 
         def work(frames: list[int]) -> float:
             """Render and write; return seconds a frame."""
             start_s = time.perf_counter()
-            with FrameWriter(dataset, render.sequences, 0, trajectories[""].stamps_s) as writer:
+            with FrameWriter(dataset, render, 0) as writer:
                 for frame in frames:
-                    writer.submit(frame % frame_count, session.render(frame % frame_count))
+                    shown = frame % frame_count
+                    writer.submit(CleanFrame(shown, session.frame(paths.moment(shown))), {})
                 writer.drain()
             return (time.perf_counter() - start_s) / len(frames)
 
@@ -71,7 +75,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
             elif order["do"] == "memory":
                 answer(**memory())
             elif order["do"] == "frames":
-                answer(files=save_frames(session, order["frames"], Path(order["to"])))
+                answer(files=save_frames(session, paths, order["frames"], Path(order["to"])))
             elif order["do"] == "analytic":
                 session.close()
                 answer(**analytic_errors(options))
@@ -135,13 +139,13 @@ def switch_everything_on() -> None:
     scene.cycles.use_light_tree = True
 
 
-def save_frames(session: Any, frames: list[int], folder: Path) -> list[str]:
+def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> list[str]:
     """Save frames as float arrays, for the errors."""
     import numpy as np  # noqa: PLC0415
 
     files = []
     for frame in frames:
-        done = session.render(frame)
+        done = session.frame(paths.moment(frame))
         path = folder / f"{frame}.npz"
         np.savez(path, rgb=done.rgb, depth_m=done.depth_m)
         files.append(str(path))
@@ -154,6 +158,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
 
     from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415  # noqa: PLC0415
     from noisy_world.blender.session import Session  # noqa: PLC0415
+    from noisy_world.core.trajectories.sensor_paths import SensorPaths  # noqa: PLC0415
     from noisy_world.core.trajectories.trajectory import evenly_stamped  # noqa: PLC0415
 
     camera = CAMERAS["fx above fy"]
@@ -168,9 +173,10 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
         "box": (box_mesh(low, high), *box_depth(camera, eye, low, high)),
     }
     errors = {}
+    still = SensorPaths(evenly_stamped(eye[None]))
     for name, (mesh, true_m, sure) in scenes.items():
-        with Session(mesh, name, {"": evenly_stamped(eye[None])}, camera, options) as session:
-            depth_m = session.render(0).depth_m
+        with Session(mesh, name, still, camera, options) as session:
+            depth_m = session.frame(still.moment(0)).depth_m
         both = np.isfinite(true_m) & (depth_m > 0)
         error = np.abs(np.where(both, depth_m, 1.0) / np.where(both, true_m, 1.0) - 1)
         off, at = error[sure & both], error[~sure & both]

@@ -2,42 +2,12 @@
 """The report in Markdown."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
-
-if TYPE_CHECKING:
-    from report import Results
+from .results import Results, Spread, spread
 
 
-@dataclass(frozen=True)
-class Spread:
-    """A figure from several turns: their median, and the distance from the least to the largest over it."""
-
-    median: float
-    relative: float
-    turns: int
-
-    def text(self, unit: str = "") -> str:
-        """As `0.283 s ± 4 %`."""
-        return "-" if not self.turns else f"{self.median:.3g}{unit} ± {100 * self.relative:.0f} %"
-
-
-def spread(values: Sequence[float]) -> Spread:
-    """Summarise turns."""
-    if not values:
-        return Spread(float("nan"), float("nan"), 0)
-    low, median, high = np.quantile(values, [0, 0.5, 1])
-    return Spread(float(median), float((high - low) / median), len(values))
-
-
-def spread_of_ratios(values: Sequence[float], others: Sequence[float]) -> Spread:
-    """Summarise the ratios of neighbouring turns."""
-    return spread([a / b for a, b in zip(values, others, strict=False)])
-
-
-def markdown(results: "Results") -> str:
+def markdown(results: Results) -> str:
     """Return the whole report."""
     parts = [
         "# Speed against error",
@@ -82,7 +52,7 @@ def _spread(content: dict[str, Any] | None) -> Spread:
     return spread([]) if content is None else Spread(**content)
 
 
-def _machine(results: "Results") -> str:
+def _machine(results: Results) -> str:
     m = results.machine
     text = (
         f"{m['processor']}, {m['threads']} threads ({', '.join(m['features'])}), {m['system']}. Noisy World "
@@ -93,7 +63,7 @@ def _machine(results: "Results") -> str:
     return "\n\n".join([text, *[f"Note: {note}." for note in results.notes]])
 
 
-def _engines(results: "Results") -> str:
+def _engines(results: Results) -> str:
     columns = ("engine", "samples", "frame", "x Embree", "first frame", "loading", "peak memory", "PSNR", "SSIM")
     columns += ("depth: known shapes", "depth: cast, 99.9 %", "at edges: another surface", "void differs")
     rows = [
@@ -117,7 +87,7 @@ def _engines(results: "Results") -> str:
     return table(columns, rows)
 
 
-def _others(results: "Results") -> str:
+def _others(results: Results) -> str:
     if not results.others:
         return "No peer could be had here."
     rows = [
@@ -126,7 +96,7 @@ def _others(results: "Results") -> str:
     return table(("program", "frame", "loading"), rows)
 
 
-def _million(results: "Results") -> str:
+def _million(results: Results) -> str:
     m = results.million
     resident = {int(frame): size for frame, size in m["resident_bytes"].items()}
     rows = [
@@ -147,7 +117,7 @@ def _million(results: "Results") -> str:
     return table(("", ""), rows)
 
 
-def _needs(results: "Results") -> str:
+def _needs(results: Results) -> str:
     columns = ("preset", "passes", "samples", "lights", "bounces", "libraries", "first frame", "peak memory")
     columns += ("frame", "over clean", "over everything")
     rows = [

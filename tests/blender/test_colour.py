@@ -10,21 +10,24 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import look_at, quads_mesh, rays
 
-from noisy_world.blender.session import RenderOptions, Session
+from noisy_world.blender.session import Session
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 160, 100.0, 100.0, 79.5, 79.5)
 OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=1, seed=0)
 EYE = look_at([0, 0, 0], [0, 1, 0])
+STILL = SensorPaths(evenly_stamped(EYE[None]))
 CELL_PX = 10
 
 
 def render(mesh, options=OPTIONS, camera=CAMERA):
-    with Session(mesh, "test", {"": evenly_stamped(EYE[None])}, camera, options) as session:
-        return session.render(0)
+    with Session(mesh, "test", STILL, camera, options) as session:
+        return session.frame(STILL.moment(0))
 
 
 def checkerboard(colours):
@@ -117,8 +120,9 @@ def test_frames_do_not_depend_on_threads_or_order():
     results = {}
     for threads, order in ((1, [0, 1, 2, 3]), (2, [3, 1, 0, 2])):
         options = replace(OPTIONS, threads=threads, samples=4)
-        with Session(mesh, "test", {"": evenly_stamped(poses)}, CAMERA, options) as session:
-            frames = {k: session.render(k) for k in order}
+        paths = SensorPaths(evenly_stamped(poses))
+        with Session(mesh, "test", paths, CAMERA, options) as session:
+            frames = {k: session.frame(paths.moment(k)) for k in order}
         results[threads] = [frames[k].rgb.tobytes() + frames[k].depth_m.tobytes() for k in range(4)]
     assert results[1] == results[2]
 
@@ -128,10 +132,8 @@ def test_blenders_own_png_shows_the_same_bytes(tmp_path):
     import cv2
 
     colours = np.stack([np.arange(256), (np.arange(256) * 37) % 256, np.arange(256)[::-1]], axis=-1)
-    with Session(
-        checkerboard(colours), "test", {"": evenly_stamped(EYE[None])}, CAMERA, replace(OPTIONS, samples=4)
-    ) as session:
-        session.render(0)
+    with Session(checkerboard(colours), "test", STILL, CAMERA, replace(OPTIONS, samples=4)) as session:
+        session.frame(STILL.moment(0))
         scene = bpy.context.scene
         settings = scene.render.image_settings
         settings.media_type, settings.file_format, settings.color_depth = "IMAGE", "PNG", "8"

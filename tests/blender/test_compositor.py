@@ -14,12 +14,12 @@ from worlds import ROOT
 from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.mixture import parse_steps
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 
-NAMES = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]
+NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation)]
 MIXED = [
     {"gaussian_noise": {"severity": 3, "mode": "dynamic"}},
     {"fog": {"severity": 5, "mode": "dynamic"}},

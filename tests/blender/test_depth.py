@@ -20,7 +20,9 @@ from analytic import (
     sphere_mesh,
 )
 
-from noisy_world.blender.session import RenderOptions, Session
+from noisy_world.blender.session import Session
+from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
@@ -33,8 +35,9 @@ POINTS = {
 
 
 def render(mesh, c2w, camera, options=OPTIONS):
-    with Session(mesh, "test", {"": evenly_stamped(np.asarray(c2w)[None])}, camera, options) as session:
-        return session.render(0)
+    paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]))
+    with Session(mesh, "test", paths, camera, options) as session:
+        return session.frame(paths.moment(0))
 
 
 def relative_error(depth_m, expected_m, *, inside):

@@ -11,10 +11,12 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from analytic import box_depth, box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
 
 from noisy_world.blender.probe import gl_version
-from noisy_world.blender.session import RenderOptions, Session, renderer_versions
+from noisy_world.blender.session import Session, renderer_versions
 from noisy_world.core.errors import MissingDependencyError, NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 120, 110.0, 90.0, 70.0, 66.5)
@@ -36,8 +38,9 @@ gl_engines = pytest.mark.parametrize("engine", ["eevee", "workbench"])
 
 def render(mesh, options, c2w=EYE, camera=CAMERA, count=1):
     poses = np.asarray(c2w)[None].repeat(count, 0)
-    with Session(mesh, "test", {"": evenly_stamped(poses)}, camera, options) as session:
-        return session.render(count - 1)
+    paths = SensorPaths(evenly_stamped(poses))
+    with Session(mesh, "test", paths, camera, options) as session:
+        return session.frame(paths.moment(count - 1))
 
 
 def uniform(labels):
@@ -131,12 +134,13 @@ def test_without_gl_the_packages_are_named(monkeypatch):
 
 def test_a_scratch_file_that_cannot_be_written_is_one_line(tmp_path):
     mesh = box_mesh(np.array([-1.0, -1.2, -0.8]), np.array([3.0, 2.0, 1.5]))
-    with Session(mesh, "test", {"": evenly_stamped(EYE[None])}, CAMERA, OPTIONS) as session:
+    paths = SensorPaths(evenly_stamped(EYE[None]))
+    with Session(mesh, "test", paths, CAMERA, OPTIONS) as session:
         file = tmp_path / "file"
         file.write_text("in the way of a folder")
         bpy.context.scene.render.filepath = str(file / "frame.exr")
         with pytest.raises(StorageError, match="could not write its scratch file") as error:
-            session.render(0)
+            session.frame(paths.moment(0))
     assert "\n" not in str(error.value)
 
 

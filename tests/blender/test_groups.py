@@ -12,10 +12,10 @@ from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remov
 from noisy_world.core.node_graphs.graph import Graph, GroupInput, Picture
 from noisy_world.core.node_graphs.groups import build_group, socket_name
 from noisy_world.core.node_graphs.node_layout import arrange
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
+from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-NAMES = [item.name for item in registry().values() if item.category in RGB_CATEGORIES]
+NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation)]
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
 
 

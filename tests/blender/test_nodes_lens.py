@@ -7,7 +7,7 @@ import pytest
 from group_tools import IDENTIFIERS, by_nodes, by_reference, levels_apart, picture, step_of
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import defocus_depth
 from noisy_world.perturbations._kernels import disk_kernel
 from noisy_world.perturbations.glass_blur import offset_shares
@@ -164,7 +164,7 @@ def focused(**values):
 
 
 def blurred(image, depth_m, **values):
-    return defocus_depth.apply(image, focused(**values), Frame(0, (0,)), depth_m)
+    return defocus_depth.apply(image, focused(**values), FrameContext(0, (0,), read_depth_m=lambda: depth_m))
 
 
 def test_depth_of_field_is_its_reference(frame):

@@ -15,10 +15,10 @@ from worlds import ROOT
 
 from noisy_world.core.node_graphs.chain import socket_values
 from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES
+from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-PERTURBATIONS = [item for item in registry().values() if item.category in RGB_CATEGORIES]
+PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 SCRIPT = ROOT / "tests/headless/append_groups.py"
 
@@ -26,7 +26,7 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assets")
-    command = [sys.executable, str(ROOT / "headless/assets.py"), "--out", str(folder)]
+    command = [sys.executable, str(ROOT / "headless/tools/assets.py"), "--out", str(folder)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert result.returncode == 0, result.stderr
     assert f"{len(PERTURBATIONS)} node groups" in result.stdout
@@ -52,7 +52,7 @@ def test_everything_that_the_asset_browser_shows(library):
         asset = tree.asset_data
         assert asset.description.startswith(tree.description[:40])
         assert item.name in {tag.name for tag in asset.tags}
-        assert catalogs[asset.catalog_id].split("/")[1].lower().startswith(item.category[:4])
+        assert catalogs[asset.catalog_id].split("/")[1].lower().startswith(item.stage[:4])
         pixels = np.empty(256 * 256 * 4, np.float32)
         tree.preview.image_pixels_float.foreach_get(pixels)
         assert pixels.std() > 0.01

@@ -263,6 +263,16 @@ def test_a_missing_package_is_named_with_the_command(world, tmp_path):
     assert "make -C" in result.stderr
 
 
+def test_a_missing_package_stops_the_export_too(tmp_path):
+    bare = tmp_path / "bare"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", bare], check=True)
+    command = [bare / "bin/python", ROOT / "headless/export_mesh.py", "embedded:room", tmp_path / "room.ply"]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("export_mesh.py: numpy: missing in this Python")
+
+
 def test_output_on_a_pipe_is_plain_lines(world, tmp_path):
     result = generate(world, "--out", tmp_path / "out")
     assert "\r" not in result.stderr

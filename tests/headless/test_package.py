@@ -22,7 +22,7 @@ from worlds import ROOT, write_world
 
 sys.path.append(str(ROOT / "headless"))
 import installation
-import package
+from tools import package
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 needs_blender = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
@@ -219,7 +219,7 @@ def zips(tmp_path_factory):
     """The zips of two platforms, built twice, by platform."""
     folders = [tmp_path_factory.mktemp("zips") for _ in range(2)]
     for folder in folders:
-        command = [sys.executable, str(ROOT / "headless/package.py"), "--out", str(folder)]
+        command = [sys.executable, str(ROOT / "headless/tools/package.py"), "--out", str(folder)]
         command += ["--platform", "linux-x64", "--platform", "macos-arm64"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
         if "pip got no wheels" in done.stderr:

@@ -11,8 +11,7 @@ from worlds import ROOT
 
 sys.path.insert(0, str(ROOT / "headless"))
 
-import report
-from bench import contestant, errors, pictures, tables
+from bench import contestant, errors, pictures, report, results, tables
 
 from noisy_world.core.scenes.mesh import Mesh
 
@@ -25,10 +24,10 @@ def test_the_pareto_front_is_what_nothing_beats():
 
 
 def test_a_spread_is_median_and_range():
-    found = tables.spread([1.0, 2.0, 3.0, 4.0, 5.0])
+    found = results.spread([1.0, 2.0, 3.0, 4.0, 5.0])
     assert (found.median, found.relative, found.turns) == (3.0, 4 / 3, 5)
-    assert tables.spread_of_ratios([2.0, 6.0], [1.0, 2.0]).median == 2.5
-    assert tables.spread([]).text(" s") == "-"
+    assert results.spread_of_ratios([2.0, 6.0], [1.0, 2.0]).median == 2.5
+    assert results.spread([]).text(" s") == "-"
     assert found.text(" s") == "3 s ± 133 %"
 
 
@@ -99,29 +98,29 @@ def test_the_million_quads_are_a_million(tmp_path):
 
 
 def fake_results():
-    spread = tables.spread([1.0, 1.1, 1.2])
+    spread = results.spread([1.0, 1.1, 1.2])
     shapes = {"plane": {"max": 1e-6, "p99": 1e-7, "edge_max": 0.0, "missed": 0}}
     cast = {"off_p999": 1e-5, "edge_wrong_surface": 0.01, "void_differs": 0.0}
     rgb = {"psnr_db": 45.0, "ssim": 0.99}
-    results = report.Results(report.machine())
-    results.rows = [
-        report.Row(engine, k, spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
+    found = results.Results(report.machine())
+    found.rows = [
+        results.Row(engine, k, spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
         for k, engine in enumerate(("cycles", "eevee", "workbench"), 1)
     ]
-    results.others = [{"name": "Embree", "frame_s": asdict(spread), "loading_s": 1.0}]
-    results.million = {
+    found.others = [{"name": "Embree", "frame_s": asdict(spread), "loading_s": 1.0}]
+    found.million = {
         "first_frame_s": 1.0, "loading_s": 2.0, "frame_s": asdict(spread), "embree_s": None, "times_embree": None,
         "pair": asdict(spread), "peak_bytes": 10**9, "resident_bytes": {"20": 10**9, "200": 10**9}, "growth": 0.0,
     }  # fmt: skip
-    results.needs = [
+    found.needs = [
         {
             "name": "clean", "samples": 1, "passes": ["z"], "lights": 0, "bounces": 0, "libraries": ["numpy"],
             "first_frame_s": 1.0, "peak_bytes": 10**9, "frame_s": asdict(spread), "of_clean": asdict(spread),
             "of_everything": asdict(spread),
         }
     ]  # fmt: skip
-    results.hard_cases = [{"title": "A case", "columns": ["a", "b"], "rows": [["x", 1e-7]], "note": "A note."}]
-    return results
+    found.hard_cases = [{"title": "A case", "columns": ["a", "b"], "rows": [["x", 1e-7]], "note": "A note."}]
+    return found
 
 
 def test_the_report_lays_out_every_figure(tmp_path):

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What sets a machine up: missing libraries are named by their packages, and the lock is what it should be."""
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -9,12 +8,10 @@ import sys
 import pytest
 from worlds import ROOT
 
+from noisy_world.cli import system_libraries
 
-def load(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / "headless" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+sys.path.append(str(ROOT / "headless"))
+from tools import blender_env
 
 
 LDD = """\tlinux-vdso.so.1 (0x00007ffc)
@@ -27,18 +24,17 @@ LDD = """\tlinux-vdso.so.1 (0x00007ffc)
 
 
 def test_missing_libraries_become_debian_packages():
-    libraries = load("system_libraries")
-    names = libraries.parse_ldd(LDD)
+    names = system_libraries.parse_ldd(LDD)
     assert names == ["libGL.so.1", "libX11.so.6", "libodd.so.9"]
-    assert libraries.debian_packages(names) == ["libgl1", "libodd.so.9", "libx11-6"]
-    line = libraries.advice(names)
+    assert system_libraries.debian_packages(names) == ["libgl1", "libodd.so.9", "libx11-6"]
+    line = system_libraries.advice(names)
     assert "\n" not in line
     assert "apt-get install libgl1 libodd.so.9 libx11-6" in line
 
 
 def test_here_nothing_is_missing():
     pytest.importorskip("bpy", reason="bpy is not installed")
-    assert load("system_libraries").missing_libraries() == []
+    assert system_libraries.missing_libraries() == []
 
 
 def test_the_lock_pins_hashes_and_names_no_address():
@@ -48,13 +44,13 @@ def test_the_lock_pins_hashes_and_names_no_address():
     pinned = [entry for entry in entries if "==" in entry]
     assert len(pinned) > 10
     assert all("--hash=sha256:" in entry for entry in pinned)
-    chosen = load("blender_env").pinned_requirements(text)
+    chosen = blender_env.pinned_requirements(text)
     assert len(chosen.splitlines()) == 4
     assert "numpy" not in chosen  # Blender's own
 
 
 def test_a_blender_that_is_not_there_is_one_line():
-    command = [sys.executable, ROOT / "headless/blender_env.py", "/nowhere/blender"]
+    command = [sys.executable, ROOT / "headless/tools/blender_env.py", "/nowhere/blender"]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import defocus_blur, gaussian_blur, glass_blur, motion_blur
 from noisy_world.perturbations._kernels import correlate, disk_kernel, line_kernel
 
@@ -40,7 +40,7 @@ def picture(size, seed=0):
 
 
 def frame(index=0, temporal="fresh", seed=1):
-    return Frame(index, (seed, "scene", "setting", "blur", 0), temporal)
+    return FrameContext(index, (seed, "scene", "setting", "blur", 0), temporal)
 
 
 def run(name, rgb, severity=3, where=None, **given):

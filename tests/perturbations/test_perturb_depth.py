@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from noisy_world.core.datasets.images import quantise_depth
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -25,7 +25,7 @@ TABLES = {
 def perturbed(name, depth_m, severity=3, frame=0, temporal="fresh", **given):
     item = registry()[name]
     kept = depth_m.copy()
-    result = item.apply(depth_m, item.at_severity(severity, **given), Frame(frame, ("test", 3), temporal))
+    result = item.apply(depth_m, item.at_severity(severity, **given), FrameContext(frame, ("test", 3), temporal))
     assert result.dtype == np.float32
     assert result.shape == depth_m.shape
     np.testing.assert_array_equal(depth_m, kept)

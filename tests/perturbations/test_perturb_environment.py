@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import _ice, fog, frost, snow, spatter
 
 MODULES = {module.PERTURBATION.name: module for module in (fog, frost, snow, spatter)}
@@ -53,7 +53,7 @@ def flat(size, level=0.0):
 
 
 def frame(index=0, temporal="fresh", seed=1):
-    return Frame(index, (seed, "scene", "setting", "weather", 0), temporal)
+    return FrameContext(index, (seed, "scene", "setting", "weather", 0), temporal)
 
 
 def run(name, rgb, severity=3, where=None, **given):

@@ -6,11 +6,15 @@ from math import cos, erf, radians, sin, sqrt
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.execution import move
+from noisy_world.core.perturbing.kinds import SequenceContext
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.schema import Place
+from noisy_world.core.streams import stream
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
 from noisy_world.perturbations import registry
 
-FRAME = Frame(0, (7, "room", "shaky", "motion_deviation", 0))
+CONTEXT = SequenceContext((7, "room", "shaky", "motion_deviation", 0))
 
 
 def perturbation(name):
@@ -31,9 +35,9 @@ def winding(count):
     return evenly_stamped(poses)
 
 
-def deviate(trajectory, frame=FRAME, **given):
+def deviate(trajectory, context=CONTEXT, **given):
     item = perturbation("motion_deviation")
-    return item.apply(trajectory, item.parameters(**given), frame)
+    return item.apply(trajectory, item.parameters(**given), context)
 
 
 def euler_deg(rotation):
@@ -70,7 +74,7 @@ def test_deviations_are_composed_as_rotations():
     path = winding(300)
     moved = deviate(path, rotation_deg=40.0, translation_m=0.5)
     for k in range(300):
-        x, y, z, *shift = Frame(k, FRAME.identifiers).stream().standard_normal(6)
+        x, y, z, *shift = stream(*CONTEXT.identifiers, frame=k).standard_normal(6)
         (cx, sx), (cy, sy), (cz, sz) = ((cos(radians(40 * a)), sin(radians(40 * a))) for a in (x, y, z))
         rx = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
         ry = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
@@ -93,7 +97,7 @@ def test_deviated_poses_stay_rotations_over_many_compositions():
 def test_a_pose_alone_deviates_as_in_the_whole_path():
     whole = deviate(winding(50))
     assert np.array_equal(deviate(winding(20)).c2w, whole.c2w[:20])
-    other = deviate(winding(50), Frame(0, (8, *FRAME.identifiers[1:])))
+    other = deviate(winding(50), SequenceContext((8, *CONTEXT.identifiers[1:])))
     assert not np.array_equal(other.c2w, whole.c2w)
 
 
@@ -112,15 +116,15 @@ def test_no_deviation_is_the_path_itself():
 )
 def test_faster_motion_keeps_every_nth_pose_at_the_camera_s_rate(count, factor, kept):
     path = Trajectory(winding(count).c2w, 100.0 + 0.05 * np.arange(count))
-    item = perturbation("faster_motion")
-    fast = item.apply(path, item.parameters(factor=factor), FRAME)
+    (step,) = parse_steps([{"faster_motion": {"factor": factor}}], Place("x"), registry())
+    fast = move([step], path, (7, "room", "fast"))
     assert np.array_equal(fast.c2w, path.c2w[::factor])
     assert np.array_equal(fast.stamps_s, 100.0 + 0.05 * np.arange(kept))
 
 
 def pairs(count, **given):
     item = perturbation("desync")
-    return item.apply(count, item.parameters(**given), FRAME).tolist()
+    return item.apply(count, item.parameters(**given), CONTEXT).tolist()
 
 
 def test_depth_comes_later_and_the_ends_are_clamped_or_dropped():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import gaussian_noise, impulse_noise, registry, shot_noise, speckle_noise
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -28,7 +28,7 @@ def perturbed(name, rgb, severity=3, frame=0, temporal="fresh", **given):
     item = registry()[name]
     kept = rgb.copy()
     apply = item.apply if rgb.dtype == np.float32 else item.apply_bytes
-    noisy = apply(rgb, item.at_severity(severity, **given), Frame(frame, ("test", 7), temporal))
+    noisy = apply(rgb, item.at_severity(severity, **given), FrameContext(frame, ("test", 7), temporal))
     assert noisy.dtype == rgb.dtype
     assert noisy.shape == rgb.shape
     np.testing.assert_array_equal(rgb, kept)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import Frame
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -34,7 +34,7 @@ def perturbed(name, rgb, severity=3, **given):
     item = registry()[name]
     kept = rgb.copy()
     apply = item.apply if rgb.dtype == np.float32 else item.apply_bytes
-    result = apply(rgb, item.at_severity(severity, **given), Frame(0, ("test",)))
+    result = apply(rgb, item.at_severity(severity, **given), FrameContext(0, ("test",)))
     assert result.dtype == rgb.dtype
     assert result.shape == rgb.shape
     np.testing.assert_array_equal(rgb, kept)

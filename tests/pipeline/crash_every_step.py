@@ -18,10 +18,9 @@ sys.path[:0] = [str(HERE.parent / "support"), str(HERE.parents[1] / "addon")]
 import fake_session
 from worlds import content
 
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
 sys.modules["noisy_world.blender.session"] = fake_session
@@ -31,8 +30,8 @@ CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "o
 
 def run(preset, out):
     with Path(os.devnull).open("w") as log:
-        plan = make_plan(read_preset(preset), registry=registry())
-        Run(plan, out, progress=PlainProgress(log), stop=threading.Event())()
+        plan = make_plan(read_preset(preset))
+        Run(plan, out, progress=PlainProgress(log), stop=threading.Event()).make_dataset()
 
 
 def crash_at(step, work):

@@ -15,9 +15,8 @@ from worlds import ROOT, content, write_world
 
 from noisy_world.core.datasets import storage
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
 
@@ -45,9 +44,9 @@ def _no_blender(monkeypatch):
 
 
 def run(preset, out, *, frames=None, stop=None, overwrite=False):
-    plan = make_plan(read_preset(preset), frames, registry())
+    plan = make_plan(read_preset(preset), frames)
     listener = Listener()
-    report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite)()
+    report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite).make_dataset()
     return report, listener
 
 
@@ -124,19 +123,19 @@ def test_a_torn_journal_line_is_dropped(world, whole, tmp_path):
 def stop_before(frame, world, out):
     """Run until before a frame, as Ctrl-C does."""
     stop = threading.Event()
-    original = fake_session.Session.render
+    original = fake_session.Session.frame
 
     def render(self, number):
-        if number == frame - 1:
+        if number.index == frame - 1:
             stop.set()
         return original(self, number)
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         with pytest.raises(InterruptedRunError):
             run(world, out, stop=stop)
     finally:
-        fake_session.Session.render = original
+        fake_session.Session.frame = original
 
 
 @pytest.mark.parametrize("damage", ["truncate", "flip", "remove", "empty"])
@@ -191,7 +190,7 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
 def test_the_refusal_names_what_differs(world, whole, tmp_path):
     plan = make_plan(read_preset(world, ["render.samples=2"]))
     with pytest.raises(StorageError, match=r"preset\.render\.samples was 1, is 2"):
-        Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event())()
+        Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event()).make_dataset()
 
 
 def test_other_peoples_folders_are_left_alone(world, tmp_path):
@@ -233,21 +232,21 @@ def test_an_identity_without_frames_holds_nobody_up(world, whole, tmp_path):
 
 def test_two_runs_at_once_are_refused(world, tmp_path):
     out = tmp_path / "busy"
-    original = fake_session.Session.render
+    original = fake_session.Session.frame
     seen = []
 
     def render(self, frame):
-        if frame == 0 and not seen:
+        if frame.index == 0 and not seen:
             seen.append(True)
             with pytest.raises(StorageError, match="another run is writing here"):
                 run(world, out)
         return original(self, frame)
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         run(world, out)
     finally:
-        fake_session.Session.render = original
+        fake_session.Session.frame = original
     assert seen
 
 
@@ -284,18 +283,18 @@ def test_without_hard_links_files_are_copied(world, whole, tmp_path, monkeypatch
 
 def test_nothing_seen_is_said_once(tmp_path):
     preset = write_world(tmp_path / "world", frames=3, size=(8, 6))
-    original = fake_session.Session.render
+    original = fake_session.Session.frame
 
     def render(self, frame):
         result = original(self, frame)
         result.depth_m[:] = 0
         return result
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         _, listener = run(preset, tmp_path / "out")
     finally:
-        fake_session.Session.render = original
+        fake_session.Session.frame = original
     assert len([note for note in listener.notes if "sees nothing" in note and "axes" in note]) == 1
 
 

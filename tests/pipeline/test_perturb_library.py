@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 from worlds import ROOT, write_world
 
+from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.errors import InputError
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import Run
 
-RGB = [name for name, item in registry().items() if item.category in ("environment", "lens", "sensor", "post")]
-DEPTH = [name for name, item in registry().items() if item.category == "depth"]
+RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
+DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
 MIXED = [
     {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
     {"contrast": {"severity": 3}},
@@ -99,8 +100,8 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
     world = write_world(tmp_path / "world", frames=9, size=(40, 32))
 
     def make(preset, out):
-        plan = make_plan(read_preset(preset), registry=registry())
-        Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event())()
+        plan = make_plan(read_preset(preset))
+        Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
 
     make(world, tmp_path / "clean")
     folder = tmp_path / "clean/clean/box"
@@ -130,7 +131,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", sorted((ROOT / "presets").rglob("*.yaml")), ids=lambda path: path.stem)
 def test_presets_that_are_shipped_can_be_planned(path):
-    plan = make_plan(read_preset(path), registry=registry())
+    plan = make_plan(read_preset(path))
     assert plan.settings[0].name == "clean"
     if path.parent.name == "perturbations":
         names = {step.perturbation.name for setting in plan.settings for step in setting.steps}
@@ -142,7 +143,7 @@ def test_every_perturbation_has_a_preset_of_its_own():
 
 
 def test_the_mixed_preset_is_the_paper_s_table():
-    plan = make_plan(read_preset(ROOT / "presets/mixed.yaml"), registry=registry())
+    plan = make_plan(read_preset(ROOT / "presets/mixed.yaml"))
     # Rows of the table "Effect of mixed perturbations": in which of the six compositions each takes part.
     table = {
         "snow": [1, 2, 3, 4, 5, 6],

@@ -13,10 +13,10 @@ import pytest
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.datasets.images import encode_rgb
-from noisy_world.core.perturbing.mixture import parse_steps
-from noisy_world.core.perturbing.kinds import Frame
-from noisy_world.core.planning.plan import make_plan
+from noisy_world.core.datasets.images import encode_colour
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
@@ -53,9 +53,8 @@ def _no_blender(monkeypatch):
 
 
 def run(preset, out, *, frames=None, overrides=(), stop=None):
-    plan = make_plan(read_preset(preset, overrides), frames, registry())
-    make = Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event())
-    return make()
+    plan = make_plan(read_preset(preset, overrides), frames)
+    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()).make_dataset()
 
 
 @pytest.fixture
@@ -102,7 +101,7 @@ def test_desynchronisation_pairs_as_it_says_and_writes_no_image(out):
     for frame in range(1, COUNT):
         assert image(out, "early", "depth", frame).samefile(image(out, "clean", "depth", frame - 1))
     assert len((out / "early/box/traj.txt").read_text().splitlines()) == COUNT - 1
-    assert [record["perturbed"]["sync"]["depth_of_frame"] for record in records(out, "late")] == [
+    assert [record["perturbed"]["pairing"]["depth_of_frame"] for record in records(out, "late")] == [
         2,
         3,
         4,
@@ -140,12 +139,12 @@ def test_a_mixture_is_its_parts_in_propagation_order(out, world):
     for frame in range(COUNT // 2):
         record = records(out, "mixed")[frame]
         assert [step["name"] for step in record["perturbed"]["rgb"]] == ["gaussian_noise", "jpeg_compression"]
-        assert record["perturbed"]["sync"] == {"depth_of_frame": min(frame + 1, COUNT // 2 - 1)}
+        assert record["perturbed"]["pairing"] == {"depth_of_frame": min(frame + 1, COUNT // 2 - 1)}
         # By hand from the clean frame, whose bytes are within half a step of what was rendered.
         steps = registry()["gaussian_noise"], registry()["jpeg_compression"]
         pixels = (clean[2 * frame] / 255).astype(np.float32)
         for step, severity in zip(steps, (1, 2), strict=True):
-            where = Frame(frame, (3, "box", "mixed", step.name, 0))
+            where = FrameContext(frame, (3, "box", "mixed", step.name, 0))
             pixels = np.clip(step.apply(pixels, step.at_severity(severity), where), 0, 1)
         mine = cv2.imread(str(image(out, "mixed", "frame", frame)), cv2.IMREAD_COLOR)[..., ::-1] / 255
         assert np.abs(mine - pixels).mean() < 0.01
@@ -191,7 +190,7 @@ def test_a_frame_alone_is_that_of_the_whole_run(world, out, tmp_path):
 
 
 def test_order_and_workers_change_no_byte(world, out, tmp_path):
-    plan = make_plan(read_preset(world), None, registry())
+    plan = make_plan(read_preset(world))
     pieces = []
 
     def workers(work, progress):
@@ -203,10 +202,8 @@ def test_order_and_workers_change_no_byte(world, out, tmp_path):
             report = done if report is None else (report.merge(done), report)[1]
         return report
 
-    make = Run(
-        plan, tmp_path / "jobs", progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=3, workers=workers
-    )
-    make()
+    progress = PlainProgress(sys.stderr)
+    Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3, workers=workers).make_dataset()
     assert len(pieces) == 3
     assert content(tmp_path / "jobs") == content(out)
     assert split_work({"a": [1, 2]}, 5) == [{"a": [1]}, {"a": [2]}]
@@ -226,19 +223,19 @@ def test_parts_that_an_interrupted_choice_of_frames_left_go(world, out, tmp_path
     # Frame 1 of `late` needs depth 3: with frames 1 to 2 alone it is whole, but a run killed between leaves halves.
     stop = threading.Event()
     part = tmp_path / "part"
-    rendered = fake_session.Session.render
+    rendered = fake_session.Session.frame
 
     def render(self, frame):
-        if frame == 2:
+        if frame.index == 2:
             stop.set()
         return rendered(self, frame)
 
-    fake_session.Session.render = render
+    fake_session.Session.frame = render
     try:
         with pytest.raises(Exception, match="stopped"):
             run(world, part, stop=stop)
     finally:
-        fake_session.Session.render = rendered
+        fake_session.Session.frame = rendered
     run(world, part, frames=slice(0, 1))
     for setting in ("late", "mixed", "early", "clean"):
         folder = part / setting / "box"
@@ -338,7 +335,7 @@ def test_what_an_existing_sequence_cannot_do(out, tmp_path):
         run(existing(tmp_path, tmp_path / "nowhere"), tmp_path / "x")
     empty = tmp_path / "empty"
     empty.mkdir()
-    with pytest.raises(InputError, match="is no sequence"):
+    with pytest.raises(InputError, match="is no sequence; it has to have the files of a layout: Replica or TUM"):
         run(existing(tmp_path, empty), tmp_path / "x")
     gone = existing(
         tmp_path, out / "clean/box", settings=[{"name": "s", "perturb": [{"desync": {"offset": 99, "edge": "drop"}}]}]
@@ -385,7 +382,7 @@ def test_the_compositor_is_never_replaced_where_there_is_none(out, tmp_path):
 
 def test_equals_in_a_mixture_have_streams_of_their_own():
     steps = parse_steps([{"gaussian_noise": None}, {"gaussian_noise": None}], Place("x"), registry())
-    first, second = (step.frame(0, (1, "s", "t")).stream().random(4) for step in steps)
+    first, second = (step.context(FrameContext(0, (1, "s", "t"))).stream().random(4) for step in steps)
     assert not np.array_equal(first, second)
 
 
@@ -402,5 +399,5 @@ def test_any_parameter_stands_over_the_severity():
 def test_storing_adds_no_visible_perturbation():
     rng = np.random.default_rng(0)
     smooth = cv2.GaussianBlur(rng.integers(0, 256, (120, 160, 3)).astype(np.uint8), (0, 0), 3)
-    stored = cv2.imdecode(np.frombuffer(encode_rgb(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    stored = cv2.imdecode(np.frombuffer(encode_colour(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert cv2.PSNR(smooth, np.ascontiguousarray(stored)) > 48

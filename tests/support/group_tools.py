@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbing.mixture import parse_steps
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 
@@ -45,9 +46,8 @@ def by_reference(name, image, frames=(0,), *, identifiers=IDENTIFIERS, depth_m=N
     step = step_of(name, **values)
     results = []
     for k in frames:
-        frame = step.frame(k, identifiers)
-        extra = () if depth_m is None else (depth_m,)
-        made = step.perturbation.apply(image, step.parameters(step.severity_of(frame)), frame, *extra)
+        context = step.context(FrameContext(k, identifiers, read_depth_m=None if depth_m is None else lambda: depth_m))
+        made = step.perturbation.apply(image, step.parameters(step.severity_of(context)), context)
         results.append(np.clip(made, 0, 1))
     return results
 

@@ -16,7 +16,8 @@ from noisy_world.blender.scene import add_mesh
 from noisy_world.blender.still import render_stills
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.mixture import perturb_depth, perturb_rgb
+from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
+from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.ui import frame_preview, operators, presets, preview, world
 
@@ -76,7 +77,7 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
     clean = rgb_bytes(rendered)
     steps = steps_of({"fog": {"severity": 2}}, {"gaussian_noise": {"severity": 3, "mode": "dynamic"}})
     if backend == "reference":
-        expected, _ = perturb_rgb(steps, rendered, 4, IDENTIFIERS)
+        expected, _ = perturb_rgb(steps, rendered, FrameContext(4, IDENTIFIERS))
     else:
         with Compositor(SIZE, {"x": steps}, SIZE[0]) as compositor:
             expected, _ = compositor.perturb(rendered, {"x": (4, IDENTIFIERS)})["x"]
@@ -195,7 +196,9 @@ def test_depth_is_shown_as_the_generator_perturbs_it(room):
     image, about = frame_preview.draw_depth(room)
     assert bpy.data.scenes[:] == [room]
     (still,) = render_stills(room, [4])
-    depth_m, _ = perturb_depth(steps_of({"depth_random_missing": {"severity": 3}}), still.depth_m, 4, IDENTIFIERS)
+    depth_m, _ = perturb_depth(
+        steps_of({"depth_random_missing": {"severity": 3}}), still.depth_m, FrameContext(4, IDENTIFIERS)
+    )
     seen_m = depth_m[depth_m > 0]
     assert np.array_equal(image, colour_depth(depth_m, seen_m.min(), seen_m.max()))
     assert about.startswith("Frame 4: depth from")

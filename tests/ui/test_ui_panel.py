@@ -10,7 +10,7 @@ import pytest
 import noisy_world
 from noisy_world.blender.camera import read_trajectory_keys
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.perturbing.kinds import CATEGORIES
+from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
@@ -55,10 +55,10 @@ def use_files(tmp_path, count=10):
 
 
 def test_the_list_keeps_the_propagation_order():
-    for name in reversed([item.name for item in registry().values() if item.category != "motion"]):
+    for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
     names = [step.perturbation for step in settings().steps]
-    assert names == sorted(names, key=lambda name: (CATEGORIES.index(registry()[name].category), name))
+    assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), name))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
     assert names[:1] == ["fog"]
     assert [step.perturbation for step in settings().steps][:2] == ["fog", "fog"]
@@ -171,7 +171,8 @@ def test_solid_shading_gets_its_own_colours_and_the_render_keeps_its(tmp_path):
 
 
 def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tmp_path):
-    from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories
+    from noisy_world.core.planning.plan import source_paths
+    from noisy_world.planning import make_plan
     from noisy_world.ui.document import preset_of
 
     poses = use_files(tmp_path)
@@ -181,9 +182,9 @@ def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tm
     assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - poses).max() < 1e-6
     settings().deviation_rotation_deg = 4
     settings().deviation_translation_m = 0.05
-    plan = make_plan(preset_of(settings()), None, registry())
+    plan = make_plan(preset_of(settings()))
     render = plan.renders[-1]
-    rendered = render_trajectories(plan, render, load_trajectory(plan, render.scene))[""].c2w
+    rendered = source_paths(plan, render).rgb.c2w
     assert np.abs(rendered - poses).max() > 0.01
     assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - rendered).max() < 1e-6
     settings().fx_px = 300

@@ -8,7 +8,7 @@ import pytest
 from test_ui_panel import _ui, settings, square, use_files  # noqa: F401 - fixtures
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.perturbing.mixture import parse_settings
+from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 
@@ -37,7 +37,7 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
         again = parsed(saved)
         assert list(again) == (["clean", name] if setting.steps else ["clean"])
         for one, other in zip(again[name].steps, setting.steps, strict=True):
-            for member in ("perturbation", "place", "severity", "levels", "temporal"):
+            for member in ("perturbation", "occurrence", "severity", "levels", "temporal"):
                 assert getattr(one, member) == getattr(other, member), (name, member)
             level = one.severity or None
             assert one.parameters(level) == other.parameters(level), name

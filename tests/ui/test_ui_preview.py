@@ -13,7 +13,8 @@ from noisy_world.blender.chain_scene import (
     PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
 )  # fmt: skip
 from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbing.mixture import parse_steps, perturb_motion
+from noisy_world.core.perturbing.execution import move
+from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
@@ -352,7 +353,7 @@ def test_paths_are_those_that_are_rendered(scene):
     assert paths.deviated_poses(scene, c2w) is None
     scene.noisy_world.deviation_translation_m = 0.05
     step = steps_of({"motion_deviation": {"rotation_deg": 0.0, "translation_m": 0.05}})[0]
-    expected = perturb_motion(step, Trajectory(c2w, np.arange(30.0)), IDENTIFIERS).c2w
+    expected = move([step], Trajectory(c2w, np.arange(30.0)), IDENTIFIERS).c2w
     assert np.array_equal(paths.deviated_poses(scene, c2w), expected)
 
 

@@ -2,14 +2,15 @@
 """A chain where a person sees it: keyed on the timeline, and put behind what a scene renders or before an image."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..core.node_graphs.chain import build_chain, socket_values, step_node
-from ..core.perturbing.mixture import Identifiers, Step
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..core.perturbing.steps import Step
 from .nodes import ensure_group, remove_group
 from .typed import (
     action_of,
@@ -32,16 +33,17 @@ GROUP, SPLIT, SOURCE, OWN = "Perturbations", "Before and after", "Frame", "Own c
 
 def make_chain(
     name: str,
-    steps: Sequence[Step],
+    steps: Sequence[Step[ColourPerturbation]],
     frames: Sequence[int],
     identifiers: Identifiers,
     *,
-    every: int = 1,
+    index_of: Callable[[int], int] | None = None,
     now: int | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
-    A scene at frame k then shows what the generator writes as frame k / every of the sequence that `identifiers` names.
+    A scene at frame k then shows what the generator writes as frame index_of(k), by default k, of the sequence that
+    `identifiers` names.
     A chain that is there stays where it is used; where it has the same groups only its sockets change, which is quick.
     now: the frame that the scene stands at, by default the first.
     """
@@ -50,18 +52,23 @@ def make_chain(
     tree = ensure_group(build_chain(name, steps))
     _clear_keys(tree)
     for step in steps:
-        _set_step(tree, step, _values(step, frames, identifiers, every), now)
+        _set_step(tree, step, _values(step, frames, identifiers, index_of), now)
     if tree != old:
         _remove_unused(children)
     return tree
 
 
-def _values(step: Step, frames: Sequence[int], identifiers: Identifiers, every: int) -> Iterator[tuple[int, Any]]:
+def _values(
+    step: Step[ColourPerturbation],
+    frames: Sequence[int],
+    identifiers: Identifiers,
+    index_of: Callable[[int], int] | None,
+) -> Iterator[tuple[int, Any]]:
     """Yield frame of the scene and socket values: each frame's, or the first one's where all are alike."""
     by_severity: dict[float | None, dict[str, Any]] = {}
-    for k in frames if step.levels is not None or every != 1 else frames[:1]:
-        index = k // every
-        severity = step.severity_of(step.frame(index, identifiers))
+    for k in frames if step.levels is not None or index_of is not None else frames[:1]:
+        index = k if index_of is None else index_of(k)
+        severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
             by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index)[0]
         values = by_severity[severity]
@@ -69,7 +76,10 @@ def _values(step: Step, frames: Sequence[int], identifiers: Identifiers, every: 
 
 
 def _set_step(
-    tree: bpy.types.NodeTree, step: Step, values: Iterator[tuple[int, dict[str, Any]]], now: int | None
+    tree: bpy.types.NodeTree,
+    step: Step[ColourPerturbation],
+    values: Iterator[tuple[int, dict[str, Any]]],
+    now: int | None,
 ) -> None:
     node = tree.nodes[step_node(step)]
     each = list(values)
@@ -261,22 +271,22 @@ def hide_chain(scene: bpy.types.Scene) -> None:
 
 def refresh_chain(
     scene: bpy.types.Scene,
-    steps: Sequence[Step],
+    steps: Sequence[Step[ColourPerturbation]],
     identifiers: Identifiers,
     *,
-    every: int = 1,
+    index_of: Callable[[int], int] | None = None,
     reference_width_px: int | None = None,
     split: float = 0.0,
 ) -> bpy.types.NodeTree:
     """Let a scene's compositor show steps of colour behind its render, by as few changes as it takes; return the chain.
 
-    every: the sequence has every n-th frame of the scene.
+    index_of: the frame of the sequence that a frame of the scene shows; by default they have the same numbers.
     """
     chain = shown_chain(scene)
     name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
-    chain = make_chain(name, steps, frames, identifiers, every=every, now=scene.frame_current)
+    chain = make_chain(name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current)
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.errors import StorageError
 from ..core.node_graphs.chain import build_chain, is_active, socket_values, step_node
-from ..core.perturbing.mixture import Identifiers, Step
+from ..core.perturbing.kinds import ColourPerturbation, Identifiers
+from ..core.perturbing.steps import Step
 from .nodes import ensure_group, remove_group
 from .render import muted_output, scratch_folder
 from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
@@ -29,7 +30,12 @@ class Compositor:
     The user's scenes and their colour management are left alone: what is stored leaves the compositor as float values.
     """
 
-    def __init__(self, size_px: tuple[int, int], chains: Mapping[str, Sequence[Step]], reference_width_px: int) -> None:
+    def __init__(
+        self,
+        size_px: tuple[int, int],
+        chains: Mapping[str, Sequence[Step[ColourPerturbation]]],
+        reference_width_px: int,
+    ) -> None:
         """Build the chains.
 
         size_px: width, height of the frames. chains: steps of colour by the name of what they make.

@@ -13,7 +13,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.layouts import OutputFormat
 from ..core.errors import StorageError
+from ..core.planning.source import Modality
 from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of a z-buffer
@@ -32,6 +34,9 @@ class RenderedFrame:
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
+        """Return nothing: what was rendered lies in no file yet."""
 
 
 class FrameRenderer:

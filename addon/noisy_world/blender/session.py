@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scene with its cameras keyed, ready to give any frame: what the generator renders from."""
+"""A mesh in Blender, ready to be rendered from anywhere: what the generator renders from."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import bpy
@@ -9,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from ..core.planning.source import RenderOptions
 from ..core.scenes.mesh import Mesh
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Trajectory
-from .camera import add_camera, key_trajectory, set_intrinsics
+from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu
 from .probe import gl_version
 from .render import FrameRenderer, RenderedFrame
@@ -19,21 +20,6 @@ from .scene import Decoding, add_mesh, empty_scene, set_origin
 
 # Up to here float32 resolves 1e-6 m, and a scene keeps its own coordinates, as an artist would find them.
 RECENTRE_BEYOND_M = 16.0
-
-
-@dataclass(frozen=True)
-class RenderOptions:
-    """How to render. threads 0: as many as the machine has."""
-
-    near_m: float
-    far_m: float
-    samples: int
-    seed: int
-    engine: EngineName = "cycles"
-    device: Device = "cpu"
-    rgb: bool = True
-    depth: bool = True
-    threads: int = 0
 
 
 def blender_version() -> dict[str, str]:
@@ -64,34 +50,25 @@ def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Shot:
-    """One render of a frame: from which sensor's place, with how many samples, and what it is for."""
+    """One render of a frame: whether from the depth sensor's pose, with how many samples, and what it is for."""
 
-    sensor: str
+    from_depth_sensor: bool
     samples: int
     rgb: bool
     depth: bool
 
 
 class Session:
-    """One scene in Blender, from its first frame to its last. Blender holds one scene, so use one after another."""
+    """One mesh in Blender, from its first frame to its last. Blender holds one scene, so use one after another."""
 
     def __init__(
-        self,
-        mesh: Mesh,
-        name: str,
-        trajectories: Mapping[str, Trajectory],
-        intrinsics: Intrinsics,
-        options: RenderOptions,
+        self, mesh: Mesh, name: str, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions
     ) -> None:
-        """Build the scene.
-
-        trajectories: "" is the colour camera's; "depth" the depth sensor's, where it is elsewhere.
-        """
+        """Build the scene. paths: where the sensors will be; what is rendered precisely is what is near them."""
         self._scene = scene = empty_scene()
         self._engine = ENGINES[options.engine]
-        self._intrinsics = intrinsics
         self._options = options
-        self.origin_m = recentring_m(trajectories[""])
+        self.origin_m = recentring_m(paths.rgb)
         set_origin(scene, self.origin_m)
         # A single sample is averaged with nothing, so its colour need not become light and colour again.
         linear_light = options.samples > 1
@@ -105,14 +82,18 @@ class Session:
             threads=options.threads,
             device=options.device,
         )
-        self._cameras = {"": self._keyed_camera("Noisy World camera", trajectories[""])}
-        if "depth" in trajectories:
-            self._cameras["depth"] = self._keyed_camera("Noisy World camera depth", trajectories["depth"])
-        self._shots = self._plan_shots()
+        self._shots = self._plan_shots(two_places=paths.depth is not None)
         # Two sensors are seen through one camera that stands in for each in turn: another scene camera costs a frame's
-        # time, another place nothing.
-        self._eye = self._camera("Noisy World eye") if len({shot.sensor for shot in self._shots}) > 1 else None
-        scene.camera = self._eye or self._cameras[self._shots[0].sensor]
+        # time, another pose nothing.
+        self._camera = add_camera(scene, "Noisy World camera")
+        set_intrinsics(
+            scene,
+            self._camera,
+            intrinsics,
+            near_m=options.near_m,
+            far_m=options.far_m,
+            sample_offset_px=self._engine.sample_offset_px(options.samples),
+        )
         self._renderer = FrameRenderer(
             scene,
             (intrinsics.width_px, intrinsics.height_px),
@@ -121,40 +102,20 @@ class Session:
             encoded_colours=not linear_light,
         )
 
-    def _plan_shots(self) -> list["Shot"]:
+    def _plan_shots(self, *, two_places: bool) -> list["Shot"]:
         """Colour and depth in one render where they come from one place and the engine's depth allows it."""
         options = self._options
-        depth_sensor = "depth" if "depth" in self._cameras else ""
-        if options.rgb and options.depth and depth_sensor == "" and (options.samples == 1 or self._engine.centre_depth):
-            return [Shot("", options.samples, rgb=True, depth=True)]
-        shots = [Shot("", options.samples, rgb=True, depth=False)] if options.rgb else []
-        return shots + ([Shot(depth_sensor, 1, rgb=False, depth=True)] if options.depth else [])
+        together = not two_places and (options.samples == 1 or self._engine.centre_depth)
+        if options.rgb and options.depth and together:
+            return [Shot(False, options.samples, rgb=True, depth=True)]
+        shots = [Shot(False, options.samples, rgb=True, depth=False)] if options.rgb else []
+        return shots + ([Shot(True, 1, rgb=False, depth=True)] if options.depth else [])
 
-    def _camera(self, name: str) -> bpy.types.Object:
-        camera = add_camera(self._scene, name)
-        set_intrinsics(
-            self._scene,
-            camera,
-            self._intrinsics,
-            near_m=self._options.near_m,
-            far_m=self._options.far_m,
-            sample_offset_px=self._engine.sample_offset_px(self._options.samples),
-        )
-        return camera
-
-    def _keyed_camera(self, name: str, trajectory: Trajectory) -> bpy.types.Object:
-        camera = self._camera(name)
-        key_trajectory(self._scene, camera, trajectory.c2w)
-        return camera
-
-    def render(self, frame: int) -> RenderedFrame:
-        """Render a frame of the trajectories, counted from 0."""
-        self._scene.frame_set(frame)
+    def frame(self, moment: Moment) -> RenderedFrame:
+        """Render the frame of a moment."""
         rgb = depth_m = None
         for shot in self._shots:
-            if self._eye is not None:
-                self._eye.location = self._cameras[shot.sensor].location
-                self._eye.rotation_quaternion = self._cameras[shot.sensor].rotation_quaternion
+            place_camera(self._scene, self._camera, moment.depth_c2w if shot.from_depth_sensor else moment.rgb_c2w)
             self._engine.set_samples(self._scene, shot.samples)
             rendered = self._renderer.render()
             rgb = rendered.rgb if shot.rgb else rgb

@@ -23,8 +23,19 @@ class Dataclass(Protocol):
 
 
 @dataclass(frozen=True)
+class Choice:
+    """A value that a key may have, as a person sees it: its label, and what it means."""
+
+    label: str
+    meaning: str
+
+
+@dataclass(frozen=True)
 class KeyInfo:
-    """What a key means. minimum and maximum are inclusive unless above is given, which is exclusive."""
+    """What a key means. minimum and maximum are inclusive unless above is given, which is exclusive.
+
+    choices: the texts that are allowed, where the field's type does not say.
+    """
 
     meaning: str
     unit: str = ""
@@ -32,6 +43,7 @@ class KeyInfo:
     maximum: float | None = None
     above: float | None = None
     pattern: Callable[[str], str] | None = None
+    choices: Mapping[str, Choice] | None = None
 
 
 def key(
@@ -44,9 +56,14 @@ def key(
     maximum: float | None = None,
     above: float | None = None,
     pattern: Callable[[str], str] | None = None,
+    choices: Mapping[str, Choice] | None = None,
 ) -> Any:
-    """Declare a dataclass field that a preset may set. `pattern` returns a sentence on what is wrong, or nothing."""
-    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern)
+    """Declare a dataclass field that a preset may set.
+
+    pattern: returns a sentence on what is wrong, or nothing. choices: for a field of text, the values allowed: where
+    they come from a registry, and a Literal would name them a second time.
+    """
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices)
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
@@ -131,6 +148,8 @@ def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> An
         return _parse_value(hint, value, place, item)
     if origin is Literal:
         return _parse_choice(get_args(hint), value, place)
+    if hint is str and (choices := item.metadata["key"].choices):
+        return _parse_choice(tuple(choices), value, place)
     if origin is tuple:
         return _parse_list(get_args(hint), value, place, item)
     if isinstance(hint, type) and is_dataclass(hint):
@@ -229,8 +248,8 @@ def _unwrap(hint: Any) -> tuple[Any, str]:
 
 def _explain(item: Field[Any], info: KeyInfo, hint: Any) -> str:
     parts = [info.meaning]
-    if get_origin(hint) is Literal:
-        parts.append("one of " + ", ".join(get_args(hint)))
+    if choices := get_args(hint) if get_origin(hint) is Literal else tuple(info.choices or ()):
+        parts.append("one of " + ", ".join(choices))
     if limits := allowed_range(info):
         parts.append(limits)
     elif info.unit:

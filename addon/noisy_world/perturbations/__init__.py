@@ -5,16 +5,15 @@ import importlib
 import pkgutil
 from functools import cache
 
-from ..core.perturbing.kinds import CATEGORIES, Perturbation
+from ..core.perturbing.kinds import Perturbation, propagation_key
 
 
 @cache
 def registry() -> dict[str, Perturbation]:
-    """Return all perturbations by name, in the paper's propagation order, by name within a stage."""
+    """Return all perturbations by name, in the order of propagation."""
     found = [
         importlib.import_module(f"{__name__}.{module.name}").PERTURBATION
         for module in pkgutil.iter_modules(__path__)
         if not module.name.startswith("_")
     ]
-    found.sort(key=lambda item: (CATEGORIES.index(item.category), item.name))
-    return {item.name: item for item in found}
+    return {item.name: item for item in sorted(found, key=propagation_key)}

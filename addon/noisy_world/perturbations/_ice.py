@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of ice on a pane, which `headless/draw_ice.py` drew: loaded, and tinted as photographs of ice are."""
+"""Pictures of ice on a pane, which `headless/tools/draw_ice.py` drew: loaded, and tinted as photographs of ice are."""
 
 from dataclasses import dataclass
 from functools import lru_cache

@@ -9,12 +9,14 @@ from typing import Concatenate
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame
+from ..core.perturbing.kinds import FrameContext
 
 _KEPT = 8  # patterns of as many sequences, so that memory does not grow
 
 
-def kept_for_sequence[**P, T](draw: Callable[Concatenate[Frame, P], T]) -> Callable[Concatenate[Frame, P], T]:
+def kept_for_sequence[**P, T](
+    draw: Callable[Concatenate[FrameContext, P], T],
+) -> Callable[Concatenate[FrameContext, P], T]:
     """Draw a pattern again for each frame only where it is fresh; `draw` takes its numbers from `pattern_stream`.
 
     What is drawn is shared by threads and frames: it must not be written to.
@@ -22,10 +24,12 @@ def kept_for_sequence[**P, T](draw: Callable[Concatenate[Frame, P], T]) -> Calla
     kept = lru_cache(maxsize=_KEPT)(draw)
 
     @wraps(draw)
-    def pick(frame: Frame, *args: P.args, **kwargs: P.kwargs) -> T:
-        if frame.temporal == "fresh":
-            return draw(frame, *args, **kwargs)
-        return kept(replace(frame, index=0), *args, **kwargs)  # type: ignore[arg-type]
+    def pick(context: FrameContext, *args: P.args, **kwargs: P.kwargs) -> T:
+        if context.temporal == "fresh":
+            return draw(context, *args, **kwargs)
+        # Without what is the frame's own, or a kept pattern would keep its images in memory.
+        alone = replace(context, index=0, stamp_s=None, intrinsics=None, read_rgb=None, read_depth_m=None)
+        return kept(alone, *args, **kwargs)  # type: ignore[arg-type]
 
     return pick
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantiles import look_up
@@ -26,7 +26,7 @@ class Brightness:
     offset: float = key("added to the value, of full scale", default=0.3, minimum=0, maximum=1)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Brightness, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Brightness, _context: FrameContext) -> NDArray[np.float32]:
     """Brighten (H, W, 3)."""
     import cv2
 
@@ -37,7 +37,7 @@ def apply(rgb: NDArray[np.float32], parameters: Brightness, _frame: Frame) -> ND
     return brighter
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: Brightness, _frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: Brightness, _context: FrameContext) -> NDArray[np.uint8]:
     """Brighten (H, W, 3) bytes: a table of every byte under every value."""
     table = _table(parameters.offset)
     return by_bands(rgb, rgb.dtype, lambda band: look_up(_places(band), table))
@@ -85,10 +85,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return graph.mix(image * gain, graph.math("MINIMUM", offset, 1.0), black)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="brightness",
     label="Brightness",
-    category="post",
+    stage="post",
+    order=10,
     parameters=Brightness,
     severities={"offset": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

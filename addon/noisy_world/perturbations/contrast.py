@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
 
@@ -21,14 +21,14 @@ class Contrast:
     factor: float = key("factor of the distance from the mean", default=0.2, minimum=0, maximum=10)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Contrast, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Contrast, _context: FrameContext) -> NDArray[np.float32]:
     """Scale (H, W, 3) about its means."""
     import cv2
 
     return _scale(rgb, np.array(cv2.mean(rgb)[:3]), parameters.factor)
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _context: FrameContext) -> NDArray[np.uint8]:
     """Scale (H, W, 3) bytes about their means: a table for each channel."""
     import cv2
 
@@ -61,10 +61,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return graph.mix(mean, canvas.image, given["factor"])
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="contrast",
     label="Contrast",
-    category="post",
+    stage="post",
+    order=20,
     parameters=Contrast,
     severities={"factor": (0.4, 0.3, 0.2, 0.1, 0.05)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Kind, Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, disk_kernel, gaussian
 
@@ -32,7 +32,7 @@ class DefocusBlur:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _context: FrameContext) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
     softened = gaussian(rgb, parameters.alias_sigma_px)
     return correlate(softened, disk_kernel(parameters.radius_px))
@@ -92,10 +92,11 @@ def _box(image: Socket, size: Socket) -> Socket:
     return image.graph.node("CompositorNodeBlur", inputs).out("Image", "color")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="defocus_blur",
     label="Defocus blur",
-    category="lens",
+    stage="lens",
+    order=10,
     parameters=DefocusBlur,
     severities={"radius_px": (3, 4, 6, 8, 10), "alias_sigma_px": (0.1, 0.5, 0.5, 0.5, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

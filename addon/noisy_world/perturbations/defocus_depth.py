@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
 NEAREST_M = 1e-3  # a lens focuses on nothing nearer than its focal length: at least so far beyond it
@@ -37,11 +37,9 @@ class DefocusDepth:
     )
 
 
-def apply(
-    rgb: NDArray[np.float32], parameters: DefocusDepth, _frame: Frame, depth_m: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Blur (H, W, 3) by its planar depth (H, W), metres, 0 = void."""
-    radius_px = confusion_radius_px(depth_m, parameters, rgb.shape[1])
+def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameContext) -> NDArray[np.float32]:
+    """Blur (H, W, 3) by the context's planar depth (H, W), metres, 0 = void."""
+    radius_px = confusion_radius_px(context.depth_m, parameters, rgb.shape[1])
     light = np.clip(radius_px, LEAST_LIGHT, 1)[..., None]
     spread = np.concatenate([rgb * light, light], axis=2)
     gathered = _gather(spread, np.maximum(radius_px, 1), math.ceil(parameters.max_radius_px) + 1)
@@ -196,10 +194,11 @@ def _alpha(image: Socket) -> Socket:
     return node.out("Alpha", "float")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="defocus_depth",
     label="Depth of field",
-    category="lens",
+    stage="lens",
+    order=20,
     parameters=DefocusDepth,
     severities={"f_number": (11, 8, 5.6, 4, 2.8)},
     source="our own: full stops of a 50 mm lens on full frame, focused at 1.5 m",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
 
@@ -26,14 +26,14 @@ class DepthEdgeErosion:
     erase_edges: bool = key("erase every edge pixel as well, as the published toolbox does", default=False)
 
 
-def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, frame: Frame) -> NDArray[np.float32]:
+def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, context: FrameContext) -> NDArray[np.float32]:
     """Erode (H, W) metres."""
     import cv2
 
     eroded, valid = without_void(depth_m)
     on_edge = _edges(eroded) & valid
     places = np.flatnonzero(on_edge)
-    chosen = frame.stream().choice(places, round(parameters.rate * places.size), replace=False, shuffle=False)
+    chosen = context.stream().choice(places, round(parameters.rate * places.size), replace=False, shuffle=False)
     lost = np.zeros(eroded.shape, np.uint8)
     lost.reshape(-1)[chosen] = 1
     lost = cv2.dilate(lost, np.ones((BLOCK_PX, BLOCK_PX), np.uint8)).reshape(eroded.shape)
@@ -54,10 +54,10 @@ def _edges(depth_m: NDArray[np.float32]) -> NDArray[np.bool_]:
     return edges
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = DepthPerturbation(
     name="depth_edge_erosion",
     label="Depth: edge erosion",
-    category="depth",
+    order=10,
     parameters=DepthEdgeErosion,
     severities={"rate": (0.015, 0.02, 0.025, 0.03, 0.035)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._quantiles import look_up, normal_quantiles, uniform_codes
 from ._void import without_void
@@ -26,13 +26,13 @@ class DepthGaussianNoise:
     bias: bool = key("add scale x the mean depth of the frame as well, as the published toolbox does", default=False)
 
 
-def apply(depth_m: NDArray[np.float32], parameters: DepthGaussianNoise, frame: Frame) -> NDArray[np.float32]:
+def apply(depth_m: NDArray[np.float32], parameters: DepthGaussianNoise, context: FrameContext) -> NDArray[np.float32]:
     """Add the noise to (H, W) metres."""
     import cv2
 
     clean, valid = without_void(depth_m)
     mean, std = (float(value[0, 0]) for value in cv2.meanStdDev(clean, mask=valid.view(np.uint8)))
-    noise = look_up(uniform_codes(frame.pattern_stream(), clean.shape), _table())
+    noise = look_up(uniform_codes(context.pattern_stream(), clean.shape), _table())
     noisy = cv2.scaleAdd(noise, parameters.scale * std, clean).reshape(clean.shape)
     if parameters.bias:
         noisy += np.float32(parameters.scale * mean)
@@ -45,10 +45,10 @@ def _table() -> NDArray[np.float32]:
     return normal_quantiles().astype(np.float32)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = DepthPerturbation(
     name="depth_gaussian_noise",
     label="Depth: Gaussian noise",
-    category="depth",
+    order=20,
     parameters=DepthGaussianNoise,
     severities={"scale": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',

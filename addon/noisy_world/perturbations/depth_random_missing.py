@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
 
@@ -24,10 +24,10 @@ class DepthRandomMissing:
     missing_percent: float = key("share of the frame that is covered", default=20.0, unit="%", minimum=0, maximum=90)
 
 
-def apply(depth_m: NDArray[np.float32], parameters: DepthRandomMissing, frame: Frame) -> NDArray[np.float32]:
+def apply(depth_m: NDArray[np.float32], parameters: DepthRandomMissing, context: FrameContext) -> NDArray[np.float32]:
     """Cut the rectangles out of (H, W) metres."""
     depth, _ = without_void(depth_m)
-    depth[_patches(depth.shape, parameters.missing_percent / 100, frame.pattern_stream())] = 0
+    depth[_patches(depth.shape, parameters.missing_percent / 100, context.pattern_stream())] = 0
     return depth
 
 
@@ -50,10 +50,10 @@ def _patches(shape: tuple[int, ...], share: float, generator: np.random.Generato
     return covered
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = DepthPerturbation(
     name="depth_random_missing",
     label="Depth: random missing",
-    category="depth",
+    order=30,
     parameters=DepthRandomMissing,
     severities={"missing_percent": (10, 15, 20, 25, 30)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',

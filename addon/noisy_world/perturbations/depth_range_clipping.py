@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
 
@@ -19,17 +19,17 @@ class DepthRangeClipping:
     max_m: float = key("farthest depth that is seen", default=4.0, unit="m", minimum=0, maximum=1000)
 
 
-def apply(depth_m: NDArray[np.float32], parameters: DepthRangeClipping, _frame: Frame) -> NDArray[np.float32]:
+def apply(depth_m: NDArray[np.float32], parameters: DepthRangeClipping, _context: FrameContext) -> NDArray[np.float32]:
     """Clip (H, W) metres."""
     depth, _ = without_void(depth_m)
     depth[(depth < np.float32(parameters.min_m)) | (depth > np.float32(parameters.max_m))] = 0
     return depth
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = DepthPerturbation(
     name="depth_range_clipping",
     label="Depth: range clipping",
-    category="depth",
+    order=40,
     parameters=DepthRangeClipping,
     severities={"min_m": (0.2, 0.3, 0.4, 0.5, 0.6), "max_m": (4.4, 4.2, 4.0, 3.8, 3.6)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Desynchronisation: depth that was taken at another moment than the colour it is paired with."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import PairingPerturbation, SequenceContext
 from ..core.schema import key
 
 
@@ -30,23 +30,23 @@ class Desync:
     )
 
 
-def apply(count: int, parameters: Desync, frame: Frame) -> NDArray[np.int64]:
+def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[np.int64]:
     """Return for each of `count` frames the frame (count,) whose depth goes with it; -1 where the frame is left out.
 
-    D'[i] = D[i + offset] (paper, section "RGB-D desynchronization"). frame: its index counts for nothing.
+    D'[i] = D[i + offset] (paper, section "RGB-D desynchronization").
     """
     source = np.arange(count) + parameters.offset
     if parameters.mode == "dynamic":
-        source += np.array([replace(frame, index=k).stream().integers(-1, 2) for k in range(count)], dtype=np.int64)
+        source += np.array([context.stream(frame=k).integers(-1, 2) for k in range(count)], dtype=np.int64)
     if parameters.edge == "clamp":
         return np.clip(source, 0, count - 1)
     return np.where((source >= 0) & (source < count), source, -1)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = PairingPerturbation(
     name="desync",
     label="RGB-D desynchronisation",
-    category="sync",
+    order=10,
     parameters=Desync,
     severities={},
     source='paper, section "Benchmark Statistics": offsets 5, 10 and 20',

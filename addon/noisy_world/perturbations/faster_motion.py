@@ -3,9 +3,11 @@
 
 from dataclasses import dataclass
 
-from ..core.perturbing.kinds import Frame, Perturbation
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
-from ..core.trajectories.trajectory import Trajectory, subsample
 
 
 @dataclass(frozen=True)
@@ -15,21 +17,20 @@ class FasterMotion:
     factor: int = key("how many times as fast the camera goes", default=2, minimum=1, maximum=1000)
 
 
-def apply(trajectory: Trajectory, parameters: FasterMotion, _frame: Frame) -> Trajectory:
-    """Return every factor-th pose from the first on, at the stamps of a sequence of that length.
+def choose(count: int, parameters: FasterMotion, _context: SequenceContext) -> NDArray[np.int64]:
+    """Return every factor-th of `count` poses, from the first on.
 
-    The camera's rate is what it was (decisions: "time stamps re-spaced at the sequence's rate").
+    The camera's rate is what it was: the poses that are left get the stamps of a sequence of that length.
     """
-    kept = subsample(trajectory, every=parameters.factor)
-    return Trajectory(kept.c2w, trajectory.stamps_s[: len(kept)])
+    return np.arange(0, count, parameters.factor)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = MotionPerturbation(
     name="faster_motion",
     label="Faster motion",
-    category="motion",
+    order=20,
     parameters=FasterMotion,
     severities={},
     source='paper, section "Benchmark Statistics": factors 2, 4 and 8',
-    apply=apply,
+    choose=choose,
 )

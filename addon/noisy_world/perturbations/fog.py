@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
@@ -36,7 +36,7 @@ class Fog:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: Fog, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:
     """Put haze over (H, W, 3)."""
     thickness = parameters.thickness
     brightest = float(rgb.max())
@@ -45,18 +45,18 @@ def apply(rgb: NDArray[np.float32], parameters: Fog, frame: Frame) -> NDArray[np
     scale = np.float32(brightest / (brightest + thickness))
     if parameters.uniform:
         return (rgb + np.float32(0.5 * thickness)) * scale
-    haze = three_channels(_haze(rgb.shape[:2], parameters, frame) * np.float32(thickness))
+    haze = three_channels(_haze(rgb.shape[:2], parameters, context) * np.float32(thickness))
     haze += rgb
     haze *= scale
     return haze
 
 
-def _haze(size: tuple[int, int], parameters: Fog, frame: Frame) -> NDArray[np.float32]:
+def _haze(size: tuple[int, int], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:
     """Return the part of the plasma that the frame shows: its upper left corner, unless it flows."""
     levels = max(math.ceil(math.log2(max(size))), 1)
-    plasma = _plasma(frame, _levels_seen(levels, parameters.thickness, parameters.smoothness), parameters.smoothness)
+    plasma = _plasma(context, _levels_seen(levels, parameters.thickness, parameters.smoothness), parameters.smoothness)
     step = plasma.shape[0] / 2**levels
-    moved = -frame.drift_frames * parameters.flow_px * step
+    moved = -context.drift_frames * parameters.flow_px * step
     return torus_window(plasma, size, (step, step), (0.0, moved))
 
 
@@ -69,14 +69,14 @@ def _levels_seen(levels: int, thickness: float, smoothness: float) -> int:
 
 
 @kept_for_sequence
-def _plasma(frame: Frame, levels: int, smoothness: float) -> NDArray[np.float32]:
+def _plasma(context: FrameContext, levels: int, smoothness: float) -> NDArray[np.float32]:
     """Return a plasma fractal (2^levels, 2^levels) on a torus, scaled to [0, 1]: the diamond-square algorithm.
 
     Each level halves the distance of the points (Fournier, Fussell, Carpenter, "Computer rendering of stochastic
     models", 1982). A new point is the mean of its four neighbours plus a uniform deviation, smoothness^2 times weaker
     from level to level, because ImageNet-C multiplies its wibble by itself.
     """
-    generator = frame.pattern_stream()
+    generator = context.pattern_stream()
     field = np.zeros((1, 1), dtype=np.float32)
     for level in range(levels):
         cells = field.shape[0]
@@ -213,10 +213,11 @@ def _shifted(graph: Graph, field: Socket, step: tuple[float, float]) -> Socket:
     return node.out("Image", "float")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="fog",
     label="Fog",
-    category="environment",
+    stage="environment",
+    order=10,
     parameters=Fog,
     severities={"thickness": (1.5, 2.0, 2.5, 2.5, 3.0), "smoothness": (2.0, 2.0, 1.7, 1.5, 1.4)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the plasma: ImageNet-C',

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._patterns import three_channels
 
@@ -32,10 +32,9 @@ class FogDepth:
     airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
 
 
-def apply(
-    rgb: NDArray[np.float32], parameters: FogDepth, _frame: Frame, depth_m: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Fog (H, W, 3). depth_m: (H, W) planar depth in metres; 0 and NaN are void, infinite is allowed."""
+def apply(rgb: NDArray[np.float32], parameters: FogDepth, context: FrameContext) -> NDArray[np.float32]:
+    """Fog (H, W, 3) by the context's planar depth (H, W), metres; 0 and NaN are void, infinite is allowed."""
+    depth_m = context.depth_m
     distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
     seen = three_channels(np.exp(distance_m * np.float32(-_EXTINCTION / parameters.visibility_m)))
     light = _decoded(rgb)
@@ -75,10 +74,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return convert(graph, fogged, "Linear Rec.709", "sRGB")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="fog_depth",
     label="Fog by depth",
-    category="environment",
+    stage="environment",
+    order=20,
     parameters=FogDepth,
     severities={"visibility_m": (50, 25, 15, 10, 6)},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",

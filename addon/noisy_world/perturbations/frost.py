@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Kind, Picture, Socket, Value
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from . import _ice
 
@@ -35,30 +35,30 @@ class Frost:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: Frost, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
     import cv2
 
-    frosted = _crop(rgb.shape[:2], parameters, frame).astype(np.float32)
+    frosted = _crop(rgb.shape[:2], parameters, context).astype(np.float32)
     return cv2.addWeighted(rgb, parameters.intensity, frosted, parameters.influence / 255, 0.0, dst=frosted)
 
 
-def _crop(size: tuple[int, int], parameters: Frost, frame: Frame) -> NDArray[np.uint8]:
+def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
     """Return the ice before the frame, (H, W, 3) uint8."""
     import cv2
 
-    generator = frame.pattern_stream()
+    generator = context.pattern_stream()
     picture = _ice.ice(int(generator.choice(_ice.EQUALLY_OFTEN)))
     start, angle = generator.random(2), generator.uniform(0, 2 * np.pi)
     # A tenth is left for the crop to move in, as ImageNet-C does.
     scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
     slack = np.array([_ice.HEIGHT_PX - size[0] / scale, _ice.WIDTH_PX - size[1] / scale])
     origin = np.floor(start * slack)
-    if scale == 1 and not frame.drift_frames:
+    if scale == 1 and not context.drift_frames:
         row, column = origin.astype(int)
         return picture[row : row + size[0], column : column + size[1]]
-    if frame.drift_frames:
-        crept = frame.drift_frames * parameters.creep_px / scale * np.array([np.sin(angle), np.cos(angle)])
+    if context.drift_frames:
+        crept = context.drift_frames * parameters.creep_px / scale * np.array([np.sin(angle), np.cos(angle)])
         origin = _to_and_fro(origin + crept, slack)
     matrix = np.array([[1 / scale, 0, origin[1]], [0, 1 / scale, origin[0]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -123,10 +123,11 @@ def _uv(canvas: Canvas, place: Socket, creep_px: Socket) -> Socket:
     return graph.math("MULTIPLY_ADD", share, seen_px / full_px, origin_px / full_px + (0.0, 0.0, 1.0))
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="frost",
     label="Frost",
-    category="environment",
+    stage="environment",
+    order=30,
     parameters=Frost,
     severities={"intensity": (1.0, 0.8, 0.7, 0.65, 0.6), "influence": (0.4, 0.6, 0.7, 0.7, 0.75)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the ice: our own',

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import gaussian
 
@@ -21,7 +21,7 @@ class GaussianBlur:
     sigma_px: float = key("standard deviation of the kernel", default=3.0, unit="px", minimum=0, maximum=50)
 
 
-def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, _context: FrameContext) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
     return gaussian(rgb, parameters.sigma_px)
 
@@ -34,10 +34,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return canvas.graph.node("CompositorNodeBlur", inputs | {"Separable": True}).out("Image", "color")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="gaussian_blur",
     label="Gaussian blur",
-    category="lens",
+    stage="lens",
+    order=30,
     parameters=GaussianBlur,
     severities={"sigma_px": (1, 2, 3, 4, 6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantile_groups import normal_quantile
@@ -24,19 +24,19 @@ class GaussianNoise:
     std: float = key("standard deviation, of full scale", default=0.18, minimum=0, maximum=2)
 
 
-def apply(rgb: NDArray[np.float32], parameters: GaussianNoise, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: GaussianNoise, context: FrameContext) -> NDArray[np.float32]:
     """Add the noise to (H, W, 3)."""
     import cv2
 
-    generator, noise = frame.pattern_stream(), _tables(parameters.std)[0]
+    generator, noise = context.pattern_stream(), _tables(parameters.std)[0]
     return by_bands(rgb, rgb.dtype, lambda band: cv2.add(band, look_up(uniform_codes(generator, band.shape), noise)))
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: GaussianNoise, frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: GaussianNoise, context: FrameContext) -> NDArray[np.uint8]:
     """Add the noise to (H, W, 3) bytes."""
     import cv2
 
-    generator, noise = frame.pattern_stream(), _tables(parameters.std)[1]
+    generator, noise = context.pattern_stream(), _tables(parameters.std)[1]
     return by_bands(
         rgb,
         rgb.dtype,
@@ -65,10 +65,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return canvas.graph.math("MULTIPLY_ADD", noise, given["std"], canvas.image)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="gaussian_noise",
     label="Gaussian noise",
-    category="sensor",
+    stage="sensor",
+    order=10,
     parameters=GaussianNoise,
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

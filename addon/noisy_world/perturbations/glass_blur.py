@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Picture, Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import gaussian
 
@@ -39,13 +39,13 @@ class GlassBlur:
     iterations: int = key("how many times pixels change places", default=3, minimum=0, maximum=20)
 
 
-def apply(rgb: NDArray[np.float32], parameters: GlassBlur, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur and shuffle (H, W, 3)."""
     import cv2
 
     image = gaussian(rgb, parameters.sigma_px)
     if parameters.max_delta_px:
-        generator, taken = frame.pattern_stream(), np.empty_like(image)
+        generator, taken = context.pattern_stream(), np.empty_like(image)
         for _ in range(parameters.iterations):
             places = _places(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
             taken = cv2.remap(image, places, None, cv2.INTER_NEAREST, dst=taken, borderMode=cv2.BORDER_REPLICATE)
@@ -166,10 +166,11 @@ def _component(value: Socket, index: int) -> Socket:
     return (value.x, value.y, value.z)[index]
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="glass_blur",
     label="Glass blur",
-    category="lens",
+    stage="lens",
+    order=40,
     parameters=GlassBlur,
     severities={
         "sigma_px": (0.7, 0.9, 1.0, 1.1, 1.5),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantiles import CODES, look_up, uniform_codes
@@ -26,20 +26,20 @@ class ImpulseNoise:
     amount: float = key("share of the values that are replaced", default=0.09, minimum=0, maximum=1)
 
 
-def apply(rgb: NDArray[np.float32], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: ImpulseNoise, context: FrameContext) -> NDArray[np.float32]:
     """Put the impulses into (H, W, 3)."""
-    return np.clip(_add(rgb, parameters, frame), 0, 1)
+    return np.clip(_add(rgb, parameters, context), 0, 1)
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, context: FrameContext) -> NDArray[np.uint8]:
     """Put the impulses into (H, W, 3) bytes."""
-    return _add(rgb, parameters, frame)
+    return _add(rgb, parameters, context)
 
 
-def _add[T: np.generic](rgb: NDArray[T], parameters: ImpulseNoise, frame: Frame) -> NDArray[T]:
+def _add[T: np.generic](rgb: NDArray[T], parameters: ImpulseNoise, context: FrameContext) -> NDArray[T]:
     import cv2
 
-    generator, impulses = frame.pattern_stream(), _impulses(parameters.amount)
+    generator, impulses = context.pattern_stream(), _impulses(parameters.amount)
     depth = cv2.CV_8U if rgb.dtype == np.uint8 else cv2.CV_32F
     return by_bands(
         rgb,
@@ -70,10 +70,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return canvas.image + salt - pepper
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="impulse_noise",
     label="Impulse noise",
-    category="sensor",
+    stage="sensor",
+    order=20,
     parameters=ImpulseNoise,
     severities={"amount": (0.03, 0.06, 0.09, 0.17, 0.27)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

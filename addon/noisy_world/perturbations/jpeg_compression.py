@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._jpeg_nodes import compressed
 
@@ -22,12 +22,12 @@ class JpegCompression:
     quality: int = key("quality as libjpeg counts it: lower is coarser", default=15, minimum=1, maximum=100)
 
 
-def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _context: FrameContext) -> NDArray[np.float32]:
     """Compress (H, W, 3)."""
-    return apply_bytes(rgb_bytes(rgb), parameters, _frame) / np.float32(255)
+    return apply_bytes(rgb_bytes(rgb), parameters, _context) / np.float32(255)
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _context: FrameContext) -> NDArray[np.uint8]:
     """Compress (H, W, 3) bytes."""
     import cv2
 
@@ -47,10 +47,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     return compressed(canvas, given["quality"])
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="jpeg_compression",
     label="JPEG compression",
-    category="post",
+    stage="post",
+    order=30,
     parameters=JpegCompression,
     severities={"quality": (25, 18, 15, 10, 7)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

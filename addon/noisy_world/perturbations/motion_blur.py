@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
 
@@ -39,9 +39,9 @@ class MotionBlur:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: MotionBlur, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: MotionBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
-    turn = frame.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
+    turn = context.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
     angle = parameters.angle_deg + turn
     return correlate(rgb, line_kernel(parameters.radius_px, parameters.sigma_px, angle))
 
@@ -121,10 +121,11 @@ def _step() -> Graph:
     return graph
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="motion_blur",
     label="Motion blur",
-    category="lens",
+    stage="lens",
+    order=50,
     parameters=MotionBlur,
     severities={"radius_px": (10, 15, 15, 15, 20), "sigma_px": (3, 5, 8, 12, 15)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

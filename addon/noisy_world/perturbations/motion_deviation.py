@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion deviation: a robot that shakes, so that its camera is never quite where the path says."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.geometry import rotation_from_euler_deg
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
 from ..core.trajectories.trajectory import Trajectory
 
@@ -19,14 +19,14 @@ class MotionDeviation:
     translation_m: float = key("standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100)
 
 
-def apply(trajectory: Trajectory, parameters: MotionDeviation, frame: Frame) -> Trajectory:
+def apply(trajectory: Trajectory, parameters: MotionDeviation, context: SequenceContext) -> Trajectory:
     """Return the deviated trajectory, which is the ground truth of what is rendered from it.
 
     R' = R dR with dR = Rz Ry Rx in the camera's frame, t' = t + dt in the world's (paper, section "Robot motion").
-    Rotations are composed as matrices in float64, never by adding angles. frame: its index counts for nothing, each
-    pose has the index of its own place.
+    Rotations are composed as matrices in float64, never by adding angles. Each pose draws from the stream of its own
+    frame.
     """
-    normals = np.array([replace(frame, index=k).stream().standard_normal(6) for k in range(len(trajectory))])
+    normals = np.array([context.stream(frame=k).standard_normal(6) for k in range(len(trajectory))])
     c2w = trajectory.c2w.copy()
     if parameters.rotation_deg:
         c2w[:, :3, :3] @= rotation_from_euler_deg(*(parameters.rotation_deg * normals[:, :3].T))
@@ -34,10 +34,10 @@ def apply(trajectory: Trajectory, parameters: MotionDeviation, frame: Frame) -> 
     return Trajectory(c2w, trajectory.stamps_s)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = MotionPerturbation(
     name="motion_deviation",
     label="Motion deviation",
-    category="motion",
+    order=10,
     parameters=MotionDeviation,
     severities={},
     source='paper, section "Benchmark Statistics": {0, 1, 3, 5} degrees, {0, 0.0125, 0.025, 0.05} m',

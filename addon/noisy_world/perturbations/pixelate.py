@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike, NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
 LARGEST_BLOCK_PX = 256  # of which bytes add up within 16 bits
@@ -33,7 +33,7 @@ class Pixelate:
     factor: float = key("width and height of the small image, of the frame's", default=0.4, minimum=0.001, maximum=1)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Pixelate, _frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Pixelate, _context: FrameContext) -> NDArray[np.float32]:
     """Pixelate (H, W, 3)."""
     rows, columns = (_Blocks.along(size, parameters.factor) for size in rgb.shape[:2])
     means = _sums(rgb, rows, columns, np.float32)
@@ -42,11 +42,11 @@ def apply(rgb: NDArray[np.float32], parameters: Pixelate, _frame: Frame) -> NDAr
     return _spread(means, rows, columns)
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: Pixelate, _frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: Pixelate, _context: FrameContext) -> NDArray[np.uint8]:
     """Pixelate (H, W, 3) bytes."""
     rows, columns = (_Blocks.along(size, parameters.factor) for size in rgb.shape[:2])
     if rows.sizes.max() * columns.sizes.max() > LARGEST_BLOCK_PX:
-        return rgb_bytes(apply(rgb / np.float32(255), parameters, _frame))
+        return rgb_bytes(apply(rgb / np.float32(255), parameters, _context))
     means = _sums(rgb, rows, columns, np.uint16) * _shares(rows, columns)
     means += np.float32(0.5) + HALF_UP
     return _spread(means.astype(np.uint8), rows, columns)
@@ -217,10 +217,11 @@ def _look_up(image: Socket, place: Socket, size: Socket, weight: Value) -> Socke
     return graph.node("CompositorNodeMapUV", inputs, label="Look up").out("Image", "color")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="pixelate",
     label="Pixelate",
-    category="post",
+    stage="post",
+    order=40,
     parameters=Pixelate,
     severities={"factor": (0.6, 0.5, 0.4, 0.3, 0.25)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

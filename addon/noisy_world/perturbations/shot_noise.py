@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantile_groups import poisson_quantile
@@ -30,7 +30,7 @@ class ShotNoise:
     photons: float = key("mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=256)
 
 
-def apply(rgb: NDArray[np.float32], parameters: ShotNoise, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext) -> NDArray[np.float32]:
     """Count photons in (H, W, 3).
 
     What a value has above the byte below it is drawn apart: the sum of two Poisson numbers is one of the sum's mean.
@@ -40,28 +40,32 @@ def apply(rgb: NDArray[np.float32], parameters: ShotNoise, frame: Frame) -> NDAr
         return np.zeros_like(rgb)
     scaled = rgb * np.float32(255)
     levels = np.clip(scaled + BYTE_NOISE, 0, 255).astype(np.uint8)
-    counts = _draw(levels, frame, *_alias_tables(photons)).astype(np.float32)
+    counts = _draw(levels, context, *_alias_tables(photons)).astype(np.float32)
     rest = np.maximum(scaled - levels - BYTE_NOISE, 0)
     if rest.any():
-        counts += _few_photons(rest * np.float32(photons / 255), frame.pattern_stream("rest"))
+        counts += _few_photons(rest * np.float32(photons / 255), context.pattern_stream("rest"))
     counts *= np.float32(1 / photons)
     return np.minimum(counts, 1, out=counts)
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, context: FrameContext) -> NDArray[np.uint8]:
     """Count photons in (H, W, 3) bytes."""
     if parameters.photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
-    return _draw(rgb, frame, *_byte_tables(parameters.photons))
+    return _draw(rgb, context, *_byte_tables(parameters.photons))
 
 
 def _draw[T: np.generic](
-    levels: NDArray[np.uint8], frame: Frame, threshold: NDArray[np.uint16], first: NDArray[T], second: NDArray[T]
+    levels: NDArray[np.uint8],
+    context: FrameContext,
+    threshold: NDArray[np.uint16],
+    first: NDArray[T],
+    second: NDArray[T],
 ) -> NDArray[T]:
     """Draw from each level's distribution: a column by 8 bits, one of the column's two outcomes by 16."""
     import cv2
 
-    generator = frame.pattern_stream()
+    generator = context.pattern_stream()
 
     def draw(band: NDArray[np.uint8]) -> NDArray[T]:
         codes = uniform_codes(generator, band.shape)
@@ -146,10 +150,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return poisson_quantile(canvas.image * photons, uniform) * (1.0 / photons)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="shot_noise",
     label="Shot noise",
-    category="sensor",
+    stage="sensor",
+    order=30,
     parameters=ShotNoise,
     severities={"photons": (60, 25, 12, 5, 3)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
 from ._patterns import kept_for_sequence, three_channels, torus_window
@@ -33,10 +33,10 @@ class Snow:
     fall_px: float = key("drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Snow, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
     """Let it snow on (H, W, 3)."""
     image = _whitened(rgb, parameters.blending_ratio)
-    image += three_channels(_flakes(rgb.shape[:2], parameters, frame))
+    image += three_channels(_flakes(rgb.shape[:2], parameters, context))
     return image
 
 
@@ -51,10 +51,10 @@ def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
     return cv2.addWeighted(rgb, ratio, white, 1 - ratio, 0.0, dst=white)
 
 
-def _flakes(size: tuple[int, int], parameters: Snow, frame: Frame) -> NDArray[np.float32]:
+def _flakes(size: tuple[int, int], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
     """Return both layers of flakes, (H, W)."""
-    noise, angle_deg = _noise(frame, _cells(size, parameters.scale))
-    fallen_px = frame.drift_frames * parameters.fall_px
+    noise, angle_deg = _noise(context, _cells(size, parameters.scale))
+    fallen_px = context.drift_frames * parameters.fall_px
     layer = _layer(size, noise, angle_deg, parameters, fallen_px)
     # Turned by 180 degrees, what rises falls.
     other = _layer(size, noise, angle_deg, parameters, -fallen_px) if fallen_px else layer
@@ -81,9 +81,9 @@ def _cells(size: tuple[int, int], scale: float) -> tuple[int, int]:
 
 
 @kept_for_sequence
-def _noise(frame: Frame, cells: tuple[int, int]) -> tuple[NDArray[np.float32], float]:
+def _noise(context: FrameContext, cells: tuple[int, int]) -> tuple[NDArray[np.float32], float]:
     """Return standard normal noise of this many rows and columns, and the angle of the fall in degrees."""
-    generator = frame.pattern_stream()
+    generator = context.pattern_stream()
     angle_deg = generator.uniform(-135.0, -45.0)
     noise = generator.standard_normal(cells, dtype=np.float32)
     noise.flags.writeable = False
@@ -286,10 +286,11 @@ def _step_graph() -> Graph:
     return graph
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="snow",
     label="Snow",
-    category="environment",
+    stage="environment",
+    order=40,
     parameters=Snow,
     severities={
         "mean": (0.1, 0.2, 0.55, 0.55, 0.55),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Kind, Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import gaussian
 from ._patterns import kept_for_sequence, three_channels, torus_window
@@ -45,11 +45,11 @@ class Spatter:
     run_px: float = key("drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Spatter, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: Spatter, context: FrameContext) -> NDArray[np.float32]:
     """Spatter (H, W, 3)."""
-    cover = _cover(frame, rgb.shape[:2], parameters)
-    if frame.drift_frames:
-        cover = torus_window(cover, rgb.shape[:2], start=(-frame.drift_frames * parameters.run_px, 0.0))
+    cover = _cover(context, rgb.shape[:2], parameters)
+    if context.drift_frames:
+        cover = torus_window(cover, rgb.shape[:2], start=(-context.drift_frames * parameters.run_px, 0.0))
     if not cover.any():
         return rgb.copy()
     spattered = _tinted(cover, _MUD_RGB if parameters.complexity else _WATER_RGB)
@@ -69,14 +69,14 @@ def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray
 
 
 @kept_for_sequence
-def _cover(frame: Frame, size: tuple[int, int], parameters: Spatter) -> NDArray[np.float32]:
+def _cover(context: FrameContext, size: tuple[int, int], parameters: Spatter) -> NDArray[np.float32]:
     """Return how much of each pixel the drops cover, (H, W); on a torus if it drifts, so that it runs on and on."""
     import cv2
 
-    noise = frame.pattern_stream().standard_normal(size, dtype=np.float32)
+    noise = context.pattern_stream().standard_normal(size, dtype=np.float32)
     noise *= np.float32(parameters.std)
     noise += np.float32(parameters.mean)
-    margin = _margin(parameters) if frame.temporal == "drift" else 0
+    margin = _margin(parameters) if context.temporal == "drift" else 0
     if margin:
         noise = cv2.copyMakeBorder(noise, *[margin] * 4, cv2.BORDER_WRAP)
     layer = gaussian(noise, parameters.sigma_px)
@@ -288,10 +288,11 @@ def _placed(canvas: Canvas, cover: Socket, run_px: Socket, size_px: Socket) -> S
     return graph.choose(moving, moved, cover, "float")
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="spatter",
     label="Spatter",
-    category="environment",
+    stage="environment",
+    order=50,
     parameters=Spatter,
     severities={
         "mean": (0.65, 0.65, 0.65, 0.65, 0.67),

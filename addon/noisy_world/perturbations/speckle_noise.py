@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
-from ..core.perturbing.kinds import Frame, Perturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantile_groups import normal_quantile
@@ -26,17 +26,17 @@ class SpeckleNoise:
     std: float = key("standard deviation, of the pixel's value", default=0.35, minimum=0, maximum=2)
 
 
-def apply(rgb: NDArray[np.float32], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.float32]:
+def apply(rgb: NDArray[np.float32], parameters: SpeckleNoise, context: FrameContext) -> NDArray[np.float32]:
     """Multiply (H, W, 3) by the gains."""
-    generator, gains = frame.pattern_stream(), _gains(parameters.std)
+    generator, gains = context.pattern_stream(), _gains(parameters.std)
     return by_bands(rgb, rgb.dtype, lambda band: band * look_up(uniform_codes(generator, band.shape), gains))
 
 
-def apply_bytes(rgb: NDArray[np.uint8], parameters: SpeckleNoise, frame: Frame) -> NDArray[np.uint8]:
+def apply_bytes(rgb: NDArray[np.uint8], parameters: SpeckleNoise, context: FrameContext) -> NDArray[np.uint8]:
     """Multiply (H, W, 3) bytes by the gains."""
     import cv2
 
-    generator, gains = frame.pattern_stream(), _gains(parameters.std)
+    generator, gains = context.pattern_stream(), _gains(parameters.std)
     return by_bands(
         rgb,
         rgb.dtype,
@@ -66,10 +66,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return canvas.image * canvas.graph.math("MULTIPLY_ADD", noise, given["std"], 1.0)
 
 
-PERTURBATION = Perturbation(
+PERTURBATION = ColourPerturbation(
     name="speckle_noise",
     label="Speckle noise",
-    category="sensor",
+    stage="sensor",
+    order=40,
     parameters=SpeckleNoise,
     severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',

@@ -10,11 +10,14 @@ import bpy
 import numpy as np
 
 from ..core.datasets.storage import storage_errors, write_atomic
-from ..core.perturbing.mixture import Identifiers, Setting, Step, parse_settings, parse_steps
-from ..core.planning.plan import make_plan
+from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import Identifiers
+from ..core.perturbing.reading import parse_settings, parse_steps
+from ..core.perturbing.steps import Setting, Step
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
+from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
 from .properties import OVERRIDE, parameters_of, perturbation_of
 
@@ -22,10 +25,12 @@ CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
 PANEL = "Noisy World panel"  # stands for a file's name in messages about what the panel holds
 DEVIATION = {"deviation_rotation_deg": "rotation_deg", "deviation_translation_m": "translation_m"}
+OWN_FIELDS = ("motion_deviation", "faster_motion")  # perturbations that the panel has fields for, beside its list
 CAMERA = {
     "width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy",
     "near_m": "near_m", "far_m": "far_m",
 }  # fmt: skip
+INTRINSICS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 HANDHELD = {
     "handheld_frames": "frames", "handheld_rate_hz": "rate_hz", "handheld_speed_m_s": "speed_m_s",
     "handheld_clearance_m": "clearance_m",
@@ -151,6 +156,11 @@ def deviation_of(settings: Any) -> Step | None:
     return next(iter(parse_steps(_deviation(settings), Place(PANEL, "deviation"), registry())), None)
 
 
+def intrinsics_of(settings: Any) -> Intrinsics:
+    """Return the panel's camera."""
+    return Intrinsics(*(value_of(settings, name) for name in INTRINSICS))
+
+
 def identifiers_of(settings: Any) -> Identifiers:
     """Return what names the random streams of the panel's sequence, as in the generator."""
     return (settings.seed, settings.scene_name, settings.setting_name)
@@ -169,7 +179,7 @@ def save_preset(settings: Any, path: Path) -> None:
     import yaml
 
     preset = preset_of(settings, path)
-    make_plan(preset, None, registry())  # what cannot be generated is not saved either
+    make_plan(preset)  # what cannot be generated is not saved either
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -265,7 +275,7 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
     settings.engine, settings.samples = spec.render.engine, spec.render.samples
     settings.backend = setting.backend
     settings.layout = spec.output.layout
-    settings.image = spec.output.image or ("jpg" if spec.output.layout == "replica" else "png")
+    settings.image = spec.output.format.image
     settings.use_rgb = "rgb" in spec.output.modalities
     settings.use_depth = "depth" in spec.output.modalities
     settings.overview = spec.output.overview
@@ -274,14 +284,15 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
 
 
 def _take_steps(settings: Any, setting: Setting) -> None:
-    deviation, faster = setting.named("motion_deviation"), setting.named("faster_motion")
+    by_name = {step.perturbation.name: step for step in setting.motion}
+    deviation, faster = by_name.get("motion_deviation"), by_name.get("faster_motion")
     for name, field in DEVIATION.items():
         set_value(settings, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
     settings.speed_factor = 1 if faster is None else faster.parameters(None).factor
     settings.steps.clear()
     settings.active_step = 0
     for step in setting.steps:
-        if step.perturbation.category != "motion":
+        if step.perturbation.name not in OWN_FIELDS:
             take_step(settings.steps.add(), step)
     tell("steps")(settings, bpy.context)
 

@@ -3,6 +3,7 @@
 
 import time
 from collections import OrderedDict
+from dataclasses import replace
 from typing import Any, Literal
 
 import bpy
@@ -10,17 +11,19 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.compositor import Compositor
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
-from ..core.datasets.images import rgb_bytes
+from ..clean_frame import Camera, CleanFrame
+from ..colour import colour_of
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.mixture import Setting, perturb_depth, perturb_rgb
-from ..core.planning.plan import Sequence, lay_out
-from .document import identifiers_of, steps_of
+from ..core.perturbing.execution import perturb_depth
+from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
+from ..core.perturbing.steps import Setting
+from ..core.planning.sequence import Sequence, Shown, lay_out
+from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
-from .paths import clean_poses
+from .paths import clean_stamps_s
 from .properties import perturbation_of
 
 type Kind = Literal["COLOUR", "DEPTH"]
@@ -59,42 +62,33 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
     Raises NoisyWorldError where the settings are wrong.
     """
     settings = scene.noisy_world
-    poses = clean_poses(scene)
-    count = scene.frame_end + 1 if poses is None else len(poses)
     setting = Setting(settings.setting_name, steps_of(settings), settings.backend)
+    count = len(clean_stamps_s(scene))
     sequence = lay_out(setting, settings.scene_name, count, identifiers_of(settings))
-    last = (count - 1) // sequence.every
-    return sequence, max(0, min(scene.frame_current // sequence.every, last))
+    return sequence, max(0, min(sequence.frame_at(scene.frame_current), len(sequence.source_frames) - 1))
 
 
 def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
     """Return a frame's colour (H, W, 3) as the generator perturbs it, and what it shows.
 
     index: of the scene's sequence, by default where the scene stands. Left of the panel's split it is as rendered.
-    Raises NoisyWorldError where the settings are wrong, or a scratch file cannot be written.
+    Raises NoisyWorldError where the settings are wrong, the frame is left out, or a scratch file cannot be written.
     """
     sequence, now = sequence_of(scene)
     index = now if index is None else index
-    still = still_of(scene, sequence.rgb_source(index))
-    clean = rgb_bytes(still.rgb)
-    made, notes = _perturb(sequence, index, still, scene.noisy_world.width_px)
-    picture = clean if made is None else made
+    clean = _clean(scene, _shown(sequence, index).rgb_source)
+    picture = before = clean.byte_rgb()
+    notes: list[dict[str, Any]] = []
+    if sequence.setting.rgb:
+        height, width = before.shape[:2]
+        only = replace(sequence, frames=(index,))
+        with colour_of([only], _camera(scene), (width, height)) as colour:
+            made, notes = colour.of(clean)[only.folder, index]()
+        picture = before if made is None else made
     edge = round(scene.noisy_world.preview_split * picture.shape[1])
-    if edge and made is not None:
-        picture = np.concatenate([clean[:, :edge], made[:, edge:]], axis=1)
+    if edge and picture is not before:
+        picture = np.concatenate([before[:, :edge], picture[:, edge:]], axis=1)
     return picture, f"Frame {index}: {_listed(notes)}"
-
-
-def _perturb(
-    sequence: Sequence, index: int, still: RenderedFrame, reference_width_px: int
-) -> tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]:
-    setting = sequence.setting
-    rgb = np.clip(still.rgb, 0.0, 1.0)  # not rounded yet, as the generator's; lights of the user's may exceed 1
-    if not setting.composited:
-        return perturb_rgb(setting.rgb, rgb, index, sequence.identifiers, still.depth_m)
-    height, width = rgb.shape[:2]
-    with Compositor((width, height), {"": setting.rgb}, reference_width_px) as compositor:
-        return compositor.perturb(rgb, {"": (index, sequence.identifiers)}, still.depth_m)[""]
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
@@ -106,21 +100,36 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     """
     sequence, now = sequence_of(scene)
     index = now if index is None else index
-    if sequence.depth_of is not None and sequence.depth_of[index] < 0:
-        raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
-    source = sequence.depth_source(index)
-    taken = source // sequence.every
-    clean_m = still_of(scene, source).depth_m
-    depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, taken, sequence.identifiers)
-    depth_m = clean_m if depth_m is None else depth_m
+    shown = _shown(sequence, index)
+    clean = _clean(scene, shown.depth_source)
+    context = _camera(scene).context(sequence, shown.depth_frame, clean)
+    depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
+    depth_m = clean.depth_m if depth_m is None else depth_m
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
     picture = colour_depth(depth_m, near_m, far_m)
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
-    if sequence.depth_of is None:
+    if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = rgb_bytes(still_of(scene, sequence.rgb_source(index)).rgb)
-    return np.concatenate([colour, picture], axis=1), f"Colour of frame {index}, depth of frame {taken}: {about}"
+    colour = _clean(scene, shown.rgb_source).byte_rgb()
+    return np.concatenate([colour, picture], axis=1), f"Colour of frame {index}, depth of {shown.depth_frame}: {about}"
+
+
+def _shown(sequence: Sequence, index: int) -> Shown:
+    if sequence.leaves_out(index):
+        raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
+    return sequence.shown(index)
+
+
+def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
+    """Return a clean frame as the generator has it: not rounded yet; lights of the user's may exceed 1."""
+    still = still_of(scene, source)
+    assert still.rgb is not None
+    return CleanFrame(source, RenderedFrame(np.clip(still.rgb, 0.0, 1.0), still.depth_m))
+
+
+def _camera(scene: bpy.types.Scene) -> Camera:
+    return Camera(intrinsics_of(scene.noisy_world), clean_stamps_s(scene))
 
 
 def _listed(notes: list[dict[str, Any]]) -> str:
@@ -289,7 +298,10 @@ Preview is on it follows the sliders"""
 
 def has_depth_steps(settings: Any) -> bool:
     """Tell whether something is done to depth, or to what it is paired with."""
-    return any(step.enabled and perturbation_of(step).category in ("depth", "sync") for step in settings.steps)
+    return any(
+        step.enabled and isinstance(perturbation_of(step), (DepthPerturbation, PairingPerturbation))
+        for step in settings.steps
+    )
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import NoisyWorldError
+from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
 from .described import tell, title
@@ -142,7 +143,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         if name not in registry():
             self.report({"ERROR"}, f"{name!r}: no such perturbation")
             return CANCELLED
-        once = registry()[name].category == "sync"
+        once = isinstance(registry()[name], SEQUENCE_KINDS)
         if once and any(step.perturbation == name for step in settings.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is there already: it acts once on a sequence")
             return CANCELLED

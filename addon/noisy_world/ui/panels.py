@@ -6,20 +6,20 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbing.kinds import SEVERITIES, Category, Perturbation
+from ..core.perturbing.kinds import SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
 from .described import title
 from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
 
 TAB = "Noisy World"
-STAGES: dict[Category, tuple[str, str]] = {
+STAGE_LABELS: dict[Stage, tuple[str, str]] = {
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
     "sensor": ("Sensor", "TEXTURE"),
     "post": ("Post-Processing", "IMAGE_DATA"),
     "depth": ("Depth", "IMAGE_ZDEPTH"),
-    "sync": ("Synchronisation", "TIME"),
+    "pairing": ("Synchronisation", "TIME"),
 }
 
 
@@ -146,7 +146,7 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
             return
         row = layout.row(align=True)
         row.active = item.enabled
-        row.label(text=short_label(perturbation), icon=STAGES[perturbation.category][1])
+        row.label(text=short_label(perturbation), icon=STAGE_LABELS[perturbation.stage][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
             part.alignment = "RIGHT"
@@ -161,24 +161,24 @@ class NOISYWORLD_MT_add_step(bpy.types.Menu):
 
     def draw(self, _: bpy.types.Context) -> None:
         """Draw a menu for each stage."""
-        for category, (label, icon) in STAGES.items():
-            self.layout.menu(f"NOISYWORLD_MT_add_{category}", text=label, icon=icon)
+        for stage, (label, icon) in STAGE_LABELS.items():
+            self.layout.menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
 
 
-def _stage_menu(category: Category) -> type:
+def _stage_menu(stage: Stage) -> type:
     """Make the menu of a stage."""
 
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
         for perturbation in registry().values():
-            if perturbation.category == category:
+            if perturbation.stage == stage:
                 label = short_label(perturbation)
                 self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
     return type(
-        f"NOISYWORLD_MT_add_{category}",
+        f"NOISYWORLD_MT_add_{stage}",
         (bpy.types.Menu,),
         {
-            "bl_label": STAGES[category][0],
+            "bl_label": STAGE_LABELS[stage][0],
             "draw": draw,
             "__module__": __name__,
             "__doc__": "Perturbations of this stage",
@@ -301,7 +301,7 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         generate.draw(layout, context)
 
 
-STAGE_MENUS = tuple(_stage_menu(category) for category in STAGES)
+STAGE_MENUS = tuple(_stage_menu(stage) for stage in STAGE_LABELS)
 CLASSES: tuple[Any, ...] = (
     NOISYWORLD_UL_steps,
     NOISYWORLD_MT_add_step,

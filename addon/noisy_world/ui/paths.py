@@ -11,12 +11,15 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
-from ..core.perturbing.mixture import perturb_motion
+from ..core.perturbing.execution import move
 from ..core.trajectories.trajectory import Trajectory
 from .document import deviation_of, identifiers_of
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
+
+CLEAN_STAMPS_S = "noisy_world_clean_stamps_s"
+"""A camera's custom property: the time stamps (N,) of its clean poses, seconds."""
 
 CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
 DEVIATED_RGB = (0.90, 0.62, 0.0)
@@ -41,11 +44,27 @@ _deviated: dict[tuple[Any, ...], NDArray[np.float64]] = {}  # the last: the keys
 _handles: list[Any] = []
 
 
-def path_of(scene: bpy.types.Scene) -> Any | None:
-    """Return the floats of the clean path: those of the scene's camera or, if it has none, of another one there."""
+def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """Return the camera that has a clean path: the scene's or, if that has none, another one there."""
     if scene.camera is not None and CLEAN_C2W in scene.camera:
-        return scene.camera[CLEAN_C2W]
-    return next((item[CLEAN_C2W] for item in scene.objects if item.type == "CAMERA" and CLEAN_C2W in item), None)
+        return scene.camera
+    return next((item for item in scene.objects if item.type == "CAMERA" and CLEAN_C2W in item), None)
+
+
+def path_of(scene: bpy.types.Scene) -> Any | None:
+    """Return the floats of the clean path; None where no camera has one."""
+    camera = _camera_of(scene)
+    return None if camera is None else camera[CLEAN_C2W]
+
+
+def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
+    """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene's own frames."""
+    camera = _camera_of(scene)
+    if camera is not None and CLEAN_STAMPS_S in camera:
+        return np.array(camera[CLEAN_STAMPS_S], dtype=np.float64)
+    poses = clean_poses(scene)
+    count = scene.frame_end + 1 if poses is None else len(poses)
+    return np.arange(count) * scene.render.fps_base / scene.render.fps
 
 
 def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
@@ -65,7 +84,7 @@ def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[
     if made_from not in _deviated:
         _deviated.clear()
         path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
-        _deviated[made_from] = perturb_motion(step, path, identifiers).c2w
+        _deviated[made_from] = move([step], path, identifiers).c2w
     return _deviated[made_from]
 
 

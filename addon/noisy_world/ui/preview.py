@@ -13,9 +13,7 @@ from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import hide_chain, refresh_chain
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.kinds import RGB_CATEGORIES
 from . import frame_preview, properties, views
-from .document import identifiers_of, steps_of
 from .operators import DONE, UNDOABLE, OnScene
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
@@ -123,11 +121,12 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
 def show(scene: bpy.types.Scene) -> None:
     """Show a scene's perturbations of colour behind its render. Raises NoisyWorldError where the settings are wrong."""
     settings = scene.noisy_world
+    sequence, _ = frame_preview.sequence_of(scene)
     refresh_chain(
         scene,
-        [step for step in steps_of(settings) if step.perturbation.category in RGB_CATEGORIES],
-        identifiers_of(settings),
-        every=settings.speed_factor,
+        sequence.setting.rgb,
+        sequence.identifiers,
+        index_of=sequence.frame_at if sequence.skips else None,
         reference_width_px=settings.width_px,
         split=settings.preview_split,
     )

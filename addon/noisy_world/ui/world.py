@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
-from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +10,16 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
-from ..core.geometry import Intrinsics
-from ..core.planning.plan import load_trajectory, make_plan
 from ..core.scenes.mesh import Mesh
-from ..core.scenes.ply import read_ply
-from ..core.scenes.room import build_room
-from ..perturbations import registry
+from ..sources import find_scenes
+from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
-from .document import absolute, preset_of, value_of
-from .paths import CLEAN_C2W, deviated_poses
+from .document import CAMERA, absolute, intrinsics_of, preset_of, value_of
+from .paths import CLEAN_C2W, CLEAN_STAMPS_S, deviated_poses
 
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 DISPLAY_COLOURS = "Display"
 FAR_M = 1000.0  # from here on float32 resolves less than 0.1 mm, and the scene is moved
-CAMERA_PROPERTIES = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m")
 PATH_PROPERTIES = (
     "deviation_rotation_deg", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
 )  # fmt: skip
@@ -49,7 +44,7 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     Returns the object, and what a user should know of how the file was read. Raises InputError.
     """
     settings = scene.noisy_world
-    mesh = _mesh(settings)
+    mesh = load_mesh(_mesh_path(settings))
     while (old := own_object(scene, "mesh")) is not None:
         _remove_mesh(old)
     set_origin(scene, _origin_m(mesh))
@@ -61,22 +56,9 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     return loaded, mesh.notes
 
 
-def _mesh(settings: Any) -> Mesh:
-    """Read or make the mesh that the panel names."""
-    if settings.mesh_source == "ROOM":
-        return _room()
-    path = Path(absolute(settings.mesh_path))
-    return _file(path, path.stat().st_mtime_ns) if path.is_file() else read_ply(path)
-
-
-@cache
-def _room() -> Mesh:
-    return build_room()  # seconds, and the path is made in it as well
-
-
-@lru_cache(maxsize=1)
-def _file(path: Path, _changed: int) -> Mesh:
-    return read_ply(path)
+def _mesh_path(settings: Any) -> Path | None:
+    """Return the file of the mesh that the panel names; None is the embedded room."""
+    return None if settings.mesh_source == "ROOM" else Path(absolute(settings.mesh_path))
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
@@ -117,11 +99,10 @@ def load_path(scene: bpy.types.Scene) -> int:
 
     Raises NoisyWorldError.
     """
-    plan = make_plan(preset_of(scene.noisy_world), None, registry())
-    where = plan.renders[0].scene
-    nominal = load_trajectory(plan, where, _mesh(scene.noisy_world) if where.trajectory is None else None)
+    nominal = find_scenes(preset_of(scene.noisy_world))[0].source.trajectory()
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
+    camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
     key_camera(scene)
     return len(nominal)
 
@@ -159,8 +140,9 @@ def apply_intrinsics(scene: bpy.types.Scene) -> None:
     camera = own_object(scene, "camera")
     if camera is None:
         return
-    width, height, fx, fy, cx, cy, near_m, far_m = (value_of(scene.noisy_world, name) for name in CAMERA_PROPERTIES)
-    set_intrinsics(scene, camera, Intrinsics(width, height, fx, fy, cx, cy), near_m=near_m, far_m=far_m)
+    settings = scene.noisy_world
+    near_m, far_m = value_of(settings, "near_m"), value_of(settings, "far_m")
+    set_intrinsics(scene, camera, intrinsics_of(settings), near_m=near_m, far_m=far_m)
 
 
 # --- following ---
@@ -170,7 +152,7 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
     """Let our camera follow the panel's sliders."""
     if not isinstance(scene, bpy.types.Scene) or not is_editable(scene):
         return
-    if name in CAMERA_PROPERTIES:
+    if name in CAMERA:
         apply_intrinsics(scene)
     elif name in PATH_PROPERTIES:
         key_camera(scene)
@@ -183,8 +165,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Follow no more, and keep no mesh in memory."""
-    _room.cache_clear()
-    _file.cache_clear()
+    forget_meshes()
     if follow in LISTENERS:
         LISTENERS.remove(follow)
 

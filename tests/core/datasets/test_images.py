@@ -5,11 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.datasets.images import encode_depth, encode_rgb, quantise_depth, rgb_bytes
-from noisy_world.core.datasets.layouts import REPLICA_SCALE_PER_M, TUM_SCALE_PER_M, Layout
+from noisy_world.core.datasets.images import encode_colour, encode_depth, quantise_depth, rgb_bytes
+from noisy_world.core.datasets.layouts import LAYOUTS
 
 
-@pytest.mark.parametrize("scale", [REPLICA_SCALE_PER_M, TUM_SCALE_PER_M])
+@pytest.mark.parametrize("scale", [6553.5, 5000.0])
 def test_depth_is_within_half_a_step(scale):
     depth_m = np.random.default_rng(0).uniform(0.001, 65535 / scale, (300, 400)).astype(np.float32)
     steps = quantise_depth(depth_m, scale)
@@ -39,7 +39,7 @@ def test_rgb_keeps_its_order_and_rounds_to_nearest():
     rgb[0, 2] = [100.51 / 255, np.float32(37) / 255, np.float32(254) / 255]
     pixels = rgb_bytes(rgb)
     assert pixels[0].tolist() == [[255, 128, 0], [255, 0, 100], [101, 37, 254]]
-    decoded = cv2.imdecode(np.frombuffer(encode_rgb(pixels, "png"), np.uint8), cv2.IMREAD_COLOR)
+    decoded = cv2.imdecode(np.frombuffer(encode_colour(pixels, "png"), np.uint8), cv2.IMREAD_COLOR)
     assert np.array_equal(decoded[..., ::-1], pixels)
 
 
@@ -48,23 +48,25 @@ def test_jpeg_adds_nothing_visible():
     smooth = cv2.resize(rng.integers(0, 256, (12, 16, 3)).astype(np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC)
     noisy = np.clip(smooth + rng.normal(0, 20, smooth.shape), 0, 255).astype(np.uint8)
     for pixels in (smooth, noisy):
-        decoded = cv2.imdecode(np.frombuffer(encode_rgb(pixels, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+        decoded = cv2.imdecode(np.frombuffer(encode_colour(pixels, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
         error = decoded.astype(float) - pixels
         assert 10 * np.log10(255**2 / (error**2).mean()) > 40  # chroma subsampling alone brings the noisy one to 18
 
 
 def test_one_pixel():
-    assert cv2.imdecode(np.frombuffer(encode_rgb(np.full((1, 1, 3), 7, np.uint8), "png"), np.uint8), 1).tolist() == [
+    assert cv2.imdecode(np.frombuffer(encode_colour(np.full((1, 1, 3), 7, np.uint8), "png"), np.uint8), 1).tolist() == [
         [[7] * 3]
     ]
     assert encode_depth(np.ones((1, 1), np.uint16))
 
 
 def test_names_sort_as_numbers():
-    for layout in (Layout("replica", "jpg"), Layout("tum", "png")):
-        frames = [0, 9, 10, 99999, 100000]
-        for names in ([layout.rgb_name(k) for k in frames], [layout.depth_name(k) for k in frames]):
-            assert sorted(names) == names
+    frames = [0, 9, 10, 99999, 100000]
+    for layout in LAYOUTS.values():
+        names = [layout.rgb_name(k, k / 20, "png") for k in frames], [layout.depth_name(k, k / 20) for k in frames]
+        for found in names:
+            assert sorted(found) == found
+            assert len(set(found)) == len(frames)
 
 
 def test_bytes_are_the_nearest_and_what_lies_outside_is_clipped():

@@ -6,10 +6,12 @@ import os
 import cv2
 import numpy as np
 
-from noisy_world.core.datasets.layouts import Layout
 from noisy_world.core.datasets.overview import GAP_PX, LABEL_PX, draw_overview
+from noisy_world.core.presets.preset import OutputSpec
 
-LAYOUT = Layout("replica", "png")
+FORMAT = OutputSpec("replica", "png").format
+STAMPS_S = np.arange(8) / 20
+NAMES = FORMAT.names(STAMPS_S)
 TILE_PX = 160 + GAP_PX  # 320 x 160 tiles of 40 x 20 images
 
 
@@ -17,12 +19,14 @@ def write(out, folder, frames, grey, depth_m):
     (out / folder / "results").mkdir(parents=True)
     for frame in frames:
         image = np.full((20, 40, 3), grey, np.uint8)
-        cv2.imwrite(str(out / folder / LAYOUT.rgb_name(frame)), image)
-        cv2.imwrite(str(out / folder / LAYOUT.depth_name(frame)), np.full((20, 40), int(6553.5 * depth_m), np.uint16))
+        cv2.imwrite(str(out / folder / NAMES.rgb(frame)), image)
+        cv2.imwrite(str(out / folder / NAMES.depth(frame)), np.full((20, 40), int(6553.5 * depth_m), np.uint16))
 
 
 def draw(out, frames):
-    return cv2.imdecode(np.frombuffer(draw_overview(out, LAYOUT, frames), np.uint8), cv2.IMREAD_COLOR)
+    return cv2.imdecode(
+        np.frombuffer(draw_overview(out, FORMAT, frames, {"a": STAMPS_S, "b": STAMPS_S}), np.uint8), cv2.IMREAD_COLOR
+    )
 
 
 def test_what_a_setting_leaves_alone_is_not_shown_again(tmp_path):
@@ -45,9 +49,9 @@ def test_links_count_as_the_same_and_other_frames_do_not(tmp_path):
     write(tmp_path, "clean/a", range(4), 200, 1.0)
     (tmp_path / "fast/a/results").mkdir(parents=True)
     for frame in range(2):
-        for name in (LAYOUT.rgb_name, LAYOUT.depth_name):
+        for name in (NAMES.rgb, NAMES.depth):
             os.link(tmp_path / "clean/a" / name(2 * frame), tmp_path / "fast/a" / name(frame))
-    cv2.imwrite(str(tmp_path / "clean/a" / LAYOUT.rgb_name(1)), np.full((20, 40, 3), 7, np.uint8))
+    cv2.imwrite(str(tmp_path / "clean/a" / NAMES.rgb(1)), np.full((20, 40, 3), 7, np.uint8))
     picture = draw(tmp_path, {"clean/a": [0, 1, 2, 3], "fast/a": [0, 1]})
     # Its frame 1 is the other's frame 2, so its colour is shown; all depths are alike.
     assert picture.shape[0] == LABEL_PX + GAP_PX + 2 * LABEL_PX + 3 * TILE_PX

@@ -6,8 +6,7 @@ import yaml
 from worlds import write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.planning.plan import make_plan
-from noisy_world.perturbations import registry
+from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import PresetSpec, read_preset
 from noisy_world.core.schema import list_keys
 
@@ -109,7 +108,7 @@ def test_defaults(write):
 def test_mistakes_name_file_and_key(write, text, words):
     path = write(text)
     with pytest.raises(InputError) as error:
-        make_plan(read_preset(path), registry=registry())
+        make_plan(read_preset(path))
     message = str(error.value)
     assert message.startswith(str(path))
     assert "\n" not in message
@@ -159,7 +158,7 @@ def test_globs_make_scenes(tmp_path):
     preset.write_text(yaml.safe_dump({"scenes": [scene]}))
     plan = make_plan(read_preset(preset, ["scenes.0.name=office*"]))
     assert [render.scene.name for render in plan.renders] == ["office0", "office1"]
-    paths = [str(render.scene.trajectory_path.relative_to(tmp_path)) for render in plan.renders]
+    paths = [str(render.scene.source.path_file.relative_to(tmp_path)) for render in plan.renders]
     assert paths == ["office0/traj.txt", "office1/traj.txt"]
     with pytest.raises(InputError, match=r"scenes\.0\.mesh: no file matches"):
         make_plan(read_preset(preset, ["scenes.0.mesh=nothing/*.ply"]))

@@ -59,7 +59,7 @@ def archive(tmp_path_factory):
     wheels = ROOT / "dist" / "wheels"
     if not wheels.is_dir():
         pytest.skip("dist/wheels is not there; run: make extension")
-    build = [sys.executable, str(ROOT / "headless/package.py"), "--platform", "linux-x64", "--out", str(folder)]
+    build = [sys.executable, str(ROOT / "headless/tools/package.py"), "--platform", "linux-x64", "--out", str(folder)]
     subprocess.run([*build, "--wheels", str(wheels)], check=True, capture_output=True, text=True)
     (path,) = folder.glob("*.zip")
     return path

@@ -14,12 +14,12 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..errors import StorageError
 from ..presets.preset import canonical
-from .layouts import Layout
+from .layouts import LAYOUTS, Layout, OutputFormat
 from .storage import (
     FolderLock,
     link_or_copy,
@@ -95,9 +95,9 @@ def _joined(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
 class Dataset:
     """The folder of a dataset while a run writes to it."""
 
-    def __init__(self, out: Path, layout: Layout) -> None:
+    def __init__(self, out: Path, output: OutputFormat) -> None:
         self.out = out
-        self.layout = layout
+        self.format = output
         self._work = out / WORK_FOLDER
         self.scratch = self._work / "unfinished"
         self._lock: FolderLock | None = None
@@ -132,10 +132,20 @@ class Dataset:
             self.scratch.mkdir(parents=True, exist_ok=True)
         self._write(self._work / "identity.json", canonical(identity))
 
-    def join(self) -> None:
-        """Take part in a run that another process has opened."""
-        if not self.scratch.is_dir():
+    def join(self, identity: dict[str, Any]) -> None:
+        """Take part in a run that another process has opened with the same `identity`.
+
+        Raises StorageError where no run is open, and where this process would make other bytes.
+        """
+        opened = self._identity_there() if self.scratch.is_dir() else None
+        if opened is None:
             raise StorageError(f"{self.out}: no run is open here")
+        # As the file has it: JSON knows no tuples, for instance.
+        if difference := first_difference(opened, json.loads(canonical(identity))):
+            raise StorageError(
+                f"{self.out}: the run was opened otherwise ({difference}); leave its inputs alone while it lasts, and "
+                "start it again"
+            )
 
     def close(self) -> None:
         """Let go of the folder. What is finished stays for the next run; where nothing is, nothing stays."""
@@ -172,11 +182,9 @@ class Dataset:
         with storage_errors(self.out):
             for folder in identity.get("sequences", []):
                 sequence = self.out / folder
-                for pattern in self.layout.patterns:
-                    for path in sequence.glob(pattern):
-                        path.unlink()
-                (sequence.parent / "cam_params.json").unlink(missing_ok=True)
-                for empty in (*(sequence / name for name in ("results", "rgb", "depth")), sequence, sequence.parent):
+                for layout in LAYOUTS.values():  # what is there may have another layout than this run's
+                    _remove_sequence(sequence, layout)
+                for empty in (sequence, sequence.parent):
                     with contextlib.suppress(OSError):
                         empty.rmdir()
             for name in (MANIFEST, RUN, OVERVIEW):
@@ -229,7 +237,7 @@ class Dataset:
     def journal(self, folder: str, worker: int) -> "Journal":
         """Open the journal of a sequence for a worker, and make the sequence's folders."""
         with storage_errors(self.out / folder):
-            for name in self.layout.folders:
+            for name in self.format.folders:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
         return Journal(self._work / folder / f"journal-{worker}.jsonl")
 
@@ -296,6 +304,20 @@ class Journal:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def _remove_sequence(folder: Path, layout: Layout) -> None:
+    """Remove the files that a sequence in a layout may have, and the folders inside it that are empty then."""
+    for pattern in (*layout.patterns, FRAMES):
+        for path in folder.glob(pattern):
+            path.unlink()
+    for name in layout.setting_files:
+        (folder.parent / name).unlink(missing_ok=True)
+    inside = {parent for pattern in layout.patterns for parent in PurePosixPath(pattern).parents}
+    for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
+        if name.parts:
+            with contextlib.suppress(OSError):
+                (folder / name).rmdir()
 
 
 def _cut_torn_line(path: Path) -> None:

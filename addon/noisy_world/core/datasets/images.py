@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 JPEG_QUALITY = 98
 PNG_LEVEL = 1  # 16 ms a depth frame; level 9 saves a tenth of the bytes for forty times that
 UINT16_MAX = 65535
+GREY_WEIGHTS_PER_MILLE = (299, 587, 114)  # of R, G and B: ITU-R BT.601
 
 
 def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -19,8 +20,25 @@ def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
     return cv2.convertScaleAbs(cv2.min(cv2.max(flat, 0.0), 1.0), alpha=255).reshape(rgb.shape)
 
 
-def encode_rgb(rgb: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:
-    """Encode (H, W, 3) uint8 RGB as JPEG (quality 98, 4:4:4: storing adds nothing visible) or PNG."""
+def grey_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Turn display-encoded colours (H, W, 3), uint8 or float in [0, 1], into grey (H, W) by the weights of BT.601.
+
+    The weights are those that OpenCV has for its own grey. Rounding happens once: floats are not rounded before, and
+    what lies outside [0, 1] is clipped; half a byte is rounded up.
+    """
+    if rgb.dtype == np.uint8:  # in whole numbers, so that a half is one
+        weighted = sum(rgb[..., k].astype(np.uint32) * weight for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
+        return ((weighted + 500) // 1000).astype(np.uint8)
+    clipped = np.clip(rgb, 0.0, 1.0)
+    weighted = sum(clipped[..., k] * np.float32(weight / 1000 * 255) for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
+    return (weighted + np.float32(0.5)).astype(np.uint8)
+
+
+def encode_colour(pixels: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:
+    """Encode (H, W, 3) uint8 RGB, or (H, W) grey as one channel.
+
+    JPEG has quality 98 and 4:4:4: storing adds nothing visible. PNG loses nothing.
+    """
     import cv2
 
     options = _png_options()
@@ -31,18 +49,22 @@ def encode_rgb(rgb: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:
             cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
             cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
         ]
-    return _encode(f".{image}", rgb[..., ::-1], options)
+    return _encode(f".{image}", pixels[..., ::-1] if pixels.ndim == 3 else pixels, options)
 
 
-def quantise_depth(depth_m: NDArray[np.float32], scale_per_m: float) -> NDArray[np.uint16]:
+def quantise_depth(
+    depth_m: NDArray[np.float32], scale_per_m: float, beyond: Literal["void", "farthest"] = "void"
+) -> NDArray[np.uint16]:
     """Turn planar depth (H, W) in metres into steps of 1 / scale_per_m; 0 = void.
 
-    What does not fit into 16 bits, is negative or is no number becomes void; nothing wraps.
+    beyond: what becomes of depth that 16 bits do not hold, infinity too: void, or the farthest step. What is negative
+    or no number becomes void; nothing wraps.
     """
     # Float64: in float32 a depth near the far end lies up to 0.004 of a step off, and rounds wrongly now and then.
     steps = np.rint(depth_m.astype(np.float64) * scale_per_m)
     fits = (steps >= 0) & (steps <= UINT16_MAX)  # False for NaN
-    return np.where(fits, steps, 0).astype(np.uint16)
+    lost = np.where(steps > UINT16_MAX, UINT16_MAX if beyond == "farthest" else 0, 0)
+    return np.where(fits, steps, lost).astype(np.uint16)
 
 
 def encode_depth(steps: NDArray[np.uint16]) -> bytes:

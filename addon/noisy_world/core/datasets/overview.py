@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .layouts import Layout
+from .layouts import OutputFormat
 
 COLUMNS = 5
 TILE_WIDTH_PX = 320
@@ -19,28 +19,33 @@ INK = (225, 225, 225)
 VOID_GREY = 60
 
 
-def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]) -> bytes:
+def draw_overview(
+    out: Path, output: OutputFormat, frames: Mapping[str, Sequence[int]], stamps_s: Mapping[str, NDArray[np.float64]]
+) -> bytes:
     """Draw the contact sheet and return it as PNG.
 
     out: the dataset. frames: the numbers of the frames of each sequence, by the sequence's folder; the first
-    MAX_SEQUENCES are shown. Of a scene's later sequences only what differs from the first one is. All depths share one
-    colour scale, from the nearest to the farthest shown.
+    MAX_SEQUENCES are shown. stamps_s: the time stamps of each scene's frames, by the scene's name. Of a scene's later
+    sequences only what differs from the first one is shown. All depths share one colour scale, from the nearest to the
+    farthest shown.
     """
     import cv2
 
     shown = [(folder, _spread(numbers)) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers]
     models = _first_of_scene([folder for folder, _ in shown])
-    names = {"rgb": layout.rgb_name, "depth": layout.depth_name}
+    named = {folder: output.names(stamps_s[_scene(folder)]) for folder, _ in shown}
+    names = {folder: {"rgb": name.rgb, "depth": name.depth} for folder, name in named.items()}
     same = {
         (folder, modality): folder != models[folder]
         and all(
-            _same_bytes(out / folder / names[modality](k), out / models[folder] / names[modality](k)) for k in numbers
+            _same_bytes(out / folder / name, out / models[folder] / name)
+            for name in map(names[folder][modality], numbers)
         )
         for folder, numbers in shown
-        for modality in layout.modalities
+        for modality in output.modalities
     }
     depths_m = {
-        folder: [_read_depth(out / folder / layout.depth_name(frame), layout) for frame in numbers]
+        folder: [_read_depth(out / folder / named[folder].depth(frame), output) for frame in numbers]
         for folder, numbers in shown
         if same.get((folder, "depth")) is False
     }
@@ -52,7 +57,7 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
         note = f"   ({' and '.join(as_there)} as in {models[folder]})" if as_there else ""
         rows.append(_label(f"{folder}   frames {', '.join(str(number) for number in numbers)}{note}"))
         if same.get((folder, "rgb")) is False:
-            rows.append(_row([_read_rgb(out / folder / layout.rgb_name(frame)) for frame in numbers]))
+            rows.append(_row([_read_rgb(out / folder / named[folder].rgb(frame)) for frame in numbers]))
         if folder in depths_m:
             rows.append(_row([colour_depth(depth_m, near_m, far_m) for depth_m in depths_m[folder]]))
     if len(frames) > MAX_SEQUENCES:
@@ -64,7 +69,11 @@ def draw_overview(out: Path, layout: Layout, frames: Mapping[str, Sequence[int]]
 def _first_of_scene(folders: Sequence[str]) -> dict[str, str]:
     """Return for each sequence, `setting/scene`, the first one of its scene."""
     first: dict[str, str] = {}
-    return {folder: first.setdefault(folder.split("/")[1], folder) for folder in folders}
+    return {folder: first.setdefault(_scene(folder), folder) for folder in folders}
+
+
+def _scene(folder: str) -> str:
+    return folder.split("/")[1]
 
 
 def _same_bytes(path: Path, other: Path) -> bool:
@@ -83,12 +92,12 @@ def _read_rgb(path: Path) -> NDArray[np.uint8]:
     return cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
 
 
-def _read_depth(path: Path, layout: Layout) -> NDArray[np.float64]:
+def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:
     import cv2
 
     steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     # Depth is picked, not averaged: between two surfaces there is none.
-    return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / layout.depth_scale_per_m
+    return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / output.depth_scale_per_m
 
 
 def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:

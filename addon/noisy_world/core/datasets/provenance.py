@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..machine import processor_features
-from ..planning.plan import Plan, input_hashes
+from ..planning.plan import Plan
 
 FORMAT = 1
 
@@ -51,7 +51,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
         "backends": {setting.name: setting.backend for setting in plan.settings if setting.rgb},
-        "inputs": input_hashes(plan),
+        "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
             "noisy_world": package_version(),
@@ -90,8 +90,9 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
             "near_m": spec.camera.near_m,
             "far_m": spec.camera.far_m,
         },
-        "depth_scale_per_m": plan.layout.depth_scale_per_m,
-        "depth_limit_m": plan.layout.depth_limit_m,
+        "depth_scale_per_m": plan.format.depth_scale_per_m,
+        "depth_limit_m": plan.format.depth_limit_m,
+        "depth_beyond": plan.format.depth_beyond,
         "conventions": CONVENTIONS,
         "frames": frames,
         "files": files,

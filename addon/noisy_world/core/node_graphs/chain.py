@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
-from ..perturbing.mixture import Identifiers, Step
+from ..perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..perturbing.steps import Step
 from .graph import Graph
 from .groups import (
     DEPTH_INPUT,
@@ -21,7 +22,7 @@ from .groups import (
 )
 
 
-def build_chain(name: str, steps: Sequence[Step]) -> Graph:
+def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
     """Describe a chain: linear light in and out, converted once at its edges, encoded values between the groups.
 
     steps: of colour, in propagation order. Each one's group node is called as `step_node` says.
@@ -42,12 +43,12 @@ def build_chain(name: str, steps: Sequence[Step]) -> Graph:
     return graph
 
 
-def step_node(step: Step) -> str:
+def step_node(step: Step[ColourPerturbation]) -> str:
     """Return the name of a step's node in its chain."""
-    return step.perturbation.label if step.place == 0 else f"{step.perturbation.label} {step.place + 1}"
+    return step.perturbation.label if step.occurrence == 0 else f"{step.perturbation.label} {step.occurrence + 1}"
 
 
-def capacity_of(step: Step) -> dict[str, float]:
+def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
     """Return the largest values that a step's group has to serve, where they are more than it does by default."""
     levels = (step.severity,) if step.levels is None else step.levels
     used = [step.parameters(level) for level in levels if level != 0]
@@ -60,15 +61,15 @@ def capacity_of(step: Step) -> dict[str, float]:
 
 
 def socket_values(
-    step: Step, index: int, identifiers: Identifiers, *, scene_frame: int = 0
+    step: Step[ColourPerturbation], index: int, identifiers: Identifiers, *, scene_frame: int = 0
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return what a step's sockets say for a frame of a sequence, by their names; and a note for the provenance.
 
     scene_frame: the frame that Blender's scene stands at while this one is evaluated.
     """
-    frame = step.frame(index, identifiers)
-    severity = step.severity_of(frame)
-    note = step.note(frame, severity)
+    context = step.context(FrameContext(index, identifiers))
+    severity = step.severity_of(context)
+    note = step.note(context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     perturbation = step.perturbation
     if severity != 0:
@@ -77,7 +78,7 @@ def socket_values(
             value = socket_value(perturbation, item.name, getattr(parameters, item.name))
             values[socket_name(item.name)] = value
     if perturbation.temporals:
-        values["Seed"] = note["node_seed"] = seed_of(frame.identifiers)
+        values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
         values["Redraw"] = step.temporal == "fresh"
         if "drift" in perturbation.temporals:

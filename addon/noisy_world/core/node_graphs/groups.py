@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, get_type_hints
 
-from ..perturbing.kinds import Perturbation
+from ..errors import NoisyWorldError
+from ..perturbing.kinds import ColourPerturbation, Perturbation
 from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Socket, Value
 
@@ -103,14 +104,14 @@ def seed_of(identifiers: tuple[str | int, ...]) -> int:
     return int(stream(*identifiers, "compositor").integers(SEEDS))
 
 
-def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None = None) -> Graph:
+def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] | None = None) -> Graph:
     """Describe the node group of a perturbation of colour.
 
     capacity: for parameters that the number of nodes depends on, the largest value that it is to serve; by default
-    that of the perturbation. Raises ValueError where the perturbation has no group.
+    that of the perturbation. Raises NoisyWorldError where the perturbation has no group.
     """
     if perturbation.build is None:
-        raise ValueError(f"{perturbation.name} has no node group")
+        raise NoisyWorldError(f"{perturbation.name}: has no node group; the backend reference carries it out")
     served = dict(perturbation.capacity) | dict(capacity or {})
     more = [f"{socket_name(name)} {value:g}" for name, value in served.items() if value != perturbation.capacity[name]]
     name = " ".join([f"NW {perturbation.label}", *([f"({', '.join(more)})"] if more else [])])
@@ -118,8 +119,8 @@ def build_group(perturbation: Perturbation, capacity: Mapping[str, float] | None
     graph = Graph(
         name,
         f"{text} Takes and gives scene-linear colour, or encoded colour where Encoded is on",
-        category="" if more else perturbation.category,
-        tags=("noisy world", perturbation.category, perturbation.name),
+        category="" if more else perturbation.stage,
+        tags=("noisy world", perturbation.stage, perturbation.name),
     )
     image = graph.input(IMAGE_INPUT)
     depth_m = None

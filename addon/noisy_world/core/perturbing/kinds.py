@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a perturbation is: its parameters, its severities, its executions; and the order of the stages.
+"""What a perturbation is: four typed kinds, each with the signature of its own execution, and the order of the stages.
 
-A perturbation is one file in `noisy_world.perturbations` with a `PERTURBATION`. Presets, panels, sockets, `--list` and
-the tests are derived from it.
+A perturbation is one file with a `PERTURBATION`. Presets, panels, sockets, `--list` and the tests are derived from it.
 """
 
 import math
@@ -13,31 +12,62 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry import Intrinsics
 from ..streams import stream
+from ..trajectories.trajectory import Trajectory
 
-type Category = Literal["motion", "environment", "lens", "sensor", "post", "depth", "sync"]
-"""A stage of the image's way, in the paper's propagation order (section "Perturbation Taxonomy")."""
+type Identifiers = tuple[str | int, ...]
+"""What names random streams: the preset's seed, the scene, the setting; then the perturbation and its occurrence."""
 
-CATEGORIES: tuple[Category, ...] = ("motion", "environment", "lens", "sensor", "post", "depth", "sync")
-RGB_CATEGORIES: tuple[Category, ...] = ("environment", "lens", "sensor", "post")
+type ColourStage = Literal["environment", "lens", "sensor", "post"]
+type Stage = Literal["motion", ColourStage, "depth", "pairing"]
+"""A stage of the image's way, in the order of propagation of "From Perfect to Noisy World Simulation"."""
+
+STAGES: tuple[Stage, ...] = ("motion", "environment", "lens", "sensor", "post", "depth", "pairing")
+COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
 
 type Temporal = Literal["fresh", "fixed", "drift"]
 """How a random pattern goes on from frame to frame: redrawn, kept, or moved smoothly."""
 
 SEVERITIES = (1, 2, 3, 4, 5)
+RESERVED = ("severity", "mode", "levels", "temporal")  # keys that stand beside the parameters in a preset
+
+
+# --- what an execution is told ---
 
 
 @dataclass(frozen=True)
-class Frame:
-    """Where in which sequence an image stands, and the randomness that belongs there.
+class SequenceContext:
+    """What a perturbation of motion or of pairing is told: the randomness that belongs to it in a sequence."""
 
-    index: the frame's number. identifiers: name the stream (preset's seed, scene, setting, perturbation, its place
-    among equals). temporal: how patterns go on. Every frame draws the same numbers alone as in the whole sequence.
+    identifiers: Identifiers
+
+    def stream(self, *purpose: str, frame: int | None = None) -> np.random.Generator:
+        """Return the generator of a frame or, without one, of the whole sequence."""
+        if frame is None:
+            return stream(*self.identifiers, *purpose, "sequence")
+        return stream(*self.identifiers, *purpose, frame=frame)
+
+
+@dataclass(frozen=True)
+class FrameContext:
+    """What a perturbation of colour or depth is told beside its image.
+
+    index: the frame's number in its sequence. identifiers: name the streams; every frame draws the same numbers alone
+    as in the whole sequence. temporal: how patterns go on. stamp_s: the frame's time stamp, seconds. intrinsics: of the
+    camera that took the image. Both are None only where a library's caller did not give them.
+    read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` describe it.
+
+    Two contexts are equal where their randomness is: index, identifiers and temporal count.
     """
 
     index: int
-    identifiers: tuple[str | int, ...]
+    identifiers: Identifiers
     temporal: Temporal = "fresh"
+    stamp_s: float | None = field(default=None, compare=False)
+    intrinsics: Intrinsics | None = field(default=None, compare=False)
+    read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
+    read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
 
     def stream(self, *purpose: str) -> np.random.Generator:
         """Return a generator of this frame's own."""
@@ -54,15 +84,52 @@ class Frame:
         """How many frames a kept pattern has moved on: 0 unless it drifts."""
         return self.index if self.temporal == "drift" else 0
 
+    @property
+    def rgb(self) -> NDArray[np.float32]:
+        """Clean colour (H, W, 3), sRGB-encoded in [0, 1], not to be written to.
 
-type RgbApply = Callable[[NDArray[np.float32], Any, Frame], NDArray[np.float32]]
-"""(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; frame -> a new array alike. The input is left alone.
+        Raises TypeError for a perturbation that does not say needs_rgb.
+        """
+        if self.read_rgb is None:
+            raise TypeError("the context holds no colour: it is given to perturbations of depth that say needs_rgb")
+        return _read_only(self.read_rgb())
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Clean planar depth (H, W), metres, 0 = void, not to be written to.
+
+        Raises TypeError for a perturbation that does not say needs_depth.
+        """
+        if self.read_depth_m is None:
+            raise TypeError("the context holds no depth: it is given to perturbations of colour that say needs_depth")
+        return _read_only(self.read_depth_m())
+
+
+def _read_only(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    view = image.view()
+    view.setflags(write=False)
+    return view
+
+
+# --- the kinds ---
+
+type MotionApply = Callable[[Trajectory, Any, SequenceContext], Trajectory]
+"""A path; parameters; context -> other poses, as many, with the same stamps."""
+
+type MotionChoose = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
+"""The number of poses; parameters; context -> (N,) indices of the poses that are shown, one after another.
+
+From 1 to as many indices as there are poses, in any order, repeated or not. Stamps are the first N of the path's.
+"""
+
+type ColourApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
+"""(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array alike. The input is left alone.
 
 The result may lie outside [0, 1]: whoever calls clips.
 """
 
-type BytesApply = Callable[[NDArray[np.uint8], Any, Frame], NDArray[np.uint8]]
-"""(H, W, 3) uint8 RGB; parameters; frame -> a new array alike. The input is left alone.
+type BytesApply = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
+"""(H, W, 3) uint8 RGB; parameters; context -> a new array alike. The input is left alone.
 
 Byte for byte what `apply` makes of `rgb / np.float32(255)`, rounded by `images.rgb_bytes`: a faster way, no other one.
 """
@@ -72,43 +139,47 @@ type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
 values to be served -> the socket of the perturbed image, encoded as the canvas's. It may lie outside [0, 1].
 """
 
-type DepthApply = Callable[[NDArray[np.float32], Any, Frame], NDArray[np.float32]]
-"""(H, W) float32 planar depth in metres, 0 = void; parameters; frame -> a new array alike. The input is left alone."""
+type DepthApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
+"""(H, W) float32 planar depth, metres, 0 = void; parameters; context -> a new array alike. The input is left alone."""
+
+type PairingApply = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
+"""The number of frames; parameters; context -> (count,) the frame whose depth goes with each; -1: it is left out."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """One perturbation of the taxonomy.
+    """What all kinds share; a perturbation is one of the four kinds below.
 
-    name: as in presets. label: as in panels. parameters: a frozen dataclass of `schema.key` fields with defaults.
-    severities: for each parameter that severity sets, its value at severities 1 to 5. source: of those values.
-    apply: the reference execution; None for what acts on trajectories or on the pairing of frames.
-    apply_bytes: the same on bytes, where a frame comes as bytes, goes as bytes and nothing else stands between.
-    temporals: what `temporal` may be; () where nothing is random.
+    name: as in presets. label: as in panels. stage: its place in the order of propagation. order: its place inside the
+    stage, in steps of 10; equal ones go by name. parameters: a frozen dataclass of `schema.key` fields with defaults.
+    severities: for each parameter that severity sets, its value at severities 1 to 5; {} where there is no severity.
+    source: of those values. temporals: what `temporal` may be; () where no pattern is random from frame to frame.
     counts: parameters that are whole numbers, which a fractional severity rounds.
-    build: the same definition as a compositor node group. capacity: for parameters that the number of its nodes depends
-    on, the largest value that the group serves by default. needs_depth: the group has an input for planar depth.
+
+    Raises ValueError for severities that are not five values of a parameter, and for a parameter with the name of one
+    of the keys that every perturbation has in a preset.
     """
 
     name: str
     label: str
-    category: Category
+    stage: Stage
+    order: int
     parameters: type
     severities: Mapping[str, Sequence[float]]
     source: str
-    apply: RgbApply | DepthApply | None = None
-    apply_bytes: BytesApply | None = None
     temporals: tuple[Temporal, ...] = ()
-    counts: frozenset[str] = field(default_factory=frozenset)
-    build: GroupBuild | None = None
-    capacity: Mapping[str, float] = field(default_factory=dict)
-    needs_depth: bool = False
+    counts: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
+        if self.stage not in STAGES:
+            raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(STAGES)}")
         known = {item.name for item in fields(self.parameters)}
         for name, values in self.severities.items():
             if name not in known or len(values) != len(SEVERITIES):
                 raise ValueError(f"{self.name}: {name} has to be a parameter with {len(SEVERITIES)} severities")
+        own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
+        if taken := sorted(known.intersection(own)):
+            raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, which presets use otherwise")
 
     def at_severity(self, severity: float, **given: Any) -> Any:
         """Return the parameters of a severity, linearly between the table's; `given` stand over them.
@@ -123,3 +194,94 @@ class Perturbation:
             value = float(np.interp(severity, SEVERITIES, table))
             values[name] = math.floor(value + 0.5) if name in self.counts else value
         return replace(self.parameters(), **(values | given))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionPerturbation(Perturbation):
+    """Acts on the camera's path, once on a sequence: it moves poses, or chooses among them. One of the two is given.
+
+    apply: other poses; what is seen from them is rendered again. choose: which poses are shown; nothing is rendered
+    again. Raises ValueError where both or neither are given, or temporals.
+    """
+
+    stage: Stage = field(default="motion", init=False)
+    apply: MotionApply | None = None
+    choose: MotionChoose | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.apply is None) == (self.choose is None):
+            raise ValueError(f"{self.name}: a perturbation of motion has either apply or choose")
+        _check_no_temporals(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColourPerturbation(Perturbation):
+    """Acts on a colour image; several of the same name may act after one another.
+
+    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, where a
+    frame comes as bytes, goes as bytes and nothing else stands between. build: the same definition as a compositor node
+    group; None where there is none. capacity: for parameters that the number of its nodes depends on, the largest value
+    that the group serves by default. needs_depth: the context holds the frame's depth, and the group has an input for
+    it.
+
+    Raises ValueError for another stage.
+    """
+
+    apply: ColourApply
+    apply_bytes: BytesApply | None = None
+    build: GroupBuild | None = None
+    capacity: Mapping[str, float] = field(default_factory=dict)
+    needs_depth: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.stage not in COLOUR_STAGES:
+            raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(COLOUR_STAGES)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthPerturbation(Perturbation):
+    """Acts on a depth image; several of the same name may act after one another.
+
+    needs_rgb: the context holds the clean colour of the same moment.
+    """
+
+    stage: Stage = field(default="depth", init=False)
+    apply: DepthApply
+    needs_rgb: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairingPerturbation(Perturbation):
+    """Acts, once on a sequence, on which depth goes with which colour.
+
+    Raises ValueError where temporals are given.
+    """
+
+    stage: Stage = field(default="pairing", init=False)
+    apply: PairingApply
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_no_temporals(self)
+
+
+KINDS: tuple[type[Perturbation], ...] = (
+    MotionPerturbation,
+    ColourPerturbation,
+    DepthPerturbation,
+    PairingPerturbation,
+)
+SEQUENCE_KINDS = (MotionPerturbation, PairingPerturbation)
+"""Kinds that act on a whole sequence: each of their perturbations at most once, at one severity."""
+
+
+def _check_no_temporals(perturbation: Perturbation) -> None:
+    if perturbation.temporals:
+        raise ValueError(f"{perturbation.name}: acts on a whole sequence, so it has no temporals")
+
+
+def propagation_key(perturbation: Perturbation) -> tuple[int, int, str]:
+    """Return what perturbations are sorted by: stage, order, name."""
+    return STAGES.index(perturbation.stage), perturbation.order, perturbation.name

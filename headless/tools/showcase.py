@@ -8,37 +8,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.session import Session
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, Perturbation
-from noisy_world.core.perturbing.mixture import Step, parse_steps
-from noisy_world.core.planning.plan import load_trajectory, make_plan, render_trajectories
-from noisy_world.core.planning.scenes import load_mesh
+from noisy_world.clean_frame import CleanFrame
+from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Step
+from noisy_world.core.planning.plan import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 from noisy_world.pipeline import render_options
+from noisy_world.planning import make_plan
 
-DEMO = Path(__file__).resolve().parents[1] / "presets" / "demo.yaml"
+DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"
 FRAME = 8
 SEED = 1
 
 
-def shown_perturbations() -> list[Perturbation]:
-    """Return the perturbations of colour, in propagation order."""
-    return [item for item in registry().values() if item.category in RGB_CATEGORIES]
+def shown_perturbations() -> list[ColourPerturbation]:
+    """Return the perturbations of colour that have a node group, in the order of propagation."""
+    return [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
 
 
 def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Render a frame of the demo: colour (H, W, 3), encoded, and planar depth (H, W) in metres. It empties the file."""
-    plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]), None, registry())
+    plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
     render = plan.renders[0]
-    mesh = load_mesh(render.scene)
-    trajectories = render_trajectories(plan, render, load_trajectory(plan, render.scene, mesh))
-    with Session(mesh, render.scene.name, trajectories, plan.camera, render_options(plan)) as session:
-        frame = session.render(FRAME)
-    assert frame.rgb is not None
-    assert frame.depth_m is not None
-    return frame.rgb, frame.depth_m
+    paths = source_paths(plan, render)
+    with render.scene.source.open(paths, render.camera, render_options(plan, render), print) as source:
+        frame = source.frame(paths.moment(FRAME))
+    clean = CleanFrame(FRAME, frame)
+    return clean.float_rgb(), clean.depth_m
 
 
 def perturbed(
@@ -53,7 +52,7 @@ def perturbed(
     return {(name.split()[0], float(name.split()[1])): image for name, (image, _) in made.items() if image is not None}
 
 
-def step(perturbation: Perturbation, severity: float) -> Step:
+def step(perturbation: ColourPerturbation, severity: float) -> Step:
     """Return the step of a preset's `{name: {severity: ...}}`."""
     (found,) = parse_steps([{perturbation.name: {"severity": severity}}], Place("showcase"), registry())
     return found

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Build the extension's zips, one for each platform, and validate them.
 
-    python headless/package.py [--out FOLDER] [--blender BLENDER]
+    python headless/tools/package.py [--out FOLDER] [--blender BLENDER]
 
 A zip holds all that the extension needs where it runs: the package, the scripts that Generate starts, the presets, the
 asset library, and wheels of the packages that Blender lacks, as requirements.lock pins them; never numpy, which is
@@ -24,9 +24,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from blender_env import PACKAGES, pinned_requirements
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "headless"))
 
-ROOT = Path(__file__).resolve().parents[1]
+from tools.blender_env import PACKAGES, pinned_requirements
+
 PYTHONS = ("3.13", "3.14")  # Blender's own builds, and distributions'
 # The newest system that pip may ask of each of Blender's platforms; older builds are taken too.
 PLATFORMS = {
@@ -36,11 +38,11 @@ PLATFORMS = {
     "macos-x64": "macosx_14_0_x86_64",
     "windows-x64": "win_amd64",
 }
-SCRIPTS = ("generate.py", "installation.py", "system_libraries.py", "workers.py")
+SCRIPTS = ("generate.py", "export_mesh.py", "installation.py")
 PACKAGE_FILES = (".py", ".jpg")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"
-LIBRARY_SCRIPTS = ("assets.py", "showcase.py")
+LIBRARY_SCRIPTS = ("tools/assets.py", "tools/showcase.py")
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can tell
 
 
@@ -240,7 +242,7 @@ def make_library() -> None:
     if there and stamp.is_file() and stamp.read_text(encoding="utf-8").strip() == now:
         return
     print("writing the asset library", file=sys.stderr)
-    subprocess.run([sys.executable, str(ROOT / "headless/assets.py"), "--out", str(folder)], check=True)
+    subprocess.run([sys.executable, str(ROOT / "headless/tools/assets.py"), "--out", str(folder)], check=True)
     stamp.parent.mkdir(exist_ok=True)
     stamp.write_text(now + "\n", encoding="utf-8")
 

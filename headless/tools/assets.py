@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write the asset library: every perturbation of colour as a compositor node group, for Blender's asset browser.
 
-    python headless/assets.py [--out FOLDER]
+    python headless/tools/assets.py [--out FOLDER]
 
 The groups work without the add-on: append one, or point Blender's preferences at the folder, and drag it from the
 compositor's asset shelf.
@@ -12,7 +12,7 @@ import sys
 import uuid
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, Perturbation
-from showcase import demo_frame, perturbed, shown_perturbations
+from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
+from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 FILE = "noisy_world_assets.blend"
 CATALOGS = "blender_assets.cats.txt"
@@ -58,7 +58,7 @@ def write_library(folder: Path) -> int:
     return len(shown)
 
 
-def mark(perturbation: Perturbation, picture: NDArray[np.uint8]) -> None:
+def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     """Make a perturbation's group an asset with everything that the asset browser shows."""
     graph = build_group(perturbation)
     tree = ensure_group(graph)
@@ -67,7 +67,7 @@ def mark(perturbation: Perturbation, picture: NDArray[np.uint8]) -> None:
     asset.description = tree.description
     asset.author = "Noisy World"
     asset.license = "GPL-3.0-or-later"
-    asset.catalog_id = catalog_id(perturbation.category)
+    asset.catalog_id = catalog_id(perturbation.stage)
     for tag in graph.tags:
         asset.tags.new(tag)
     # A square from the middle, upright: Blender's rows go up.
@@ -82,17 +82,17 @@ def mark(perturbation: Perturbation, picture: NDArray[np.uint8]) -> None:
     preview.image_pixels_float.foreach_set(rgba.ravel())
 
 
-def catalog_id(category: str) -> str:
+def catalog_id(stage: str) -> str:
     """Return a catalogue's identifier, always the same."""
-    return str(uuid.uuid5(uuid.NAMESPACE_URL, f"noisy-world/{category}"))
+    return str(uuid.uuid5(uuid.NAMESPACE_URL, f"noisy-world/{stage}"))
 
 
 def catalogs() -> str:
     """Return the text of the catalogue file."""
     lines = ["VERSION 1", ""]
-    for category in RGB_CATEGORIES:
-        name = CATALOG_NAMES[category]
-        lines.append(f"{catalog_id(category)}:Noisy World/{name}:Noisy World-{name}")
+    for stage in COLOUR_STAGES:
+        name = CATALOG_NAMES[stage]
+        lines.append(f"{catalog_id(stage)}:Noisy World/{name}:Noisy World-{name}")
     return "\n".join(lines) + "\n"
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Install, beside the project, the packages that a Blender program's own Python lacks.
 
-    .venv/bin/python headless/blender_env.py /path/to/blender
+    .venv/bin/python headless/tools/blender_env.py /path/to/blender
 
 The versions are those of requirements.lock, in builds for that Blender's Python; headless/generate.py finds them. numpy
 stays Blender's own.
@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("opencv-contrib-python-headless", "openexr", "pyyaml", "tqdm")
 ASK = "import json, sys; print('@' + json.dumps([sys.implementation.cache_tag, '%d.%d' % sys.version_info[:2]]))"
 

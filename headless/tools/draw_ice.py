@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw the pictures of ice that the frost perturbation looks through, from seeded random numbers.
 
-    python headless/draw_ice.py
+    python headless/tools/draw_ice.py
 
 Needles, ferns, rime and a wrinkled sheet: grey JPEG files in the add-on, where `frost` loads and tints them.
 """
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "addon"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
 from noisy_world.core.streams import stream
 from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file

@@ -3,7 +3,7 @@
 
 The environment's are shown on the whole frame, the others on a part of it, pixel for pixel.
 
-python headless/gallery.py docs/gallery.jpg
+python headless/tools/gallery.py docs/gallery.jpg
 """
 
 import argparse
@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import Category
-from showcase import demo_frame, perturbed, shown_perturbations
+from noisy_world.core.perturbing.kinds import ColourStage
+from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)
 TILE_PX = (300, 170)
@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
     clean = rgb_bytes(rgb)
     blocks = [strip("Clean: whole frame, and detail", [whole(clean), detail(clean)])]
     blocks += [
-        strip(f"{item.label}   {item.category}", [view(item.category)(made[item.name, level]) for level in SEVERITIES])
+        strip(f"{item.label}   {item.stage}", [view(item.stage)(made[item.name, level]) for level in SEVERITIES])
         for item in shown_perturbations()
     ]
     blocks += [np.full_like(blocks[0], GROUND)] * (-len(blocks) % SHEETS_ACROSS)
@@ -52,9 +52,9 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def view(category: Category) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
+def view(stage: ColourStage) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
     """Return what is shown of a frame."""
-    return whole if category == "environment" else detail
+    return whole if stage == "environment" else detail
 
 
 def whole(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Speed against error, measured on this machine: every engine and number of samples, Embree and a peer beside them.
 
-    python headless/report.py [--out DIR] [--rounds N]
+    python headless/bench/report.py [--out DIR] [--rounds N]
 
 Writes report.md, report.json and speed_against_error.png. Each contestant is a process of its own that has loaded its
 scene and waits; in every round each does a few frames in turn, so ratios are taken between neighbours in time. A
@@ -15,19 +15,20 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BENCH = ROOT / "headless" / "bench"
 PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench import errors, pictures, tables
 from bench.contestant import Contestant, ContestantError
+from bench.results import Results, Row, Spread, spread, spread_of_ratios
 from noisy_world.core.datasets.provenance import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
@@ -52,36 +53,6 @@ CONFIGURATIONS = (
     ("workbench", 1),
     ("workbench", 5),
 )
-
-
-@dataclass
-class Row:
-    """What the table says of one engine at one number of samples; times in seconds, memory in bytes."""
-
-    engine: str
-    samples: int
-    frame_s: tables.Spread
-    times_embree: tables.Spread
-    first_frame_s: float
-    loading_s: float
-    peak_bytes: int
-    rgb: dict[str, float]
-    analytic: dict[str, dict[str, float]]
-    cast: dict[str, float]
-
-
-@dataclass
-class Results:
-    """Everything measured; report.json holds it whole."""
-
-    machine: dict[str, Any]
-    rows: list[Row] = field(default_factory=list)
-    others: list[dict[str, Any]] = field(default_factory=list)
-    million: dict[str, Any] = field(default_factory=dict)
-    needs: list[dict[str, Any]] = field(default_factory=list)
-    hard_cases: list[dict[str, Any]] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    seconds: float = 0.0
 
 
 def main(arguments: list[str]) -> int:
@@ -235,9 +206,9 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
     results.million = {
         "first_frame_s": ours.start["first_frame_s"],
         "loading_s": ours.start["loading_s"],
-        "frame_s": asdict(tables.spread(ours.turns)),
-        "embree_s": asdict(tables.spread(embree.turns)) if embree else None,
-        "times_embree": asdict(tables.spread_of_ratios(ours.turns, embree.turns)) if embree else None,
+        "frame_s": asdict(spread(ours.turns)),
+        "embree_s": asdict(spread(embree.turns)) if embree else None,
+        "times_embree": asdict(spread_of_ratios(ours.turns, embree.turns)) if embree else None,
         "peak_bytes": answer["peak_bytes"],
         "resident_bytes": resident,
         "growth": resident[max(resident)] / resident[early] - 1,
@@ -248,7 +219,7 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
             item.stop()
 
 
-def two_processes(work: Path, alone: Contestant, rounds: int) -> tables.Spread:
+def two_processes(work: Path, alone: Contestant, rounds: int) -> Spread:
     """Return the time of a frame from two processes with a thread each, over that of one with two."""
     pair = [renderer(work, "million", f"million{k}", "--one-thread") for k in range(2)]
     frames = list(range(8))
@@ -263,7 +234,7 @@ def two_processes(work: Path, alone: Contestant, rounds: int) -> tables.Spread:
         ratios.append((time.perf_counter() - start_s) / (2 * len(frames)) / before)
     for item in pair:
         item.stop()
-    return tables.spread(ratios)
+    return spread(ratios)
 
 
 def engines(work: Path, results: Results, rounds: int) -> None:
@@ -285,7 +256,7 @@ def engines(work: Path, results: Results, rounds: int) -> None:
         results.others.append(
             {
                 "name": {"embree": "Embree, bare rays (Open3D)", "pyrender_peer": "pyrender"}[script],
-                "frame_s": asdict(tables.spread(item.turns)),
+                "frame_s": asdict(spread(item.turns)),
                 "loading_s": item.start["loading_s"],
             }
         )
@@ -303,8 +274,8 @@ def engines(work: Path, results: Results, rounds: int) -> None:
             Row(
                 engine,
                 samples,
-                tables.spread(item.turns),
-                tables.spread_of_ratios(item.turns, embree.turns) if embree else tables.spread([]),
+                spread(item.turns),
+                spread_of_ratios(item.turns, embree.turns) if embree else spread([]),
                 item.start["first_frame_s"],
                 item.start["loading_s"],
                 item.ask(do="memory")["peak_bytes"],
@@ -347,9 +318,9 @@ def needs(work: Path, results: Results, rounds: int) -> None:
                 "samples": 4 if item is full else 1,
                 **{key: item.start[key] for key in ("passes", "lights", "bounces", "libraries", "first_frame_s")},
                 "peak_bytes": item.ask(do="memory")["peak_bytes"],
-                "frame_s": asdict(tables.spread(item.turns)),
-                "of_clean": asdict(tables.spread_of_ratios(item.turns, contestants["clean: colour and depth"].turns)),
-                "of_everything": asdict(tables.spread_of_ratios(item.turns, full.turns)),
+                "frame_s": asdict(spread(item.turns)),
+                "of_clean": asdict(spread_of_ratios(item.turns, contestants["clean: colour and depth"].turns)),
+                "of_everything": asdict(spread_of_ratios(item.turns, full.turns)),
             }
         )
     for item in contestants.values():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Find the system libraries that the bpy package needs and this machine lacks; as root on Debian, install them.
 
-    .venv/bin/python headless/system_libraries.py
+    python -m noisy_world.cli.system_libraries
 
 Rendering with Cycles needs no display, but the library is linked against X and GL all the same.
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Photograph Blender for the docs, with the node groups and with the add-on in use: run by a Blender program on X.
 
-    blender --factory-startup -P headless/screenshots.py -- docs [NAME ...]
+    blender --factory-startup -P headless/tools/screenshots.py -- docs [NAME ...]
 
 Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the viewport through a chain of three groups,
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "addon"))
 sys.path.append(str(ROOT / ".blender-env" / str(sys.implementation.cache_tag)))
 
@@ -31,10 +31,10 @@ from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsic
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scene import add_mesh
 from noisy_world.core.node_graphs.groups import build_group, socket_name
-from noisy_world.core.planning.plan import load_trajectory, make_plan
-from noisy_world.core.planning.scenes import load_mesh
 from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.scenes.room import build_room
 from noisy_world.perturbations import registry
+from noisy_world.planning import make_plan
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -212,8 +212,8 @@ def until_drawn() -> Iterator[float]:
 
 def prepare_scene() -> bpy.types.Scene:
     """Put the demo's room and camera into the scene that the window shows."""
-    plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]), None, registry())
-    mesh = load_mesh(plan.renders[0].scene)
+    plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
+    mesh = build_room()
     scene = bpy.context.scene
     for item in list(scene.objects):
         bpy.data.objects.remove(item)
@@ -222,7 +222,7 @@ def prepare_scene() -> bpy.types.Scene:
     add_mesh(scene, mesh, "Room", decoding="shader")
     camera = add_camera(scene, "Camera")
     set_intrinsics(scene, camera, plan.camera, near_m=0.01, far_m=100.0, sample_offset_px=0.0)
-    key_trajectory(scene, camera, load_trajectory(plan, plan.renders[0].scene, mesh).c2w)
+    key_trajectory(scene, camera, plan.scenes[0].source.trajectory().c2w)
     scene.camera = camera
     scene.frame_set(FRAME)
     return scene

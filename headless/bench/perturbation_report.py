@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The perturbations, both backends, beside a peer on the same frames: time, error, distance from the peer's severities.
 
-    python headless/perturbation_report.py FRAMES [--targets TARGETS.csv] [--out DIR] [--seeds N]
+    python headless/bench/perturbation_report.py FRAMES [--targets TARGETS.csv] [--out DIR] [--seeds N]
 
 FRAMES: a folder of colour images; they are resized to 1200 x 680. TARGETS.csv: what the severities should look like
 (columns corruption, severity, psnr, ssim, mean_shift). The peer is imagecorruptions, in the environment that
@@ -20,14 +20,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 PEER_PYTHON = ROOT / ".venv-corruptions" / "bin" / "python"
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench import node_groups, tables
 from bench.contestant import Contestant
 from noisy_world.core.machine import keep_freed_memory
-from noisy_world.core.perturbing.kinds import RGB_CATEGORIES, SEVERITIES
+from noisy_world.core.perturbing.kinds import SEVERITIES, ColourPerturbation, DepthPerturbation
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
     keep_freed_memory()  # as the generator does
     images = [cv2.resize(cv2.imread(str(path))[..., ::-1], SIZE_PX, interpolation=cv2.INTER_CUBIC) for path in paths]
     frames = np.stack(images)
-    coloured = [item for item in registry().values() if item.category in RGB_CATEGORIES]
+    coloured = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
     names = [item.name for item in coloured if not item.needs_depth]  # the peer's
     with tempfile.TemporaryDirectory() as folder:
         clean = Path(folder) / "clean.npy"
@@ -128,7 +128,7 @@ def depth_times() -> str:
     depth_m[:, 600:] *= np.float32(0.8)
     rows = []
     for item in registry().values():
-        if item.category == "depth":
+        if isinstance(item, DepthPerturbation):
 
             def call(index: int, name: str = item.name) -> None:
                 apply(depth_m, name, severity=TIMED_SEVERITY, frame=index)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A clean frame on its way to the files: its images, decoded once, and what perturbations are told of it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.datasets.images import rgb_bytes
+from .core.datasets.layouts import OutputFormat
+from .core.geometry import Intrinsics
+from .core.perturbing.kinds import FrameContext
+from .core.planning.sequence import Sequence
+from .core.planning.source import Modality, SourceFrame
+
+
+class CleanFrame:
+    """The images of a source frame, each read when it is first needed."""
+
+    def __init__(self, source: int, image: SourceFrame) -> None:
+        """Hold a frame. source: its number on the path."""
+        self.source = source
+        self._image = image
+
+    @cached_property
+    def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
+        """Colour (H, W, 3), float32 in [0, 1] or uint8."""
+        rgb = self._image.rgb
+        assert rgb is not None, "colour was not asked for"
+        return rgb
+
+    @cached_property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres; 0 = void."""
+        depth_m = self._image.depth_m
+        assert depth_m is not None, "depth was not asked for"
+        return depth_m
+
+    def float_rgb(self) -> NDArray[np.float32]:
+        """Return colour (H, W, 3) as float32 in [0, 1]."""
+        return self.rgb / np.float32(255) if self.rgb.dtype == np.uint8 else self.rgb.astype(np.float32, copy=False)
+
+    def byte_rgb(self) -> NDArray[np.uint8]:
+        """Return colour (H, W, 3) as bytes, rounded where it is not yet."""
+        return self.rgb if self.rgb.dtype == np.uint8 else rgb_bytes(self.rgb)
+
+    def read_depth_m(self) -> NDArray[np.float32]:
+        """Return the depth, for who reads it later."""
+        return self.depth_m
+
+    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+        """Return the file that holds an image just as a dataset would write it, where there is one already."""
+        return self._image.file_as(modality, format_)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """What is known of the camera beside its images.
+
+    intrinsics: None where they are not. stamps_s: (N,) time stamps of the path's frames, seconds; a sequence's i-th
+    frame has the i-th.
+    """
+
+    intrinsics: Intrinsics | None
+    stamps_s: NDArray[np.float64]
+
+    def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
+        """Return what perturbations are told of a frame of a sequence.
+
+        frame: the number that names its randomness: the frame's own or, for depth, that of the frame it was taken with.
+        """
+        setting = sequence.setting
+        return FrameContext(
+            index=frame,
+            identifiers=sequence.identifiers,
+            stamp_s=float(self.stamps_s[frame]),
+            intrinsics=self.intrinsics,
+            read_rgb=clean.float_rgb if setting.needs_rgb else None,
+            read_depth_m=clean.read_depth_m if setting.needs_depth else None,
+        )
+
+
+type Perturbed = tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]
+"""(H, W, 3) colour, None where nothing changes it; and what was done, for the provenance."""

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command line of `generate`."""
+
+import argparse
+from pathlib import Path
+
+from .entry import Entry
+from .listing import HELD, KNOWN
+
+
+def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exits with a usage line where it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Make the RGB-D dataset that a preset describes.",
+        epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
+        "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
+    )
+    parser.add_argument("preset", metavar="PRESET", nargs="?", type=Path, help="the preset, a YAML file")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="the dataset's folder (default: out/<name of the preset>)"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        action="append",
+        default=[],
+        nargs="+",
+        dest="overrides",
+        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
+    )
+    parser.add_argument(
+        "--frames",
+        metavar="A:B",
+        type=frame_slice,
+        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
+    parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
+    parser.add_argument(
+        "--list",
+        metavar="WHAT",
+        nargs="?",
+        const="sequences",
+        choices=[*KNOWN, *HELD],
+        help="list keys (all that a preset may say), perturbations (with their parameters and severities), presets "
+        "(those shipped), or this preset's scenes, settings or sequences (default), and do nothing",
+    )
+    parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    parser.add_argument(
+        "--progress",
+        choices=["text", "json"],
+        default="text",
+        help="how a run tells that it goes on: text on standard error for people (default), or for programs lines of "
+        "JSON on standard output, each behind '@noisy-world '",
+    )
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    options.overrides = [text for group in options.overrides for text in group]
+    if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
+        options.preset = Path(options.overrides.pop())  # a preset behind --set is no override
+    if options.preset is None and options.list not in KNOWN and not options.worker:
+        parser.error("name a preset, presets/demo.yaml for instance")
+    return options
+
+
+def frame_slice(text: str) -> slice:
+    """Parse A:B."""
+    start, colon, stop = text.partition(":")
+    if not colon or not all(part == "" or part.isdecimal() for part in (start, stop)):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be A:B, two frame numbers of which either may be left out")
+    return slice(int(start) if start else None, int(stop) if stop else None)
+
+
+def positive(text: str) -> int:
+    """Parse a number from 1 up."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be a whole number from 1 up")
+    return int(text)
+
+
+def out_folder(options: argparse.Namespace) -> Path:
+    """Return where the dataset goes."""
+    return options.out if options.out is not None else Path("out") / options.preset.stem

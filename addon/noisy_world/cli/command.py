@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The installed command `noisy-world`, also `python -m noisy_world`: a subcommand's name, then its own arguments.
+
+A subcommand is a module of this package with `main(arguments, entry)`, which returns the exit status, and a line in
+SUBCOMMANDS. It is imported when it is asked for.
+"""
+
+import importlib
+import sys
+from dataclasses import dataclass
+
+from .entry import INTERRUPTED, Entry
+
+COMMAND = "noisy-world"
+
+
+@dataclass(frozen=True)
+class Subcommand:
+    """A subcommand: the module that holds it, and what `noisy-world --help` says of it."""
+
+    module: str
+    meaning: str
+
+
+SUBCOMMANDS = {
+    "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
+    "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
+    "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return the exit status. arguments: the process's own where None."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if not words or words[0] in ("-h", "--help"):
+        print(help_text())
+        return 0 if words else 2
+    if words[0] == "--version":
+        from ..core.datasets.provenance import package_version
+
+        print(f"{COMMAND} {package_version()}")
+        return 0
+    name, *rest = words
+    if name not in SUBCOMMANDS:
+        print(f"{COMMAND}: {name!r} is no subcommand; there are {', '.join(SUBCOMMANDS)}", file=sys.stderr)
+        return 2
+    module = importlib.import_module(f".{SUBCOMMANDS[name].module}", __package__)
+    try:
+        return module.main(rest, own_entry(name))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+
+
+def own_entry(subcommand: str) -> Entry:
+    """Return how a subcommand is started again: with this Python, whose folder of commands may not be on the path."""
+    return Entry(
+        f"{COMMAND} {subcommand}",
+        (sys.executable, "-m", "noisy_world", subcommand),
+        remedy=f"install them with {sys.executable} -m pip install",
+    )
+
+
+def help_text() -> str:
+    """Return what `noisy-world --help` prints."""
+    width = max(len(name) for name in SUBCOMMANDS)
+    lines = [f"usage: {COMMAND} SUBCOMMAND ...", "", "Clean 3D scenes in, noisy RGB-D worlds out.", "", "subcommands:"]
+    lines += [f"  {name:<{width}}  {item.meaning}" for name, item in SUBCOMMANDS.items()]
+    return "\n".join([*lines, "", f"'{COMMAND} SUBCOMMAND --help' tells more; '{COMMAND} --version' the version."])

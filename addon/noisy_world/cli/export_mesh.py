@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`export`: write a mesh as PLY in Replica's layout: the embedded room, or any PLY that Noisy World reads.
+
+Quads and other polygons break many readers; --triangulate serves those.
+"""
+
+import argparse
+from pathlib import Path
+
+from .entry import Entry
+from .missing import missing_package
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    if problem := missing_package(["numpy"], entry):
+        entry.complain(problem)
+        return 1
+    from ..core.errors import NoisyWorldError
+    from ..core.presets.preset import EMBEDDED_ROOM
+    from ..core.scenes.ply import read_ply
+    from ..core.scenes.ply_writer import write_ply
+    from ..core.scenes.room import build_room
+
+    parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
+    parser.add_argument("mesh", metavar="MESH", help=f"a PLY file, or {EMBEDDED_ROOM}")
+    parser.add_argument("out", metavar="OUT.ply", type=Path, help="the file to write; it is replaced if it is there")
+    parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
+    options = parser.parse_args(arguments)
+    try:
+        mesh = build_room() if options.mesh == EMBEDDED_ROOM else read_ply(Path(options.mesh))
+        write_ply(options.out, mesh, triangulate=options.triangulate)
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+    for note in mesh.notes:
+        print(note)
+    faces = int((mesh.face_sizes - 2).sum()) if options.triangulate else len(mesh.face_starts)
+    print(f"wrote {options.out}: {len(mesh.vertices_m)} vertices, {faces} faces")
+    return 0

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`generate`: make the dataset that a preset describes."""
+
+import argparse
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from ..core.requirements import NEEDED
+from .arguments import out_folder, parse_arguments
+from .entry import INTERRUPTED, Entry, say
+from .listing import KNOWN, list_known, list_plan, print_plan
+from .missing import blender_problem, missing_package
+
+if TYPE_CHECKING:
+    from ..core.planning.plan import Plan
+    from ..run_report import Report
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse_arguments(arguments, entry)
+    if problem := missing_package(NEEDED, entry):
+        return fail(problem, options, entry)
+    from ..core.errors import InterruptedRunError, NoisyWorldError
+
+    try:
+        return do(options, entry)
+    except InterruptedRunError:
+        again = entry.pasteable(own_arguments(options))
+        say(f"stopped; what is finished stays, and the same command goes on from there:\n  {again}")
+        return INTERRUPTED
+    except NoisyWorldError as error:
+        return fail(str(error), options, entry)
+
+
+def do(options: argparse.Namespace, entry: Entry) -> int:
+    """Do what the command line asks."""
+    from ..core.presets.preset import read_preset
+    from ..planning import make_plan
+
+    if options.worker:
+        return work()
+    if options.list in KNOWN:
+        return list_known(options.list)
+    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    if options.list:
+        return list_plan(plan, options.list)
+    if options.dry_run:
+        return print_plan(plan, out_folder(options))
+    return generate(plan, options, entry)
+
+
+def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset, and say what came of it."""
+    from ..pipeline import Run
+    from .running import listener, machine_listener
+    from .workers import orders_for, run_workers
+
+    if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
+        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
+        return fail(problem + other, options, entry)
+    out = out_folder(options)
+    progress, stop = listener(options.progress)
+    run = Run(
+        plan,
+        out,
+        progress=progress,
+        stop=stop,
+        overwrite=options.overwrite,
+        jobs=options.jobs,
+        workers=lambda pieces, listener: run_workers(
+            entry.command(["--worker"]), orders_for(plan, out, options.jobs, pieces), listener, stop
+        ),
+    )
+    report = run.make_dataset()
+    for sequence in (item for item in plan.sequences if item.frames):
+        print(f"wrote {out / sequence.folder}")
+    if plan.preset.spec.output.overview:
+        print(f"wrote {out / 'overview.png'}")
+    print(figures(report))
+    if options.progress == "json":
+        machine_listener().tell({"result": figures(report)})
+    return 0
+
+
+def work() -> int:
+    """Carry out the order on standard input, for the process that started this one."""
+    from .running import stop_on_signal
+    from .workers import Order, Parent, carry_out
+
+    return carry_out(Order(**json.load(sys.stdin)), Parent(), stop_on_signal(None))
+
+
+def figures(report: "Report") -> str:
+    """Say the figures of a run in a line."""
+    parts = [f"{report.frames_rendered} frames rendered"]
+    if report.frames_kept:
+        parts.append(f"{report.frames_kept} kept")
+    if report.frames_per_s is not None:
+        parts.append(f"{report.frames_per_s:.2f} frames/s")
+        parts.append(f"loading {report.loading_s:.1f} s")
+    parts.append(f"{report.total_s:.1f} s in all")
+    if report.peak_memory_bytes is not None:
+        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
+    return ", ".join(parts)
+
+
+def own_arguments(options: argparse.Namespace) -> list[str]:
+    """Return the arguments that do the same again."""
+    words = [str(options.preset), "--out", str(out_folder(options))]
+    if options.overrides:
+        words += ["--set", *options.overrides]
+    if options.frames is not None:
+        words += [
+            "--frames",
+            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
+        ]
+    words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
+    return words
+
+
+def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:
+    """Say what is wrong; return the exit status of a user's error."""
+    entry.complain(text)
+    if options.progress == "json":
+        from .running import machine_listener
+
+        machine_listener().tell({"error": text})
+    return 1

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`list`: what presets may say and what is shipped, or what a preset holds; the same as `generate --list`."""
+
+import argparse
+
+from . import generate
+from .entry import Entry
+from .listing import HELD, KNOWN
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog=entry.name, description="List what there is to say, or what a preset holds.")
+    parser.add_argument(
+        "what",
+        metavar="WHAT",
+        choices=[*KNOWN, *HELD],
+        help=f"{', '.join(KNOWN)}: what there is; {', '.join(HELD)}: what a preset holds",
+    )
+    parser.add_argument("preset", metavar="PRESET", nargs="?", help=f"the preset, for {', '.join(HELD)}")
+    options = parser.parse_args(arguments)
+    if options.what in HELD and options.preset is None:
+        parser.error(f"{options.what}: name a preset, presets/demo.yaml for instance")
+    named = [] if options.preset is None else [options.preset]
+    return generate.main([*named, "--list", options.what], entry)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What can be listed: keys, perturbations, presets; and what a preset holds."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .shipped import shipped_presets
+
+if TYPE_CHECKING:
+    from ..core.planning.plan import Plan
+
+KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
+HELD = ("scenes", "settings", "sequences")  # what a preset holds
+
+
+def list_known(what: str) -> int:
+    """List what does not depend on a preset."""
+    from ..core.presets.preset import PresetSpec
+    from ..core.schema import list_keys
+
+    if what == "presets":
+        for name in shipped_presets():
+            print(name)
+        return 0
+    if what == "perturbations":
+        return list_perturbations()
+    rows = list(list_keys(PresetSpec))
+    width = max(len(name) for name, _ in rows)
+    for name, meaning in rows:
+        print(f"{name:<{width}}  {meaning}")
+    return 0
+
+
+def list_perturbations() -> int:
+    """List every perturbation with its parameters, their ranges and their values at severities 1 to 5."""
+    from ..core.schema import list_keys
+    from ..perturbations import registry
+
+    for item in registry().values():
+        print(f"{item.name}  ({item.category}; {item.label})")
+        for name, meaning in list_keys(item.parameters):
+            levels = item.severities.get(name)
+            at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""
+            print(f"    {name}: {meaning}{at}")
+    return 0
+
+
+def list_plan(plan: "Plan", what: str) -> int:
+    """List what a preset holds."""
+    if what == "scenes":
+        for render in plan.renders:
+            print(f"{render.name}  {len(render.frames)} frames  {render.scene.source.location}")
+    elif what == "settings":
+        for setting in plan.settings:
+            print(setting.name)
+    else:
+        for sequence in plan.sequences:
+            print(sequence.folder)
+    return 0
+
+
+def print_plan(plan: "Plan", out: Path) -> int:
+    """Print what a run would do."""
+    from ..core.planning.estimate import estimate
+
+    guess = estimate(plan)
+    camera = plan.camera
+    print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
+    print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
+    print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    print(f"sequences  {len(plan.sequences)}")
+    for render in plan.renders:
+        settings = ", ".join(sequence.setting.name for sequence in render.sequences)
+        print(f"  {render.name}: {len(render.frames)} frames, settings {settings}")
+    print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
+    print(f"estimate   {guess.bytes_written / 1e6:.0f} MB, {duration(guess.seconds)} on two cores (rough)")
+    return 0
+
+
+def duration(seconds: float) -> str:
+    """Say a time as a person would."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

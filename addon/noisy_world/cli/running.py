@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How a command that runs for long tells that it goes on, and what stops it."""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
+from typing import IO
+
+from ..core.progress import JsonProgress, PlainProgress, Progress, TerminalProgress
+
+
+def listener(form: str) -> tuple[Progress, threading.Event]:
+    """Return the listener to how a run goes on, and what stops the run.
+
+    form: "text" for people, "json" for programs.
+    """
+    if form == "json":
+        stop = stop_on_signal(None)
+        return machine_listener(stop.set), stop
+    # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
+    stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
+    # A terminal that does not know its size shows no bar.
+    watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
+    return (TerminalProgress(stream) if watched else PlainProgress(stream)), stop_on_signal(stream)
+
+
+def machine_listener(lost: Callable[[], object] = lambda: None) -> JsonProgress:
+    """Return the program that started this one, as a listener; `lost` is called when it is gone."""
+    sys.stdout.flush()
+    return JsonProgress(os.fdopen(os.dup(1), "w", buffering=1), lost=lost)
+
+
+def stop_on_signal(stream: IO[str] | None) -> threading.Event:
+    """Let Ctrl-C and a batch system's SIGTERM end the run after the frame in hand; a second Ctrl-C ends it at once."""
+    stop = threading.Event()
+
+    def handle(number: int, _: FrameType | None) -> None:
+        if stop.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        stop.set()
+        if stream is not None:
+            print("\nstopping after the frames in hand", file=stream, flush=True)
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+    return stop

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Dataset layouts, each an object in a file of its own, writer and reader together."""
+
+from pathlib import Path
+
+from ...errors import InputError
+from ..stored import StoredSequence
+from .layout import Beyond, Colour, FrameNames, Image, Layout, OutputFormat, SequenceFacts
+from .replica import ReplicaLayout
+from .tum import TumLayout
+
+__all__ = [
+    "LAYOUTS",
+    "Beyond",
+    "Colour",
+    "FrameNames",
+    "Image",
+    "Layout",
+    "OutputFormat",
+    "SequenceFacts",
+    "find_sequence",
+]
+
+LAYOUTS: dict[str, Layout] = {layout.name: layout for layout in (ReplicaLayout(), TumLayout())}
+"""Every layout by its name in presets; the first is the default."""
+
+
+def find_sequence(folder: Path) -> StoredSequence:
+    """Find the files of a sequence; each layout says whether it is one of its own.
+
+    Raises InputError where none or several do, and where files are missing or do not match.
+    """
+    found = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    if len(found) == 1:
+        return found[0].read(folder)
+    known = " or ".join(layout.label for layout in LAYOUTS.values())
+    if not found:
+        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known}")
+    several = " and of ".join(layout.label for layout in found)
+    raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a dataset layout is, and the form that a dataset is written in."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry import Intrinsics
+from ...trajectories.rig import Rig
+from ...trajectories.sensor_paths import SensorPaths
+from ...trajectories.trajectory import Trajectory
+from ..images import UINT16_MAX, encode_colour, encode_depth, grey_bytes, quantise_depth, rgb_bytes
+from ..stored import StoredSequence
+
+Image = Literal["jpg", "png"]
+Colour = Literal["rgb", "grey"]
+Beyond = Literal["void", "farthest"]
+
+_SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
+
+
+class Layout(ABC):
+    """How a dataset lies on disk: which file is called what, the text files beside the images, and how it is read.
+
+    name: in presets. label, meaning: for people. images: the kinds that colour may be stored as, and colours: in colour
+    or in grey; of both the first is the default. depth_scale_per_m: steps of the depth images a metre, where a preset
+    gives none. patterns: glob patterns of every file that may lie in a sequence's folder, and setting_files: the names
+    of those in a setting's folder, for who removes a dataset.
+
+    All names have forward slashes and are relative to the sequence's (or setting's) folder.
+    """
+
+    name: ClassVar[str]
+    label: ClassVar[str]
+    meaning: ClassVar[str]
+    images: ClassVar[tuple[Image, ...]]
+    colours: ClassVar[tuple[Colour, ...]]
+    depth_scale_per_m: ClassVar[float]
+    patterns: ClassVar[tuple[str, ...]]
+    setting_files: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def summary(self) -> str:
+        """What it is and which images it takes, in a sentence."""
+        return f"{self.meaning[0].upper()}{self.meaning[1:]}; {' or '.join(_SPOKEN[kind] for kind in self.images)}"
+
+    @abstractmethod
+    def rgb_name(self, frame: int, stamp_s: float, image: Image) -> str:
+        """Return the name of a frame's colour image."""
+
+    @abstractmethod
+    def depth_name(self, frame: int, stamp_s: float) -> str:
+        """Return the name of a frame's depth image."""
+
+    def stamps_problem(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
+        """Say why frames with these stamps cannot be written, or nothing where they can."""
+        del stamps_s
+        return ""
+
+    @abstractmethod
+    def sequence_texts(self, facts: "SequenceFacts") -> dict[str, str]:
+        """Return the text files of a sequence by name."""
+
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+        """Return the text files of a setting by name."""
+        del camera, depth_scale_per_m
+        return {}
+
+    @abstractmethod
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether a folder looks like a sequence of this layout."""
+
+    @abstractmethod
+    def read(self, folder: Path) -> StoredSequence:
+        """Find the files of a sequence. Raises InputError where some are missing, wrong or do not match."""
+
+
+@dataclass(frozen=True)
+class OutputFormat:
+    """What a dataset is written as.
+
+    modalities: "rgb", "depth" or both. depth_scale_per_m: steps of the 16-bit depth images a metre. depth_beyond: what
+    becomes of depth that 16 bits do not hold: void (0), or the farthest that they do.
+    """
+
+    layout: Layout
+    image: Image
+    colour: Colour
+    modalities: tuple[str, ...]
+    depth_scale_per_m: float
+    depth_beyond: Beyond = "void"
+
+    @property
+    def depth_limit_m(self) -> float:
+        """The largest depth that 16 bits hold."""
+        return UINT16_MAX / self.depth_scale_per_m
+
+    @property
+    def folders(self) -> set[str]:
+        """The folders of a sequence that hold its images."""
+        return {str(PurePosixPath(name).parent) for name in self.names([0.0]).of(0)}
+
+    def names(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> "FrameNames":
+        """Return the names of the images of a sequence whose i-th frame has the i-th time stamp."""
+        return FrameNames(self, stamps_s)
+
+    def setting_texts(self, camera: Intrinsics) -> dict[str, str]:
+        """Return the text files of a setting by name."""
+        return self.layout.setting_texts(camera, self.depth_scale_per_m)
+
+    def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
+        """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as the dataset's colour images are."""
+        if self.colour == "grey":
+            return encode_colour(grey_bytes(rgb), self.image)
+        return encode_colour(rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb), self.image)
+
+    def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
+        """Encode planar depth (H, W) in metres, 0 = void, as the dataset's depth images are."""
+        return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
+
+
+@dataclass(frozen=True, eq=False)
+class FrameNames:
+    """The names of the images of a sequence's frames, inside its folder."""
+
+    format: OutputFormat
+    stamps_s: Sequence[float] | NDArray[np.float64]
+
+    def rgb(self, frame: int) -> str:
+        """Return the name of a frame's colour image."""
+        return self.format.layout.rgb_name(frame, float(self.stamps_s[frame]), self.format.image)
+
+    def depth(self, frame: int) -> str:
+        """Return the name of a frame's depth image."""
+        return self.format.layout.depth_name(frame, float(self.stamps_s[frame]))
+
+    def of(self, frame: int) -> set[str]:
+        """Return the names of the images that a frame has: those of the dataset's modalities."""
+        found = {"rgb": self.rgb, "depth": self.depth}
+        return {found[modality](frame) for modality in self.format.modalities}
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceFacts:
+    """What the text files of a sequence tell.
+
+    frames: the numbers of the frames that there are. paths: of the whole sequence, whose i-th frame has the i-th pose.
+    rig: where the sensors sit on the robot; None where the colour camera is all there is.
+    """
+
+    format: OutputFormat
+    camera: Intrinsics
+    rig: Rig | None
+    frames: tuple[int, ...]
+    paths: SensorPaths
+
+    @cached_property
+    def chosen(self) -> SensorPaths:
+        """The paths of the frames that there are."""
+        rows = list(self.frames)
+        return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
+
+    @property
+    def names(self) -> FrameNames:
+        """The names of the images."""
+        return self.format.names(self.paths.rgb.stamps_s)
+
+
+PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")
+
+
+def path_suffix(name: str) -> str:
+    """Return what tells a path's file from the colour camera's: "_robot" for the robot's, for instance."""
+    return "" if name == "rgb" else f"_{name}"
+
+
+def numbered(name: str) -> tuple[str, ...]:
+    """Return glob patterns of a file that is called by its frame's number, in the place of {}: 6 digits, or 7."""
+    return tuple(name.format("[0-9]" * digits) for digits in (6, 7))
+
+
+def lines(rows: Sequence[str]) -> str:
+    """Return lines of text, each with its end."""
+    return "".join(f"{row}\n" for row in rows)

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where each kind of perturbation is carried out: the one place that calls `apply` and `choose`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..datasets.images import rgb_bytes
+from ..errors import NoisyWorldError
+from ..trajectories.trajectory import Trajectory
+from .kinds import (
+    ColourPerturbation,
+    DepthPerturbation,
+    FrameContext,
+    Identifiers,
+    MotionPerturbation,
+    PairingPerturbation,
+)
+from .steps import Step
+
+type MotionSteps = Sequence[Step[MotionPerturbation]]
+type MotionPart = tuple[Step[MotionPerturbation], ...]
+type Notes = list[dict[str, Any]]
+"""What was done to a frame, step by step, for the provenance."""
+
+
+# --- motion ---
+
+
+def split_motion(
+    steps: MotionSteps,
+) -> tuple[MotionPart, MotionPart]:
+    """Return the steps that end with poses elsewhere, and the choices after them.
+
+    The first part reaches up to and with the last step that moves poses, so what it sees has to be rendered; the second
+    shows frames of that. Steps of severity 0 do nothing and are in neither.
+    """
+    active = tuple(step for step in steps if step.severity != 0)
+    moves = [place for place, step in enumerate(active) if step.perturbation.apply is not None]
+    end = moves[-1] + 1 if moves else 0
+    return active[:end], active[end:]
+
+
+def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -> Trajectory:
+    """Carry out steps of motion on a path, in order. identifiers: of the sequence.
+
+    Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    for step in steps:
+        if step.severity == 0:
+            continue
+        if step.perturbation.apply is None:
+            trajectory = take_poses(trajectory, _chosen(step, len(trajectory), identifiers))
+            continue
+        context = step.sequence_context(identifiers)
+        moved = step.perturbation.apply(trajectory, step.parameters(step.severity), context)
+        if len(moved) != len(trajectory) or not np.array_equal(moved.stamps_s, trajectory.stamps_s):
+            raise NoisyWorldError(
+                f"{step.perturbation.name}: made {len(moved)} poses of {len(trajectory)}, or other time stamps; apply "
+                "has to keep both, and choose is what leaves poses out"
+            )
+        trajectory = moved
+    return trajectory
+
+
+def chosen_poses(steps: MotionSteps, count: int, identifiers: Identifiers) -> NDArray[np.int64] | None:
+    """Return which of `count` poses the choices among the steps show, (N,), one after another; None without a choice.
+
+    identifiers: of the sequence. Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    shown: NDArray[np.int64] | None = None
+    for step in steps:
+        if step.severity == 0 or step.perturbation.choose is None:
+            continue
+        chosen = _chosen(step, count if shown is None else len(shown), identifiers)
+        shown = chosen if shown is None else shown[chosen]
+    return shown
+
+
+def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Trajectory:
+    """Return the chosen poses of a path, at the stamps of a path of that length; all of it for None."""
+    if chosen is None:
+        return trajectory
+    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[: len(chosen)])
+
+
+def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers) -> NDArray[np.int64]:
+    assert step.perturbation.choose is not None
+    chosen = step.perturbation.choose(count, step.parameters(step.severity), step.sequence_context(identifiers))
+    if not _holds_indices(chosen, 0, count) or not 1 <= len(chosen) <= count:
+        raise NoisyWorldError(
+            f"{step.perturbation.name}: choose has to return 1 to {count} whole numbers from 0 to {count - 1}, one for "
+            f"each pose that is shown of {count}, not {_told(chosen)}"
+        )
+    return np.asarray(chosen, dtype=np.int64)
+
+
+# --- colour ---
+
+
+def perturb_rgb(
+    steps: Sequence[Step[ColourPerturbation]], rgb: NDArray[Any], where: FrameContext
+) -> tuple[NDArray[np.uint8] | None, Notes]:
+    """Perturb a colour image and round it once, at the end.
+
+    rgb: (H, W, 3) sRGB-encoded RGB, float32 in [0, 1] or uint8. Between the steps values are float, clipped to [0, 1].
+    where: the frame, with the identifiers of its sequence and its depth for steps that ask for it.
+    Returns (H, W, 3) uint8, or None where every severity is 0, which is the identity; and what was done.
+    """
+    drawn = [(step, step.context(where)) for step in steps]
+    done = [(step, context, step.severity_of(context)) for step, context in drawn]
+    notes = [step.note(context, severity) for step, context, severity in done]
+    active = [(step, context, severity) for step, context, severity in done if severity != 0]
+    if not active:
+        return None, notes
+    if len(active) == 1 and rgb.dtype == np.uint8 and active[0][0].perturbation.apply_bytes is not None:
+        step, context, severity = active[0]
+        return step.perturbation.apply_bytes(rgb, step.parameters(severity), context), notes
+    image = rgb / np.float32(255) if rgb.dtype == np.uint8 else rgb
+    for step, context, severity in active:
+        image = perturb_colour(step, image, severity, context)
+        np.clip(image, 0.0, 1.0, out=image)
+    return rgb_bytes(image), notes
+
+
+def perturb_colour(
+    step: Step[ColourPerturbation], rgb: NDArray[np.float32], severity: float | None, context: FrameContext
+) -> NDArray[np.float32]:
+    """Carry out one step on (H, W, 3) float32; what comes back may lie outside [0, 1]. context: the step's own."""
+    if step.perturbation.needs_depth and context.read_depth_m is None:
+        raise TypeError(f"{step.perturbation.name} needs the frame's depth")
+    made = step.perturbation.apply(rgb, step.parameters(severity), context)
+    return _checked_image(step, made, rgb)
+
+
+# --- depth ---
+
+
+def perturb_depth(
+    steps: Sequence[Step[DepthPerturbation]], depth_m: NDArray[np.float32], where: FrameContext
+) -> tuple[NDArray[np.float32] | None, Notes]:
+    """Perturb planar depth (H, W) in metres, 0 = void. Returns None where every severity is 0; and what was done.
+
+    where: the frame that the depth belongs to, with the identifiers of its sequence, and its colour for steps that ask
+    for it.
+    """
+    image, notes = None, []
+    for step in steps:
+        context = step.context(where)
+        severity = step.severity_of(context)
+        notes.append(step.note(context, severity))
+        if severity == 0:
+            continue
+        if step.perturbation.needs_rgb and context.read_rgb is None:
+            raise TypeError(f"{step.perturbation.name} needs the frame's colour")
+        before = depth_m if image is None else image
+        image = _checked_image(step, step.perturbation.apply(before, step.parameters(severity), context), before)
+    return image, notes
+
+
+def _checked_image(step: Step[Any], made: NDArray[np.float32], before: NDArray[np.float32]) -> NDArray[np.float32]:
+    if not isinstance(made, np.ndarray) or made.shape != before.shape or made.dtype != np.float32:
+        wanted = f"a float32 array of shape {before.shape}"
+        raise NoisyWorldError(f"{step.perturbation.name}: apply has to return {wanted}, not {_told(made)}")
+    return made
+
+
+# --- pairing ---
+
+
+def paired_depth(
+    steps: Sequence[Step[PairingPerturbation]], count: int, identifiers: Identifiers
+) -> NDArray[np.int64] | None:
+    """Return for each of `count` frames the frame whose depth goes with it, (count,); None without steps.
+
+    -1 stands where the frame is left out. A later step shifts what the ones before have paired; what one leaves out
+    stays out. identifiers: of the sequence. Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    paired: NDArray[np.int64] | None = None
+    for step in steps:
+        if step.severity == 0:
+            continue
+        made = step.perturbation.apply(count, step.parameters(step.severity), step.sequence_context(identifiers))
+        if not _holds_indices(made, -1, count) or len(made) != count:
+            raise NoisyWorldError(
+                f"{step.perturbation.name}: apply has to return {count} whole numbers from -1 to {count - 1}, one for "
+                f"each frame, not {_told(made)}"
+            )
+        paired = made.astype(np.int64) if paired is None else _followed(paired, made)
+    return paired
+
+
+def _followed(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
+    through = np.where(second >= 0, first[second], -1)
+    return np.where(first >= 0, through, -1)
+
+
+def _holds_indices(found: Any, lowest: int, count: int) -> bool:
+    """Tell whether something is an array (N,) of whole numbers from `lowest` to `count - 1`."""
+    if not isinstance(found, np.ndarray) or found.ndim != 1 or not np.issubdtype(found.dtype, np.integer):
+        return False
+    return bool(((found >= lowest) & (found < count)).all())
+
+
+def _told(found: Any) -> str:
+    if not isinstance(found, np.ndarray):
+        return f"a {type(found).__name__}"
+    spread = f", values {found.min()} to {found.max()}" if found.ndim == 1 and found.size else ""
+    return f"{found.dtype} of shape {found.shape}{spread}"

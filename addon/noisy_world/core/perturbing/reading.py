@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preset says of its settings, read into steps and checked."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from itertools import product
+from typing import Any
+
+from ..schema import Place, describe, parse, unknown_name
+from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
+from .steps import Backend, Setting, Step
+
+type Registry = Mapping[str, Perturbation]
+
+DEFAULT_SEVERITY = 3.0
+
+
+def parse_settings(
+    items: Sequence[Any], place: Place, registry: Registry, backend: Backend = "reference"
+) -> tuple[Setting, ...]:
+    """Read the preset's settings: SettingSpec items with `name` and `perturb`, or with `sweep`.
+
+    backend: of the settings that name none.
+
+    Raises InputError naming the key.
+    """
+    found: list[tuple[Setting, Place]] = []
+    for index, item in enumerate(items):
+        where = place.at(index)
+        if (item.name is None) == (item.sweep is None):
+            raise where.error("needs either name or sweep", "name the setting, or sweep over several")
+        if item.sweep is not None:
+            if item.perturb:
+                raise where.at("perturb").error("goes with name, not with sweep")
+            swept = _swept(item.sweep, where.at("sweep"), registry, item.backend or backend)
+            found += [(setting, where) for setting in swept]
+        else:
+            steps = parse_steps(item.perturb, where.at("perturb"), registry)
+            found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
+    names: set[str] = set()
+    for setting, where in found:
+        if setting.name in names:
+            raise where.error(f"{setting.name!r} is given twice")
+        names.add(setting.name)
+    return tuple(setting for setting, _ in found)
+
+
+def _swept(sweep: Any, place: Place, registry: Registry, backend: Backend) -> list[Setting]:
+    """Make a setting of each name, severity and mode: `fog_s3`, `fog_s3_dynamic`."""
+    settings = []
+    for (index, name), severity, mode in product(enumerate(sweep.perturb), sweep.severities, sweep.modes):
+        where = place.at("perturb").at(index)
+        if _known(name, where, registry).severities == {}:
+            raise where.error(f"{name} has no severities to sweep over", "write a setting for each of its parameters")
+        steps = parse_steps([{name: {"severity": severity, "mode": mode}}], where, registry)
+        suffix = "_dynamic" if mode == "dynamic" else ""
+        settings.append(Setting(f"{name}_s{severity:g}{suffix}", steps, backend))
+    return settings
+
+
+def parse_steps(items: Sequence[Any], place: Place, registry: Registry) -> tuple[Step[Any], ...]:
+    """Read a list of `{name: {severity, mode, levels, temporal, parameters...}}` into steps in propagation order."""
+    steps: list[Step[Any]] = []
+    for index, item in enumerate(items):
+        where = place.at(index)
+        if not isinstance(item, Mapping) or len(item) != 1:
+            raise where.error(
+                f"is {describe(item)}, but has to be one name with its values", "write {fog: {severity: 3}}"
+            )
+        ((name, values),) = item.items()
+        perturbation = _known(name, where, registry)
+        same = sum(step.perturbation.name == name for step in steps)
+        if same and isinstance(perturbation, SEQUENCE_KINDS):
+            raise where.error(f"{name} is given twice", "it acts once on a sequence")
+        steps.append(_parse_step(perturbation, values, where.at(str(name)), same))
+    return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
+
+
+def _known(name: object, place: Place, registry: Registry) -> Perturbation:
+    if name not in registry:
+        raise unknown_name(place, "perturbation", str(name), list(registry))
+    return registry[str(name)]
+
+
+def _parse_step(perturbation: Perturbation, values: object, place: Place, same: int) -> Step[Any]:
+    values = {} if values is None else values
+    if not isinstance(values, Mapping):
+        raise place.error(f"is {describe(values)}, but has to be a mapping", "write {severity: 3}, for instance")
+    known = [item.name for item in fields(perturbation.parameters)]
+    own = ["severity", "mode", "levels"] if perturbation.severities else []
+    own += ["temporal"] if perturbation.temporals else []
+    for name in values:
+        if name not in (*own, *known):
+            raise unknown_name(place.at(str(name)), "key", str(name), [*own, *known])
+    inside = {name: value for name, value in values.items() if name in known}
+    parsed = parse(perturbation.parameters, inside, place)
+    given = {name: getattr(parsed, name) for name in inside}
+    severity, levels = (
+        _parse_severity(values, place, by_parameters=bool(given)) if own[:1] == ["severity"] else (None, None)
+    )
+    temporal = values.get("temporal", perturbation.temporals[0] if perturbation.temporals else "fresh")
+    if perturbation.temporals and temporal not in perturbation.temporals:
+        choices = ", ".join(perturbation.temporals)
+        raise place.at("temporal").error(f"is {describe(temporal)}, but has to be one of {choices}")
+    return Step(perturbation, same, severity, levels, temporal, given)
+
+
+def _parse_severity(
+    values: Mapping[str, Any], place: Place, *, by_parameters: bool
+) -> tuple[float | None, tuple[float, ...] | None]:
+    mode = values.get("mode", "static")
+    if mode not in ("static", "dynamic"):
+        raise place.at("mode").error(f"is {describe(mode)}, but has to be static or dynamic")
+    default = None if by_parameters and mode == "static" else DEFAULT_SEVERITY
+    severity = _level(values["severity"], place.at("severity")) if "severity" in values else default
+    if mode == "static":
+        if "levels" in values:
+            raise place.at("levels").error("goes with mode: dynamic", "set the mode, or severity instead")
+        return severity, None
+    if "levels" in values:
+        if "severity" in values:
+            raise place.at("levels").error("stands beside severity", "keep one of them")
+        levels = values["levels"]
+        if not isinstance(levels, Sequence) or isinstance(levels, str) or not levels:
+            raise place.at("levels").error(f"is {describe(levels)}, but has to be a list of severities")
+        return None, tuple(_level(value, place.at("levels").at(k)) for k, value in enumerate(levels))
+    assert severity is not None
+    if severity != round(severity):
+        raise place.at("severity").error(
+            f"is {severity:g}, but dynamic mode draws from 0 to a whole one", "or give levels"
+        )
+    return severity, tuple(float(k) for k in range(int(severity) + 1))
+
+
+def _level(value: object, place: Place) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise place.error(f"is {describe(value)}, but has to be a severity")
+    if value != 0 and not SEVERITIES[0] <= value <= SEVERITIES[-1]:
+        raise place.error(f"is {value:g}, out of range", "allowed: 0, or 1 to 5")
+    return float(value)

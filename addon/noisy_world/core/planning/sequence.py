@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sequence of a dataset, and which frame shows which: the one place that says so.
+
+Frames are counted in two ways. A *frame* is one of the sequence, as it is written; a *source frame* is one of the path
+that is rendered or recorded. Faster motion shows every other source frame; desynchronisation pairs the colour of
+one frame with the depth of another.
+"""
+
+from collections.abc import Sequence as Many
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
+from ..perturbing.kinds import Identifiers
+from ..perturbing.steps import Setting
+from ..trajectories.sensor_paths import SensorPaths
+from .source import Modality
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a frame of a sequence shows.
+
+    rgb_source: the source frame of its colour. depth_source: that of its depth. depth_frame: the frame of the sequence
+    that the depth belongs to, which names the depth's randomness; another one than its own under desynchronisation.
+    """
+
+    rgb_source: int
+    depth_source: int
+    depth_frame: int
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One setting of one scene: a folder of the dataset.
+
+    identifiers: name its random streams. source_frames: the source frame of each of its frames, in a sequence without
+    gaps. depth_frames: for each of its frames the one whose depth goes with it, -1 where the frame is left out; None
+    where that is its own. frames: those that are to be made.
+    """
+
+    setting: Setting
+    scene: str
+    identifiers: Identifiers
+    source_frames: tuple[int, ...]
+    depth_frames: tuple[int, ...] | None
+    frames: tuple[int, ...]
+
+    @property
+    def folder(self) -> str:
+        """The sequence's folder inside the dataset, with forward slashes."""
+        return f"{self.setting.name}/{self.scene}"
+
+    @property
+    def skips(self) -> bool:
+        """Whether its frames are others of the path than those of the same numbers."""
+        return self.source_frames != tuple(range(len(self.source_frames)))
+
+    @property
+    def paired(self) -> bool:
+        """Whether colours go with depths of other frames."""
+        return self.depth_frames is not None
+
+    def frame_at(self, source: int) -> int:
+        """Return the frame that shows a source frame: the first one or, without any, of the nearest before."""
+        known = np.array(self.source_frames)
+        before = np.flatnonzero(known <= source)
+        if not before.size:
+            return 0
+        return int(before[np.argmax(known[before])])
+
+    def leaves_out(self, frame: int) -> bool:
+        """Tell whether there is no depth to go with a frame, which is then not made."""
+        return self.depth_frames is not None and self.depth_frames[frame] < 0
+
+    def shown(self, frame: int) -> Shown:
+        """Return what a frame shows. Raises ValueError where it is left out."""
+        if self.leaves_out(frame):
+            raise ValueError(f"{self.folder}: frame {frame} is left out")
+        depth_frame = frame if self.depth_frames is None else self.depth_frames[frame]
+        return Shown(self.source_frames[frame], self.source_frames[depth_frame], depth_frame)
+
+    @cached_property
+    def _shown(self) -> dict[Modality, dict[int, list[int]]]:
+        """The frames that show the colour, and the depth, of a source frame."""
+        found: dict[Modality, dict[int, list[int]]] = {"rgb": {}, "depth": {}}
+        for frame in self.frames:
+            shown = self.shown(frame)
+            found["rgb"].setdefault(shown.rgb_source, []).append(frame)
+            found["depth"].setdefault(shown.depth_source, []).append(frame)
+        return found
+
+    def showing(self, modality: Modality, source: int) -> list[int]:
+        """Return the frames to be made that show the colour, or the depth, of a source frame."""
+        return self._shown[modality].get(source, [])
+
+    def sources(self, modalities: Many[Modality]) -> set[int]:
+        """Return the source frames that its frames to be made need."""
+        return {source for modality in modalities for source in self._shown[modality]}
+
+
+def lay_out(
+    setting: Setting, scene: str, source_count: int, identifiers: Identifiers, chosen: slice | None = None
+) -> Sequence:
+    """Return what a setting makes of a scene whose path has so many frames.
+
+    identifiers: the preset's seed, the scene, the setting. chosen: which of the sequence's frames are to be made, start
+    and stop only.
+    """
+    moving, choosing = split_motion(setting.motion)
+    before = chosen_poses(moving, source_count, identifiers)
+    source_count = source_count if before is None else len(before)
+    poses = chosen_poses(choosing, source_count, identifiers)
+    source_frames = tuple(range(source_count)) if poses is None else tuple(int(pose) for pose in poses)
+    pairs = paired_depth(setting.pairing, len(source_frames), identifiers)
+    depth_frames = None if pairs is None else tuple(int(frame) for frame in pairs)
+    wanted = range(len(source_frames))[chosen or slice(None)]
+    frames = tuple(frame for frame in wanted if depth_frames is None or depth_frames[frame] >= 0)
+    return Sequence(setting, scene, identifiers, source_frames, depth_frames, frames)
+
+
+def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
+    """Return the poses of a sequence's own frames, from those of the path that it shows.
+
+    The camera's rate stays what it was: frame i has the i-th stamp.
+    """
+    rows = np.array(sequence.source_frames, dtype=np.int64)
+    return paths.each(lambda path: take_poses(path, rows))

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where clean frames come from, a file for each kind of source; `core.planning.source` says what each has to give.
+
+The scenes of a preset: which files each one is, found and checked before anything is loaded.
+"""
+
+import glob
+import re
+from pathlib import Path
+
+from ..core.datasets.layouts import find_sequence
+from ..core.planning.source import Scene, Source
+from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
+from ..core.scenes.ply import check_ply
+from ..core.schema import Place
+from ..core.trajectories.files import read_trajectory
+from .mesh import MeshSource, selected_poses
+from .recording import Recording
+
+
+def find_scenes(preset: Preset) -> list[Scene]:
+    """Return the scenes of a preset; an entry stands for one scene, or for as many as its wildcards match.
+
+    Raises InputError for files that are missing or wrong.
+    """
+    return [scene for index, spec in enumerate(preset.spec.scenes) for scene in _find(preset, index, spec)]
+
+
+def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
+    place = preset.place(f"scenes.{index}")
+    if spec.mesh == EMBEDDED_ROOM:
+        return [_mesh_scene(preset, place, spec, spec.name or "room", None)]
+    if spec.mesh is not None and spec.mesh.startswith("embedded:"):
+        raise place.at("mesh").error(f"there is no {spec.mesh!r}", f"did you mean {EMBEDDED_ROOM!r}?")
+    kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
+    pattern = spec.mesh if spec.sequence is None else spec.sequence
+    assert pattern is not None
+    make = _mesh_scene if kind == "mesh" else _recorded_scene
+    if not glob.has_magic(pattern):
+        path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
+        return [make(preset, place, spec, spec.name or path.stem, path)]
+    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    if not found:
+        raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
+    if spec.name and "*" not in spec.name and len(found) > 1:
+        raise place.at("name").error(f"is {spec.name!r}, but {len(found)} {kinds} match", "put a * where they differ")
+    scenes = []
+    for text in found:
+        parts = _matched_parts(pattern, text)
+        name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
+        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
+    return scenes
+
+
+def _recorded_scene(
+    preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
+) -> Scene:
+    del preset, spec, parts
+    return _scene(name, place, Recording(find_sequence(path), place))
+
+
+def _mesh_scene(
+    preset: Preset, place: Place, spec: SceneSpec, name: str, mesh_path: Path | None, *, parts: tuple[str, ...] = ()
+) -> Scene:
+    _check_name(name, place)
+    assert spec.trajectory is not None
+    if mesh_path is not None:
+        check_ply(mesh_path)  # what the header tells need not wait until the scenes before are rendered
+    seed, where = preset.spec.seed, place.at("trajectory")
+    if spec.trajectory.file is None:
+        return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
+    text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
+    path = _found(preset, where, text)
+    whole = read_trajectory(
+        path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
+    )
+    chosen = selected_poses(whole, spec.trajectory, where)
+    return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, path, chosen, seed))
+
+
+def _scene(name: str, place: Place, source: Source) -> Scene:
+    _check_name(name, place)
+    return Scene(name, place, source)
+
+
+def _check_name(name: str, place: Place) -> None:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+        raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
+
+
+def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
+    path = preset.path.parent / text
+    if not (path.is_dir() if folder else path.is_file()):
+        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
+    return path
+
+
+def _matched_parts(pattern: str, text: str) -> tuple[str, ...]:
+    """Return what each wildcard of a glob pattern matched."""
+    wildcards = {"*": "([^/]*)", "?": "([^/])"}
+    expression = "".join(wildcards.get(letter, re.escape(letter)) for letter in pattern.replace("\\", "/"))
+    match = re.fullmatch(expression, text.replace("\\", "/"))
+    return match.groups() if match else (Path(text).stem,)
+
+
+def _filled(template: str, parts: tuple[str, ...], place: Place) -> str:
+    """Put what the mesh's wildcards matched in the place of those of another text, in order."""
+    if template.count("*") > len(parts):
+        raise place.error(f"{template!r} has more * than mesh has wildcards")
+    for part in parts:
+        template = template.replace("*", part, 1)
+    return template

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A mesh and a path through it, as a source: its frames are rendered in Blender."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.storage import sha256_of_file
+from ..core.errors import NoisyWorldError
+from ..core.geometry import Intrinsics
+from ..core.planning.source import Gives, RenderOptions, SourceFrame
+from ..core.presets.preset import EMBEDDED_ROOM, HandheldSpec, TrajectorySpec
+from ..core.scenes.mesh import Mesh
+from ..core.scenes.ply import read_ply
+from ..core.scenes.room import build_room
+from ..core.scenes.selfcheck import reprojection_problem
+from ..core.schema import Place
+from ..core.trajectories.handheld import handheld_path
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
+
+if TYPE_CHECKING:
+    from ..blender.session import Session
+
+
+@dataclass(frozen=True)
+class MeshSource:
+    """A mesh with a path through it.
+
+    name: of the scene. mesh_path: None is the embedded room. path_file: None where the path is made in the mesh.
+    known_path: the path that was read. seed: of a path that is made and has no seed of its own.
+    """
+
+    name: str
+    place: Place
+    mesh_path: Path | None
+    spec: TrajectorySpec
+    path_file: Path | None
+    known_path: Trajectory | None
+    seed: int
+
+    @property
+    def location(self) -> str:
+        """The mesh."""
+        return EMBEDDED_ROOM if self.mesh_path is None else str(self.mesh_path)
+
+    @property
+    def gives(self) -> Gives:
+        """Frames from anywhere, rendered."""
+        return Gives(rendered=True, any_pose=True)
+
+    @cached_property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """Time stamps (N,) of the path; a path that is not made yet has those of a camera that stands still."""
+        if self.known_path is not None:
+            return self.known_path.stamps_s
+        handheld = self._handheld
+        still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
+        return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
+
+    @property
+    def robot_axes(self) -> Axes | None:
+        """The axes that the preset declares for the path."""
+        return self.spec.axes
+
+    def camera(self, asked: Intrinsics) -> Intrinsics:
+        """Return what is asked for: a mesh can be seen through any camera."""
+        return asked
+
+    @property
+    def _handheld(self) -> HandheldSpec:
+        assert self.spec.handheld is not None, "a preset has either file or handheld"
+        return self.spec.handheld
+
+    def trajectory(self) -> Trajectory:
+        """Return the path that was read, or make the one through the mesh."""
+        return self.known_path if self.known_path is not None else self._made_path
+
+    @cached_property
+    def _made_path(self) -> Trajectory:
+        spec = self._handheld
+        try:
+            path = handheld_path(
+                load_mesh(self.mesh_path),
+                seed=self.seed if spec.seed is None else spec.seed,
+                frames=spec.frames,
+                rate_hz=spec.rate_hz,
+                speed_m_s=spec.speed_m_s,
+                clearance_m=spec.clearance_m,
+            )
+        except NoisyWorldError as error:
+            raise self.place.at("trajectory").at("handheld").error(str(error)) from error
+        return selected_poses(path, self.spec, self.place.at("trajectory"))
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the names and hashes of the mesh and of the path's file."""
+        return {
+            "mesh": EMBEDDED_ROOM if self.mesh_path is None else self.mesh_path.name,
+            "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
+            "trajectory": "handheld" if self.path_file is None else self.path_file.name,
+            "trajectory_sha256": None if self.path_file is None else sha256_of_file(self.path_file),
+        }
+
+    @contextmanager
+    def open(
+        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
+    ) -> Iterator["OpenMesh"]:
+        """Build the scene in Blender."""
+        from ..blender.session import Session
+
+        mesh = load_mesh(self.mesh_path)
+        for text in mesh.notes:
+            note(text)
+        with Session(mesh, self.name, paths, camera, options) as session:
+            if session.origin_m.any():
+                where = ", ".join(f"{value:g}" for value in session.origin_m)
+                note(f"far from the origin, so rendered around ({where}) m; poses stay as given")
+            opened = OpenMesh(session, mesh, camera, note)
+            del mesh  # the first frame tells, and then the memory is free
+            yield opened
+
+
+class OpenMesh:
+    """A mesh in Blender. The first frame is held against the mesh; then the mesh itself is let go."""
+
+    def __init__(self, session: "Session", mesh: Mesh, camera: Intrinsics, note: Callable[[str], None]) -> None:
+        self._session = session
+        self._unchecked: Mesh | None = mesh
+        self._camera = camera
+        self._note = note
+
+    def frame(self, moment: Moment) -> SourceFrame:
+        """Render the frame of a moment."""
+        frame = self._session.frame(moment)
+        if self._unchecked is not None and frame.depth_m is not None:
+            self._check(self._unchecked, moment, frame.depth_m)
+        self._unchecked = None
+        forget_meshes()
+        return frame
+
+    def _check(self, mesh: Mesh, moment: Moment, depth_m: NDArray[np.float32]) -> None:
+        """Say what looks wrong with the first frame, while there is time to stop."""
+        where = f"frame {moment.index}"
+        if not depth_m.any():
+            declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
+            self._note(f"{where} sees nothing; {declared}")
+        elif problem := reprojection_problem(mesh, moment.depth_c2w, self._camera, depth_m):
+            self._note(f"{where}: {problem}")
+
+
+def load_mesh(path: Path | None) -> Mesh:
+    """Read a mesh, or make the embedded room where there is no path; the last ones stay at hand.
+
+    Raises InputError.
+    """
+    if path is None:
+        return _room()
+    return _read(path, path.stat().st_mtime_ns) if path.is_file() else read_ply(path)
+
+
+@lru_cache(maxsize=1)
+def _room() -> Mesh:
+    return build_room()  # seconds, and a path is made in it as well
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path, _changed_ns: int) -> Mesh:
+    return read_ply(path)
+
+
+def forget_meshes() -> None:
+    """Keep no mesh in memory."""
+    _room.cache_clear()
+    _read.cache_clear()
+
+
+def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
+    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left."""
+    if spec.resample_hz is not None:
+        trajectory = resample(trajectory, spec.resample_hz)
+    try:
+        return subsample(trajectory, spec.start, spec.stop, spec.every)
+    except ValueError as error:
+        raise place.error(str(error)) from error

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sequence that is on disk already, as a source: its frames are read."""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.layouts import OutputFormat
+from ..core.datasets.storage import sha256_of_file
+from ..core.datasets.stored import StoredFrame, StoredSequence
+from ..core.geometry import Intrinsics
+from ..core.planning.source import Gives, Modality, RenderOptions
+from ..core.schema import Place
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.trajectory import Axes, Trajectory
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A sequence in the layout of a dataset."""
+
+    stored: StoredSequence
+    place: Place
+
+    @property
+    def location(self) -> str:
+        """The folder."""
+        return str(self.stored.folder)
+
+    @property
+    def gives(self) -> Gives:
+        """Frames as they were recorded."""
+        return Gives(rendered=False, any_pose=False)
+
+    @property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """Time stamps (N,) of the frames."""
+        return self.stored.trajectory.stamps_s
+
+    @property
+    def robot_axes(self) -> Axes | None:
+        """None: no rig can see it otherwise."""
+        return None
+
+    def camera(self, asked: Intrinsics) -> Intrinsics:
+        """Return the intrinsics that are asked for, if its images have that size."""
+        wide, high = self.stored.size_px
+        if (wide, high) != (asked.width_px, asked.height_px):
+            remedy = f"say so in camera, which has {asked.width_px} x {asked.height_px}"
+            raise self.place.at("sequence").error(f"its images are {wide} x {high}", remedy)
+        return asked
+
+    def trajectory(self) -> Trajectory:
+        """Return its ground truth."""
+        return self.stored.trajectory
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the folder's name and the hashes of the ground truth and of all images together."""
+        path = self.stored.trajectory_path
+        digests = "".join(sha256_of_file(file) or "" for file in self.stored.files)
+        return {
+            "sequence": self.stored.folder.name,
+            "files_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            "trajectory": path.name,
+            "trajectory_sha256": sha256_of_file(path),
+        }
+
+    @contextmanager
+    def open(
+        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
+    ) -> Iterator["OpenRecording"]:
+        """Make ready to read."""
+        del paths, camera, options, note  # as they are in the files
+        yield OpenRecording(self.stored)
+
+
+@dataclass(frozen=True)
+class OpenRecording:
+    """A sequence that gives its frames."""
+
+    stored: StoredSequence
+
+    def frame(self, moment: Moment) -> "RecordedFrame":
+        """Return the frame of a moment; its images are read when they are asked for."""
+        return RecordedFrame(self.stored.frame(moment.index))
+
+
+@dataclass(frozen=True)
+class RecordedFrame:
+    """A frame on disk."""
+
+    stored: StoredFrame
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
+        return self.stored.rgb
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
+        return self.stored.depth_m
+
+    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+        """Return the file of an image where a dataset would write just that: the same kind, colours and scale."""
+        stored = self.stored
+        if modality == "rgb":
+            same = stored.rgb_file.suffix == f".{format_.image}" and stored.colour == format_.colour
+            return stored.rgb_file if same else None
+        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == format_.depth_scale_per_m
+        return stored.depth_file if same else None

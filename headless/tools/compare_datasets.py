@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Compare datasets file by file, for who changes the code and means to change no pixel.
+
+    python headless/tools/compare_datasets.py BEFORE AFTER [BEFORE AFTER ...]
+
+Every image, pose and text file has to have the same bytes. run.json (times) and manifest.json (versions) may differ,
+and so may the notes in frames.jsonl; the hashes in it may not. Exits with 1 where something differs.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+FREE = ("run.json", "manifest.json")
+
+
+def main(arguments: list[str]) -> int:
+    """Compare folders two by two and return the exit status."""
+    if not arguments or len(arguments) % 2:
+        print(f"usage: {__doc__ and __doc__.splitlines()[2].strip()}", file=sys.stderr)
+        return 2
+    same = True
+    for before, after in zip(arguments[::2], arguments[1::2], strict=True):
+        problems, count = differences(Path(before), Path(after))
+        same = same and not problems
+        print(f"{after}: {count} files, " + (f"{len(problems)} differ" if problems else "the same bytes"))
+        for line in problems[:20]:
+            print(f"  {line}")
+    return 0 if same else 1
+
+
+def differences(before: Path, after: Path) -> tuple[list[str], int]:
+    """Return what differs, a line a file, and how many files there are."""
+    names = sorted({name for folder in (before, after) for name in _files(folder)})
+    problems = []
+    for name in names:
+        left, right = before / name, after / name
+        if not (left.is_file() and right.is_file()):
+            problems.append(f"{name}: only in {before if left.is_file() else after}")
+        elif _content(left) != _content(right):
+            problems.append(f"{name}: other bytes")
+    if not names:
+        problems.append("no files")
+    return problems, len(names)
+
+
+def _files(folder: Path) -> list[str]:
+    return [
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() and path.name not in FREE
+    ]
+
+
+def _content(path: Path) -> object:
+    if path.name != "frames.jsonl":
+        return path.read_bytes()
+    records = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [(record["frame"], record["time_s"], record["sha256"]) for record in records]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
