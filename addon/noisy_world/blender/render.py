@@ -13,9 +13,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import OutputFormat
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import StorageError
-from ..core.planning.source import Modality
 from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of a z-buffer

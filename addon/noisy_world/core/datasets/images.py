@@ -17,7 +17,21 @@ def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
     import cv2
 
     flat = rgb.reshape(rgb.shape[0], -1)  # to OpenCV a number stands for the first channel alone
-    return cv2.convertScaleAbs(cv2.min(cv2.max(flat, 0.0), 1.0), alpha=255).reshape(rgb.shape)
+    low = cv2.max(flat, 0.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  the stubs know no plain number
+    clipped = cv2.min(low, 1.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  likewise
+    return np.asarray(cv2.convertScaleAbs(clipped, alpha=255), np.uint8).reshape(rgb.shape)
+
+
+def as_float(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return display-encoded colours, bytes or float in [0, 1], as float; what is float already is not copied."""
+    if rgb.dtype == np.uint8:
+        return np.divide(rgb, np.float32(255), dtype=np.float32)
+    return rgb.astype(np.float32, copy=False)
+
+
+def as_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return display-encoded colours, bytes or float in [0, 1], as bytes; what is bytes already is not copied."""
+    return rgb.astype(np.uint8, copy=False) if rgb.dtype == np.uint8 else rgb_bytes(as_float(rgb))
 
 
 def grey_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -27,11 +41,12 @@ def grey_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8
     what lies outside [0, 1] is clipped; half a byte is rounded up.
     """
     if rgb.dtype == np.uint8:  # in whole numbers, so that a half is one
-        weighted = sum(rgb[..., k].astype(np.uint32) * weight for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
-        return ((weighted + 500) // 1000).astype(np.uint8)
+        red, green, blue = (rgb[..., k].astype(np.uint32) * weight for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
+        return ((red + green + blue + 500) // 1000).astype(np.uint8)
     clipped = np.clip(rgb, 0.0, 1.0)
-    weighted = sum(clipped[..., k] * np.float32(weight / 1000 * 255) for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
-    return (weighted + np.float32(0.5)).astype(np.uint8)
+    shares = [np.float32(weight / 1000 * 255) for weight in GREY_WEIGHTS_PER_MILLE]
+    red, green, blue = (clipped[..., k] * share for k, share in enumerate(shares))
+    return (red + green + blue + np.float32(0.5)).astype(np.uint8)
 
 
 def encode_colour(pixels: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:
