@@ -10,11 +10,8 @@ import importlib
 import importlib.util
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
+from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
@@ -94,7 +91,7 @@ def use_extension(folder: Path) -> None:
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if name.rpartition(".")[2] == PACKAGE and file is not None and Path(file).resolve() == entry:
-            sys.meta_path.insert(0, OtherName(PACKAGE, name))
+            importlib.import_module(f"{name}.other_name").give_other_name(PACKAGE, name)
             return
     spec = importlib.util.spec_from_file_location(PACKAGE, entry, submodule_search_locations=[str(folder)])
     assert spec is not None
@@ -102,36 +99,3 @@ def use_extension(folder: Path) -> None:
     package = importlib.util.module_from_spec(spec)
     sys.modules[PACKAGE] = package
     spec.loader.exec_module(package)
-
-
-class OtherName(MetaPathFinder, Loader):
-    """Gives a package that is loaded another name, under which its modules are the same objects, not loaded again."""
-
-    def __init__(self, alias: str, name: str) -> None:
-        self._alias = alias
-        self._name = name
-        self._specs: dict[str, ModuleSpec | None] = {}
-
-    def find_spec(
-        self,
-        fullname: str,
-        path: Sequence[str] | None = None,  # noqa: ARG002 - the protocol's
-        target: ModuleType | None = None,  # noqa: ARG002
-    ) -> ModuleSpec | None:
-        """Claim what is named after the alias."""
-        if fullname != self._alias and not fullname.startswith(f"{self._alias}."):
-            return None
-        real = importlib.util.find_spec(self._name + fullname.removeprefix(self._alias))
-        if real is None:
-            return None
-        return ModuleSpec(fullname, self, is_package=real.submodule_search_locations is not None)
-
-    def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Hand out the module under its own name; the import system is about to replace its spec."""
-        module = importlib.import_module(self._name + spec.name.removeprefix(self._alias))
-        self._specs[module.__name__] = module.__spec__
-        return module
-
-    def exec_module(self, module: ModuleType) -> None:
-        """Give the module its spec back: it has been executed."""
-        module.__spec__ = self._specs.pop(module.__name__)

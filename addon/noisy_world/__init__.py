@@ -11,16 +11,20 @@ from pathlib import Path
 def register() -> None:
     """Show the tab.
 
-    Raises ImportError where packages are missing; Blender says its message without a traceback for the words it begins
-    with.
+    Raises ImportError where packages are missing, or where an installed one brings perturbations that cannot be had;
+    Blender says its message without a traceback for the words it begins with.
     """
+    from .core.errors import NoisyWorldError  # noqa: PLC0415
     from .core.requirements import install_remedy, missing_packages, missing_sentence  # noqa: PLC0415
 
     if missing := missing_packages():
         remedy = install_remedy(Path(__file__).parent)
         raise ImportError("Add-on not loaded: " + missing_sentence(missing, "this Blender's ", remedy))
 
-    from . import ui
+    try:
+        from . import ui
+    except NoisyWorldError as error:
+        raise ImportError(f"Add-on not loaded: {error}") from error
 
     ui.register()
 
@@ -28,5 +32,7 @@ def register() -> None:
 def unregister() -> None:
     """Take the tab away."""
     from . import ui
+    from .other_name import take_other_names  # noqa: PLC0415
 
     ui.unregister()
+    take_other_names()

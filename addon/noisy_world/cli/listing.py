@@ -32,12 +32,17 @@ def list_known(what: str) -> int:
 
 
 def list_perturbations() -> int:
-    """List every perturbation with its parameters, their ranges and their values at severities 1 to 5."""
+    """List every perturbation in the order of propagation: its kind, its place, and its parameters.
+
+    Parameters come with their ranges and their values at severities 1 to 5.
+    """
+    from ..core.perturbing.kinds import kind_name
     from ..core.schema import list_keys
     from ..perturbations import registry
 
     for item in registry().values():
-        print(f"{item.name}  ({item.category}; {item.label})")
+        origin = f"; from {item.distribution}" if item.distribution else ""
+        print(f"{item.name}  ({kind_name(item)}, stage {item.stage}, order {item.order}; {item.label}{origin})")
         for name, meaning in list_keys(item.parameters):
             levels = item.severities.get(name)
             at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""

@@ -1,19 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The perturbations, one file each. Adding one is adding a file with a `PERTURBATION`."""
+"""The perturbations, one file each. Adding one is adding a file with a `PERTURBATION`, here or in an installed package.
+
+docs/perturbations.md, "Your own", says how a package brings some.
+"""
 
 import importlib
 import pkgutil
 from functools import cache
 
+from ..core.errors import NoisyWorldError
 from ..core.perturbing.kinds import Perturbation, propagation_key
+from ._installed import installed_perturbations
 
 
 @cache
 def registry() -> dict[str, Perturbation]:
-    """Return all perturbations by name, in the order of propagation."""
-    found = [
+    """Return all perturbations by name, in the order of propagation: our own, and those of installed packages.
+
+    Raises NoisyWorldError naming an installed package whose perturbations cannot be had.
+    """
+    found = {item.name: item for item in _own()}
+    for item in installed_perturbations():
+        if item.name in found:
+            other = found[item.name].distribution
+            raise NoisyWorldError(
+                f"{item.distribution}: its perturbation {item.name} has the name of one "
+                f"{f'of {other}' if other else 'of our own'}; rename it, or uninstall the package"
+            )
+        found[item.name] = item
+    return {item.name: item for item in sorted(found.values(), key=propagation_key)}
+
+
+def _own() -> list[Perturbation]:
+    return [
         importlib.import_module(f"{__name__}.{module.name}").PERTURBATION
         for module in pkgutil.iter_modules(__path__)
         if not module.name.startswith("_")
     ]
-    return {item.name: item for item in sorted(found, key=propagation_key)}

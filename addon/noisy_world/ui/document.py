@@ -11,9 +11,9 @@ import numpy as np
 
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
-from ..core.perturbing.kinds import Identifiers
+from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
-from ..core.perturbing.steps import Setting, Step
+from ..core.perturbing.steps import Setting, Step, steps_of_kind
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
@@ -113,15 +113,32 @@ def _trajectory(settings: Any, folder: Path | None) -> dict[str, Any]:
 
 def perturb_of(settings: Any) -> list[dict[str, Any]]:
     """Return what the panel does to a scene, as a preset's `perturb`; what is switched off is left out."""
-    faster = [{"faster_motion": {"factor": settings.speed_factor}}] if settings.speed_factor > 1 else []
-    steps = [{step.perturbation: values_of(step)} for step in settings.steps if step.enabled]
-    return faster + _deviation(settings) + steps
+    listed = []
+    for step in settings.steps:
+        if step.enabled and step.perturbation not in registry():
+            raise unknown_name(Place(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
+        if step.enabled:
+            listed.append({step.perturbation: values_of(step)})
+    return _own_motion(settings) + listed
 
 
-def _deviation(settings: Any) -> list[dict[str, Any]]:
-    if not (settings.deviation_rotation_deg or settings.deviation_translation_m):
-        return []
-    return [{"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}}]
+def _own_motion(settings: Any) -> list[dict[str, Any]]:
+    """Return what the panel's own fields do to the path."""
+    steps: list[dict[str, Any]] = []
+    if settings.speed_factor > 1:
+        steps.append({"faster_motion": {"factor": settings.speed_factor}})
+    if settings.deviation_rotation_deg or settings.deviation_translation_m:
+        steps.append({"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}})
+    return steps
+
+
+def listed_motion(settings: Any) -> list[dict[str, Any]]:
+    """Return what the panel's list does to the path, as a preset's `perturb`."""
+    return [
+        {step.perturbation: values_of(step)}
+        for step in settings.steps
+        if step.enabled and isinstance(registry().get(step.perturbation), MotionPerturbation)
+    ]
 
 
 def values_of(step: Any) -> dict[str, Any]:
@@ -151,9 +168,10 @@ def steps_of(settings: Any) -> tuple[Step, ...]:
     return parse_steps(perturb_of(settings), Place(PANEL, "perturbations"), registry())
 
 
-def deviation_of(settings: Any) -> Step | None:
-    """Return what moves the camera off its path, whatever else is right or wrong; None where nothing does."""
-    return next(iter(parse_steps(_deviation(settings), Place(PANEL, "deviation"), registry())), None)
+def motion_of(settings: Any) -> tuple[Step[MotionPerturbation], ...]:
+    """Return what is done to the path, in propagation order, whatever else is right or wrong."""
+    perturb = _own_motion(settings) + listed_motion(settings)
+    return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
 
 
 def intrinsics_of(settings: Any) -> Intrinsics:
@@ -324,7 +342,7 @@ def add_step(settings: Any, name: str) -> int:
         if registry()[name].temporals:
             item.temporal = registry()[name].temporals[0]
     places = list(registry())
-    order = [places.index(step.perturbation) for step in settings.steps]
+    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in settings.steps]
     place = sum(other <= order[-1] for other in order[:-1])
     settings.steps.move(len(order) - 1, place)
     settings.active_step = place

@@ -21,10 +21,10 @@ from ..core.perturbing.execution import perturb_depth
 from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
+from ..perturbations import registry
 from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
-from .properties import perturbation_of
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
@@ -298,10 +298,8 @@ Preview is on it follows the sliders"""
 
 def has_depth_steps(settings: Any) -> bool:
     """Tell whether something is done to depth, or to what it is paired with."""
-    return any(
-        step.enabled and isinstance(perturbation_of(step), (DepthPerturbation, PairingPerturbation))
-        for step in settings.steps
-    )
+    kinds = (DepthPerturbation, PairingPerturbation)
+    return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in settings.steps)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

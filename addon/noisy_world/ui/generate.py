@@ -6,8 +6,8 @@ import contextlib
 import bpy
 
 from ..core.errors import NoisyWorldError
+from .long_text import write
 from .operators import guarded
-from .preview import write
 from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, stop_all, summary
 
 LOOK_EVERY_S = 0.2

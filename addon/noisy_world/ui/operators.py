@@ -11,7 +11,7 @@ from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
 from .described import tell, title
-from .document import add_step, may_move
+from .document import OWN_FIELDS, add_step, may_move
 from .properties import active_step
 
 UNDOABLE = {"REGISTER", "UNDO"}
@@ -142,6 +142,9 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         name = self.perturbation
         if name not in registry():
             self.report({"ERROR"}, f"{name!r}: no such perturbation")
+            return CANCELLED
+        if name in OWN_FIELDS:
+            self.report({"ERROR"}, f"{title(registry()[name].label)} has fields of its own in Deviation and Speed")
             return CANCELLED
         once = isinstance(registry()[name], SEQUENCE_KINDS)
         if once and any(step.perturbation == name for step in settings.steps):

@@ -6,14 +6,16 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbing.kinds import SEVERITIES, Perturbation, Stage
+from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
 from .described import title
+from .document import OWN_FIELDS
 from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
 
 TAB = "Noisy World"
 STAGE_LABELS: dict[Stage, tuple[str, str]] = {
+    "motion": ("Motion", "CON_FOLLOWPATH"),
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
     "sensor": ("Sensor", "TEXTURE"),
@@ -160,19 +162,24 @@ class NOISYWORLD_MT_add_step(bpy.types.Menu):
     bl_label = "Add Perturbation"
 
     def draw(self, _: bpy.types.Context) -> None:
-        """Draw a menu for each stage."""
+        """Draw a menu for each stage that has some."""
         for stage, (label, icon) in STAGE_LABELS.items():
-            self.layout.menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
+            if addable(stage):
+                self.layout.menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
+
+
+def addable(stage: Stage) -> list[Perturbation]:
+    """Return what the list can hold of a stage: what has no fields of its own."""
+    return [item for item in registry().values() if item.stage == stage and item.name not in OWN_FIELDS]
 
 
 def _stage_menu(stage: Stage) -> type:
     """Make the menu of a stage."""
 
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
-        for perturbation in registry().values():
-            if perturbation.stage == stage:
-                label = short_label(perturbation)
-                self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+        for perturbation in addable(stage):
+            label = short_label(perturbation)
+            self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
     return type(
         f"NOISYWORLD_MT_add_{stage}",
@@ -217,7 +224,8 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
         column.prop(step, "use_severity")
         if step.use_severity:
             column.prop(step, "severity", slider=True)
-            column.row().prop(step, "mode", expand=True)
+            if not isinstance(perturbation, SEQUENCE_KINDS):
+                column.row().prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
         label, buttons = _split_row(column)
         label.label(text="Pattern")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The clean path and the deviated one in the 3D views, in two colours that differ for every eye."""
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +12,11 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
-from ..core.perturbing.execution import move
+from ..core.errors import NoisyWorldError
+from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
-from .document import deviation_of, identifiers_of
+from .document import identifiers_of, listed_motion, motion_of
+from .long_text import write
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
@@ -76,16 +79,43 @@ def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
 
 
 def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the poses (N, 4, 4) that the settings make of the clean ones; None where they leave them alone."""
-    step, identifiers = deviation_of(scene.noisy_world), identifiers_of(scene.noisy_world)
-    if step is None:
+    """Return the poses (M, 4, 4) that the settings move the clean ones (N, 4, 4) to; None where they leave them alone.
+
+    Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    moving, _ = split_motion(motion_of(scene.noisy_world))
+    if not moving:
         return None
-    made_from = (c2w.tobytes(), *step.given.items(), identifiers)
+    identifiers, stamps_s = identifiers_of(scene.noisy_world), clean_stamps_s(scene)
+    values = [(step.perturbation.name, step.severity, *step.given.items()) for step in moving]
+    made_from = (c2w.tobytes(), stamps_s.tobytes(), *values, identifiers)
     if made_from not in _deviated:
         _deviated.clear()
-        path = Trajectory(c2w, np.arange(len(c2w), dtype=np.float64))
-        _deviated[made_from] = move([step], path, identifiers).c2w
+        _deviated[made_from] = move(moving, Trajectory(c2w, stamps_s), identifiers).c2w
     return _deviated[made_from]
+
+
+def chosen_frames(scene: bpy.types.Scene, count: int) -> NDArray[np.int64] | None:
+    """Return which of the `count` poses that the camera is keyed along the sequence shows; None where it shows all.
+
+    Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    _, choosing = split_motion(motion_of(scene.noisy_world))
+    return chosen_poses(choosing, count, identifiers_of(scene.noisy_world))
+
+
+def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the poses (M, 4, 4) of the second line: those that are shown; None where the clean path says it all.
+
+    That is so where only the panel's own speed leaves poses out: the line would be the same. Raises NoisyWorldError
+    naming a perturbation that breaks its contract.
+    """
+    moved = deviated_poses(scene, c2w)
+    if not listed_motion(scene.noisy_world):
+        return moved
+    keyed = c2w if moved is None else moved
+    chosen = chosen_frames(scene, len(keyed))
+    return moved if chosen is None else keyed[chosen]
 
 
 # --- drawing ---
@@ -108,9 +138,10 @@ def _batches(scene: bpy.types.Scene) -> Drawn | None:
         _drawn.pop(scene.session_uid, None)
         return None
     settings = scene.noisy_world
-    deviation = (settings.deviation_rotation_deg, settings.deviation_translation_m)
+    fields = (settings.deviation_rotation_deg, settings.deviation_translation_m, settings.speed_factor)
+    motion = (*fields, json.dumps(listed_motion(settings)))
     origin_m = get_origin(scene)
-    made_from = (hash(bytes(memoryview(values))), deviation, identifiers_of(settings), tuple(origin_m))
+    made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(settings), tuple(origin_m))
     found = _drawn.get(scene.session_uid)
     if found is None or found.made_from != made_from:
         found = _drawn[scene.session_uid] = _make(scene, made_from, origin_m)
@@ -121,9 +152,12 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
     c2w = clean_poses(scene)
     if c2w is None:
         return Drawn(made_from, None, None)
-    deviated = deviated_poses(scene, c2w)
+    try:
+        second = drawn_poses(scene, c2w)
+    except NoisyWorldError:  # `draw` says it in the panel
+        second = None
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    lines = [None if item is None else path_lines(item, origin_m) for item in (c2w, deviated)]
+    lines = [None if item is None else path_lines(item, origin_m) for item in (c2w, second)]
     return Drawn(
         made_from, *(None if item is None else batch_for_shader(shader, "LINES", {"pos": item}) for item in lines)
     )
@@ -157,14 +191,19 @@ def _draw() -> None:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the legend, where paths are drawn."""
+    """Draw the legend, where paths are drawn, and what is wrong with them."""
     scene = context.scene
-    if path_of(scene) is None:
+    c2w = clean_poses(scene)
+    if c2w is None:
         return
-    settings = scene.noisy_world
     row = layout.row(align=True)
     row.label(text="Clean Path", icon=CLEAN_ICON)
-    if settings.deviation_rotation_deg or settings.deviation_translation_m:
+    try:
+        second = drawn_poses(scene, c2w)
+    except NoisyWorldError as error:
+        write(layout, context, str(error), "ERROR")
+        return
+    if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)
 
 

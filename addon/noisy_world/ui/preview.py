@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel says, seen at once: the chain behind the view and the last render, following every slider."""
 
-import textwrap
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import hide_chain, refresh_chain
 from ..core.errors import NoisyWorldError
 from . import frame_preview, properties, views
+from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
@@ -271,17 +271,6 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         waits = ", waiting" if scene.session_uid in _changed_s else ""
         took_s = frame_preview.seconds_taken(scene)
         write(layout, context, f"The picture takes {took_s:.1f} s: it follows when the slider rests{waits}", "TIME")
-
-
-def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
-    """Write a text on as many lines as the region is narrow."""
-    scale = context.preferences.system.ui_scale
-    width = 220 * scale if context.region is None else context.region.width
-    letters = max(16, int((width / scale - 60) / 6.2))
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, letters)):
-        column.label(text=line, icon=icon if number == 0 else "BLANK1")
 
 
 # --- registration ---

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..core.errors import NoisyWorldError
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
 from ..core.presets.preset import (
     REPLICA_CAMERA,
@@ -120,6 +121,10 @@ def _step_members() -> dict[str, Any]:
         "exact": bpy.props.StringProperty(options={"HIDDEN"}),
     }
     for name, cls in PARAMETERS.items():
+        if name in ("name", *members):
+            raise NoisyWorldError(
+                f"{registry()[name].distribution}: {name} cannot name a perturbation: the panel uses it"
+            )
         members[name] = bpy.props.PointerProperty(type=cls, name=title(registry()[name].label))
     return members
 

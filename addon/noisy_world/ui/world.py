@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
+import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +12,16 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
+from ..core.errors import NoisyWorldError
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
-from .document import CAMERA, absolute, intrinsics_of, preset_of, value_of
-from .paths import CLEAN_C2W, CLEAN_STAMPS_S, deviated_poses
+from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, value_of
+from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
 
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
+KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 DISPLAY_COLOURS = "Display"
 FAR_M = 1000.0  # from here on float32 resolves less than 0.1 mm, and the scene is moved
 PATH_PROPERTIES = (
@@ -108,17 +112,31 @@ def load_path(scene: bpy.types.Scene) -> int:
 
 
 def key_camera(scene: bpy.types.Scene) -> None:
-    """Key the camera along its path, deviated as the panel says, and set the timeline's range."""
+    """Key the camera along its path, deviated as the panel says, and set the timeline's range and step.
+
+    Raises NoisyWorldError naming a perturbation that breaks its contract; the keys then stay.
+    """
     camera = own_object(scene, "camera")
     if camera is None or CLEAN_C2W not in camera:
         return
     c2w = np.array(camera[CLEAN_C2W], dtype=np.float64).reshape(-1, 4, 4)
     deviated = deviated_poses(scene, c2w)
+    keyed = c2w if deviated is None else deviated
+    step = _frame_step(chosen_frames(scene, len(keyed)), len(keyed))
     before = camera.animation_data.action if camera.animation_data else None
-    key_trajectory(scene, camera, c2w if deviated is None else deviated)
+    key_trajectory(scene, camera, keyed)
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
-    scene.frame_step = scene.noisy_world.speed_factor  # rendered, an animation holds the frames of the sequence
+    camera[KEYED_BY] = json.dumps(listed_motion(scene.noisy_world))
+    scene.frame_step = step  # rendered, an animation holds the frames of the sequence
+
+
+def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
+    """Return the timeline's step that shows the chosen poses of so many; 1 where no step does."""
+    if chosen is None:
+        return 1
+    step = int(chosen[1] - chosen[0]) if len(chosen) > 1 else count
+    return step if step > 0 and np.array_equal(chosen, np.arange(0, count, step)) else 1
 
 
 # --- camera ---
@@ -154,8 +172,15 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
         return
     if name in CAMERA:
         apply_intrinsics(scene)
-    elif name in PATH_PROPERTIES:
-        key_camera(scene)
+    elif name in PATH_PROPERTIES or (name == "steps" and _keyed_otherwise(scene)):
+        with suppress(NoisyWorldError):  # the panel says it beside the legend of the paths
+            key_camera(scene)
+
+
+def _keyed_otherwise(scene: bpy.types.Scene) -> bool:
+    """Tell whether the list moves the camera otherwise than it is keyed: most changes in it do not touch the path."""
+    camera = own_object(scene, "camera")
+    return camera is not None and camera.get(KEYED_BY, "[]") != json.dumps(listed_motion(scene.noisy_world))
 
 
 def register() -> None:

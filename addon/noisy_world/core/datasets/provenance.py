@@ -54,6 +54,7 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
         "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
         "sequences": [sequence.folder for sequence in plan.sequences],
         "versions": {
+            **_perturbation_packages(plan),
             "noisy_world": package_version(),
             **renderer,
             "python": platform.python_version(),
@@ -67,6 +68,12 @@ def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
             "features": processor_features(),
         },
     }
+
+
+def _perturbation_packages(plan: Plan) -> dict[str, str]:
+    """Return the versions of the installed packages whose perturbations the preset uses, by name."""
+    used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
+    return {item.name: item.version for item in used if item is not None}
 
 
 def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:

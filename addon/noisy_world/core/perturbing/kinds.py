@@ -5,9 +5,10 @@ A perturbation is one file with a `PERTURBATION`. Presets, panels, sockets, `--l
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,18 +147,31 @@ type PairingApply = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
 """The number of frames; parameters; context -> (count,) the frame whose depth goes with each; -1: it is left out."""
 
 
+@dataclass(frozen=True)
+class Distribution:
+    """An installed Python package, by its name and version."""
+
+    name: str
+    version: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
     """What all kinds share; a perturbation is one of the four kinds below.
 
-    name: as in presets. label: as in panels. stage: its place in the order of propagation. order: its place inside the
-    stage, in steps of 10; equal ones go by name. parameters: a frozen dataclass of `schema.key` fields with defaults.
+    name: as in presets: small letters, digits and underscores. label: as in panels. stage: its place in the order of
+    propagation. order: its place inside the stage; ours go in steps of 10, equal ones by name. parameters: a frozen
+    dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} where there is no severity.
     source: of those values. temporals: what `temporal` may be; () where no pattern is random from frame to frame.
-    counts: parameters that are whole numbers, which a fractional severity rounds.
+    counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the installed package
+    that brought it, set where it is found; None for our own.
 
-    Raises ValueError for severities that are not five values of a parameter, and for a parameter with the name of one
-    of the keys that every perturbation has in a preset.
+    Raises ValueError for a name, parameters or severities that are not like this, and for a parameter with the name of
+    one of the keys that every perturbation has in a preset.
     """
 
     name: str
@@ -169,8 +183,12 @@ class Perturbation:
     source: str
     temporals: tuple[Temporal, ...] = ()
     counts: frozenset[str] = frozenset()
+    distribution: Distribution | None = None
 
     def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+            raise ValueError(f"{self.name!r} is no name: small letters, digits and underscores, a letter first")
+        _check_parameters(self.name, self.parameters)
         if self.stage not in STAGES:
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(STAGES)}")
         known = {item.name for item in fields(self.parameters)}
@@ -277,9 +295,29 @@ SEQUENCE_KINDS = (MotionPerturbation, PairingPerturbation)
 """Kinds that act on a whole sequence: each of their perturbations at most once, at one severity."""
 
 
+def _check_parameters(name: str, parameters: type) -> None:
+    if not (isinstance(parameters, type) and is_dataclass(parameters)):
+        raise ValueError(f"{name}: parameters has to be a dataclass")
+    hints = get_type_hints(parameters)
+    for item in fields(parameters):
+        if "key" not in item.metadata or item.default is MISSING:
+            raise ValueError(f"{name}: the parameter {item.name} has to be a key(...) with a default")
+        hint = hints[item.name]
+        chosen = get_origin(hint) is Literal and all(isinstance(value, str) for value in get_args(hint))
+        if hint not in (float, int, bool) and not chosen:
+            raise ValueError(
+                f"{name}: the parameter {item.name} has to be a float, an int, a bool or a Literal of texts"
+            )
+
+
 def _check_no_temporals(perturbation: Perturbation) -> None:
     if perturbation.temporals:
         raise ValueError(f"{perturbation.name}: acts on a whole sequence, so it has no temporals")
+
+
+def kind_name(perturbation: Perturbation) -> str:
+    """Return the kind in a word: motion, colour, depth or pairing."""
+    return type(perturbation).__name__.removesuffix("Perturbation").lower()
 
 
 def propagation_key(perturbation: Perturbation) -> tuple[int, int, str]:

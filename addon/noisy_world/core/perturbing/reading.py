@@ -98,6 +98,10 @@ def _parse_step(perturbation: Perturbation, values: object, place: Place, same: 
     severity, levels = (
         _parse_severity(values, place, by_parameters=bool(given)) if own[:1] == ["severity"] else (None, None)
     )
+    if levels is not None and isinstance(perturbation, SEQUENCE_KINDS):
+        raise place.at("mode").error(
+            "is dynamic, but it acts on the whole sequence at one severity", "give severity alone"
+        )
     temporal = values.get("temporal", perturbation.temporals[0] if perturbation.temporals else "fresh")
     if perturbation.temporals and temporal not in perturbation.temporals:
         choices = ", ".join(perturbation.temporals)

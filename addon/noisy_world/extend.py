@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an author of perturbations imports: the four kinds, what they are told, and what a node group is built on.
+
+    from noisy_world.extend import DepthPerturbation, FrameContext, key
+
+A perturbation is one file with a `PERTURBATION`; an installed package brings it by an entry point of the group
+`noisy_world.perturbations`. docs/perturbations.md, "Your own", has a whole example. Importing this needs no Blender.
+"""
+
+from .core.geometry import Intrinsics
+from .core.node_graphs.graph import Graph, Socket
+from .core.node_graphs.groups import Canvas
+from .core.perturbing.kinds import (
+    ColourPerturbation,
+    DepthPerturbation,
+    FrameContext,
+    MotionPerturbation,
+    PairingPerturbation,
+    SequenceContext,
+)
+from .core.schema import key
+from .core.trajectories.trajectory import Trajectory
+
+__all__ = [
+    "Canvas",
+    "ColourPerturbation",
+    "DepthPerturbation",
+    "FrameContext",
+    "Graph",
+    "Intrinsics",
+    "MotionPerturbation",
+    "PairingPerturbation",
+    "SequenceContext",
+    "Socket",
+    "Trajectory",
+    "key",
+]

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sentences in a sidebar, which is narrow."""
+
+import textwrap
+
+import bpy
+
+
+def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+    """Write a text on as many lines as the region is narrow."""
+    scale = context.preferences.system.ui_scale
+    width = 220 * scale if context.region is None else context.region.width
+    letters = max(16, int((width / scale - 60) / 6.2))
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, letters)):
+        column.label(text=line, icon=icon if number == 0 else "BLANK1")

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which frame shows which, against mappings worked out by hand and by brute force."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from noisy_world.core.perturbing.kinds import MotionPerturbation
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Setting
+from noisy_world.core.planning.sequence import Shown, lay_out, written_paths
+from noisy_world.core.schema import Place, key
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
+from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.perturbations import registry
+
+NAMES = (7, "room", "setting")
+
+
+@dataclass(frozen=True)
+class Order:
+    """Which poses, given outright."""
+
+    shift: int = key("nothing", default=0, minimum=0, maximum=9)
+
+
+def choosing(name, order, indices):
+    """A perturbation of motion that shows these poses."""
+    return MotionPerturbation(
+        name=name, label=name, parameters=Order, severities={}, source="here", order=order,
+        choose=lambda count, parameters, context: np.array(indices),
+    )  # fmt: skip
+
+
+def moving(name, order):
+    return MotionPerturbation(
+        name=name, label=name, parameters=Order, severities={}, source="here", order=order,
+        apply=lambda path, parameters, context: path,
+    )  # fmt: skip
+
+
+def sequence(perturb, count, chosen=None, more=()):
+    known = registry() | {item.name: item for item in more}
+    return lay_out(Setting("setting", parse_steps(perturb, Place("test"), known)), "room", count, NAMES, chosen)
+
+
+def test_a_plain_sequence_shows_each_frame_once():
+    plain = sequence([], 4)
+    assert [plain.shown(k) for k in range(4)] == [Shown(k, k, k) for k in range(4)]
+    assert (plain.skips, plain.paired, plain.frames) == (False, False, (0, 1, 2, 3))
+    assert sequence([], 4, slice(1, 3)).frames == (1, 2)
+    assert sequence([], 4, slice(1, 3)).sources(["rgb", "depth"]) == {1, 2}
+
+
+def test_speed_and_desynchronisation_by_hand():
+    # Every third of ten: 0 3 6 9. Depth of the frame after next goes with each; the last ones take the last.
+    both = [{"desync": {"offset": 2}}, {"faster_motion": {"factor": 3}}]
+    shown = sequence(both, 10)
+    assert [shown.shown(k) for k in range(4)] == [Shown(0, 6, 2), Shown(3, 9, 3), Shown(6, 9, 3), Shown(9, 9, 3)]
+    assert shown.showing("depth", 9) == [1, 2, 3]
+    assert shown.showing("rgb", 9) == [3]
+    assert shown.showing("depth", 3) == []
+    assert shown.sources(["depth"]) == {6, 9}
+    both[0]["desync"]["edge"] = "drop"
+    dropped = sequence(both, 10)
+    assert dropped.frames == (0, 1)
+    assert dropped.leaves_out(2)
+    with pytest.raises(ValueError, match="setting/room: frame 2 is left out"):
+        dropped.shown(2)
+    assert dropped.sources(["rgb", "depth"]) == {0, 3, 6, 9}
+
+
+@pytest.mark.parametrize("indices", [[4, 4, 0, 2, 2], [1], [5, 4, 3, 2, 1, 0], [3, 1]])
+def test_who_shows_what_is_the_inverse_of_what_is_shown(indices):
+    shown = sequence([{"pick": {}}, {"desync": {"offset": -1}}], 6, more=[choosing("pick", 30, indices)])
+    for source in range(6):
+        for modality, name in (("rgb", "rgb_source"), ("depth", "depth_source")):
+            expected = [k for k in range(len(indices)) if getattr(shown.shown(k), name) == source]
+            assert shown.showing(modality, source) == expected
+        before = [value for value in indices if value <= source]
+        expected = indices.index(max(before)) if before else 0
+        assert shown.frame_at(source) == expected
+
+
+def test_a_choice_before_poses_move_shortens_the_path_that_is_rendered():
+    steps = [{"halve": {}}, {"shake": {}}, {"last_two": {}}]
+    more = [choosing("halve", 1, [0, 2, 4, 6]), moving("shake", 2), choosing("last_two", 3, [2, 3])]
+    assert sequence(steps, 8, more=more).source_frames == (2, 3)  # of the four that are rendered
+
+
+def test_poses_and_stamps_of_the_frames():
+    c2w = np.tile(np.eye(4), (7, 1, 1))
+    c2w[:, 0, 3] = np.arange(7)
+    stamps_s = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.7, 1.0])
+    fast = sequence([{"faster_motion": {"factor": 3}}], 7)
+    paths = written_paths(
+        fast, SensorPaths(Trajectory(c2w, stamps_s), nominal=Trajectory(2 * c2w - np.eye(4), stamps_s))
+    )
+    assert paths.rgb.c2w[:, 0, 3].tolist() == [0, 3, 6]
+    assert paths.rgb.stamps_s.tolist() == [0.0, 0.1, 0.25]  # the camera's rate stays
+    assert list(paths.named()) == ["rgb", "nominal"]
+    assert paths.nominal.c2w[:, 0, 3].tolist() == [0, 6, 12]

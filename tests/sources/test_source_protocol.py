@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A source that nothing knows of goes through the whole pipeline: it is asked for what the protocol says alone."""
+
+import hashlib
+import json
+import sys
+import threading
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import cv2
+import fake_session
+import numpy as np
+import pytest
+from worlds import path_poses, write_world
+
+from noisy_world.core.errors import StorageError
+from noisy_world.core.planning.plan import lay_out_plan, read_settings
+from noisy_world.core.planning.source import Gives, Scene
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.perturbations import registry
+from noisy_world.pipeline import Run
+from noisy_world.planning import make_plan
+
+STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])
+
+
+@dataclass(frozen=True)
+class ArithmeticFrame:
+    rgb: np.ndarray
+    depth_m: np.ndarray
+
+    def file_as(self, modality, format_):
+        return None
+
+
+class ArithmeticSource:
+    """Frames whose colour tells their time, and whose depth tells where the camera is."""
+
+    location = "arithmetic"
+    gives = Gives(rendered=False, any_pose=True)
+    stamps_s = STAMPS_S
+    robot_axes = "opencv"
+
+    def __init__(self):
+        self.notes = []
+
+    def camera(self, asked):
+        return asked
+
+    def trajectory(self):
+        return Trajectory(path_poses(4), STAMPS_S)
+
+    def hashes(self):
+        return {"arithmetic": "1"}
+
+    @contextmanager
+    def open(self, paths, camera, options, note):
+        note("opened")
+        self.camera_seen, self.options = camera, options
+        yield self
+
+    def frame(self, moment):
+        shape = (self.camera_seen.height_px, self.camera_seen.width_px)
+        rgb = np.full((*shape, 3), moment.time_s / 20, dtype=np.float32)
+        return ArithmeticFrame(rgb, np.full(shape, 5 + moment.depth_c2w[0, 3], dtype=np.float32))
+
+
+def run_of(plan, out, **options):
+    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **options)
+
+
+def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
+    moved = {"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 0, "translation_m": 0.1}}]}
+    late = {"name": "late", "perturb": [{"desync": {"offset": 1}}]}
+    rig = {"rgb": {}, "depth": {"translation_m": [0.5, 0, 0]}}
+    path = write_world(tmp_path / "world", size=(8, 6), rig=rig, settings=[{"name": "clean"}, moved, late])
+    preset = read_preset(path)
+    scene = Scene("sums", preset.place("scenes.0"), ArithmeticSource())
+    plan = lay_out_plan(preset, read_settings(preset, registry()), [scene])
+    assert not plan.needs_blender
+    out = tmp_path / "out"
+    run_of(plan, out).make_dataset()
+    assert "sums: opened" in capfd.readouterr().err
+    for setting in ("clean", "moved", "late"):
+        robot = np.loadtxt(out / setting / "sums/traj_robot.txt").reshape(-1, 4, 4)
+        depth_x_m = (robot @ [0.5, 0, 0, 1])[:, 0]  # the depth sensor's place on the robot
+        for k in range(4):
+            folder = out / setting / "sums/results"
+            rgb = cv2.imread(str(folder / f"frame{k:06d}.png"))
+            assert (rgb == round(STAMPS_S[k] / 20 * 255)).all()
+            depth = cv2.imread(str(folder / f"depth{k:06d}.png"), cv2.IMREAD_UNCHANGED)
+            taken = min(k + 1, 3) if setting == "late" else k
+            assert np.abs(depth / 6553.5 - (5 + depth_x_m[taken])).max() < 1e-4
+    moved_m = np.loadtxt(out / "moved/sums/traj_robot.txt")[:, [3, 7, 11]]
+    assert 0.02 < np.abs(moved_m - path_poses(4)[:, :3, 3]).mean() < 0.3
+    inputs = json.loads((out / "manifest.json").read_text())["identity"]["inputs"]
+    assert inputs == {"sums": {"arithmetic": "1"}}
+
+
+@pytest.fixture
+def _fake_blender(monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+
+
+@pytest.mark.usefixtures("_fake_blender")
+@pytest.mark.parametrize("changed", ["mesh.ply", "traj.txt", "preset.yaml", None])
+def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
+    path = write_world(tmp_path / "world", frames=4, size=(8, 6))
+    out = tmp_path / "out"
+
+    def workers(pieces, progress):
+        if changed == "preset.yaml":
+            path.write_text(path.read_text().replace("seed: 3", "seed: 4"))
+        elif changed:
+            file = path.parent / changed
+            file.write_text(
+                file.read_text().replace("200", "201") if changed == "mesh.ply" else file.read_text() + "\n"
+            )
+        for number, piece in enumerate(pieces):
+            report = run_of(make_plan(read_preset(path)), out, jobs=2).take_part(piece, number)
+        return report
+
+    run = run_of(make_plan(read_preset(path)), out, jobs=2, workers=workers)
+    if changed is None:
+        run.make_dataset()
+        return
+    with pytest.raises(StorageError, match="the run was opened otherwise") as error:
+        run.make_dataset()
+    assert "\n" not in str(error.value)
+    assert str(out) in str(error.value)
+    assert not out.exists(), "nothing was made, so nothing stays"
+
+
+def test_a_worker_without_a_run_is_refused(tmp_path):
+    plan = make_plan(read_preset(write_world(tmp_path / "world", frames=1, size=(8, 6))))
+    with pytest.raises(StorageError, match="no run is open here"):
+        run_of(plan, tmp_path / "out").take_part({"box": [0]}, 0)
+
+
+def test_a_recordings_hash_follows_every_file(tmp_path):
+    world = write_world(tmp_path / "world", frames=2, size=(8, 6))
+    folder = tmp_path / "kept" / "box"
+    (folder / "results").mkdir(parents=True)
+    for k in range(2):
+        cv2.imwrite(str(folder / f"results/frame{k:06d}.png"), np.full((6, 8, 3), k, np.uint8))
+        cv2.imwrite(str(folder / f"results/depth{k:06d}.png"), np.full((6, 8), 1000 + k, np.uint16))
+    (folder / "traj.txt").write_bytes((world.parent / "traj.txt").read_bytes())
+    world.write_text(
+        world.read_text().replace("mesh: mesh.ply", f"sequence: {folder}").replace("  trajectory: traj.txt\n", "")
+    )
+
+    def hashes():
+        (scene,) = make_plan(read_preset(world)).scenes
+        return scene.source.hashes()
+
+    files = sorted((folder / "results").iterdir(), key=lambda path: (not path.name.startswith("frame"), path.name))
+    each = "".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files)
+    assert hashes()["files_sha256"] == hashlib.sha256(each.encode()).hexdigest()
+    before = hashes()
+    cv2.imwrite(str(folder / "results/depth000001.png"), np.full((6, 8), 1, np.uint16))
+    assert hashes() != before
