@@ -73,8 +73,8 @@ def set_intrinsics(
 def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64]) -> None:
     """Put a camera at a pose (4, 4), camera-to-world with OpenCV axes, metres."""
     blender_c2w = blender_from_opencv_c2w(c2w)
-    camera.location = blender_c2w[:3, 3] - get_origin(scene)
-    camera.rotation_quaternion = quat_wxyz_from_rotation(blender_c2w[:3, :3])
+    camera.location = (blender_c2w[:3, 3] - get_origin(scene)).tolist()
+    camera.rotation_quaternion = quat_wxyz_from_rotation(blender_c2w[:3, :3]).tolist()
 
 
 def key_trajectory(

@@ -2,6 +2,7 @@
 """An image a band of rows at a time."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ ROWS = 32  # times any width times 3 is a whole number of Philox's 64-bit words
 
 
 def by_bands[T: np.generic, U: np.generic](
-    image: NDArray[T], dtype: np.dtype[U], perturb: Callable[[NDArray[T]], NDArray[U]]
+    image: NDArray[T], dtype: np.dtype[U], perturb: Callable[[NDArray[T]], NDArray[Any]]
 ) -> NDArray[U]:
     """Put together what `perturb` makes of bands of 32 rows, from the top down; it returns arrays of `dtype`.
 
