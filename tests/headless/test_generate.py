@@ -186,6 +186,9 @@ def test_dry_run_and_lists_write_nothing(world, tmp_path):
     assert "8 frames" in generate(world, "--list", "scenes").stdout
     assert "render.samples" in generate("--list", "keys").stdout
     assert "presets/demo.yaml" in generate("--list", "presets").stdout
+    listed = generate("--list", "layouts").stdout
+    assert "euroc  EuRoC ASL, " in listed
+    assert "images jpg or png; colour rgb or grey\n    depth in 16 bits, 6553.5 steps a metre: up to 10.0 m" in listed
     assert not out.exists()
 
 

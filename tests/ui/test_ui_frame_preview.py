@@ -90,6 +90,18 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
     assert np.array_equal(picture[:, SIZE[0] // 2 :], expected[:, SIZE[0] // 2 :])
 
 
+def test_grey_is_shown_as_it_is_written(room):
+    room.noisy_world.colour = "grey"
+    room.frame_set(2)
+    picture, _ = frame_preview.draw_colour(room)
+    weighted = 255 * np.clip(render_stills(room, [2])[0].rgb, 0, 1).astype(float) @ [0.299, 0.587, 0.114]
+    assert np.abs(picture - weighted[..., None]).max() <= 0.5 + 1e-3
+    add(room, "fog", severity=2.0)
+    fogged, _ = frame_preview.draw_colour(room)
+    assert (fogged == fogged[..., :1]).all()
+    assert not np.array_equal(fogged, picture)
+
+
 def test_depth_takes_part_in_colour_where_it_is_asked_for(room):
     add(room, "fog_depth", severity=3.0)
     fogged, _ = frame_preview.draw_colour(room)

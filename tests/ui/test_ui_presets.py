@@ -43,6 +43,41 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
             assert one.parameters(level) == other.parameters(level), name
 
 
+def test_what_the_files_are_written_as_is_kept(tmp_path):
+    from noisy_world.ui.document import from_document, open_preset, save_preset, to_document
+
+    document = {
+        "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
+        "output": {"layout": "euroc", "colour": "rgb", "depth_scale_per_m": 1000.1, "depth_beyond": "farthest"},
+    }
+    from_document(document, settings(), path=tmp_path / "p.yaml")
+    wanted = {**document["output"], "image": "png", "modalities": ["rgb", "depth"], "overview": False}
+    assert to_document(settings())["output"] == wanted
+    save_preset(settings(), tmp_path / "saved.yaml")
+    settings().layout = "replica"
+    open_preset(settings(), tmp_path / "saved.yaml", "clean")
+    assert to_document(settings())["output"] == wanted
+    # What a preset leaves to the layout is the layout's own, not what the panel showed before.
+    from_document({**document, "output": {"layout": "tum"}}, settings(), path=tmp_path / "p.yaml")
+    output = to_document(settings())["output"]
+    assert (output["colour"], output["depth_scale_per_m"], output["depth_beyond"]) == ("rgb", 5000.0, "void")
+
+
+def test_a_layout_brings_what_its_readers_expect():
+    from noisy_world.core.datasets.layouts import LAYOUTS
+
+    made = settings()
+    assert (made.layout, made.image, made.colour, made.depth_scale_per_m) == ("replica", "jpg", "rgb", 6553.5)
+    made.layout = "euroc"
+    assert (made.image, made.colour, made.depth_scale_per_m) == ("png", "grey", 5000.0)
+    made.layout = "replica"
+    assert (made.image, made.colour, made.depth_scale_per_m) == ("png", "rgb", 6553.5)  # png is one of its images
+    items = made.bl_rna.properties["layout"].enum_items
+    assert [item.identifier for item in items] == list(LAYOUTS)
+    assert items["euroc"].name == "EuRoC ASL"
+    assert items["replica"].description == "Of iMAP and NICE-SLAM; JPEG or PNG"
+
+
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     from noisy_world.ui.document import from_document, to_document
 

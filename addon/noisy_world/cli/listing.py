@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be listed: keys, perturbations, presets; and what a preset holds."""
+"""What can be listed: keys, layouts, perturbations, presets; and what a preset holds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +9,7 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
 
-KNOWN = ("keys", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 
 
@@ -22,12 +22,27 @@ def list_known(what: str) -> int:
         for name in shipped_presets():
             print(name)
         return 0
+    if what == "layouts":
+        return list_layouts()
     if what == "perturbations":
         return list_perturbations()
     rows = list(list_keys(PresetSpec))
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
         print(f"{name:<{width}}  {meaning}")
+    return 0
+
+
+def list_layouts() -> int:
+    """List every layout with its images, colours (of both the default first) and depth scale."""
+    from ..core.datasets.layouts import LAYOUTS
+    from ..core.presets.output import OutputSpec
+
+    for layout in LAYOUTS.values():
+        print(f"{layout.name}  {layout.label}, {layout.meaning}")
+        print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
+        farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
+        print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
     return 0
 
 

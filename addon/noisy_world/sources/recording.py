@@ -20,6 +20,8 @@ from ..core.schema import Place
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
 
+INTRINSICS_TOLERANCE_PX = 1e-3  # what people round away when they copy intrinsics
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -49,11 +51,15 @@ class Recording:
         return None
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return the intrinsics that are asked for, if its images have that size."""
+        """Return the intrinsics that are asked for, if they are its own as far as it tells them."""
         wide, high = self.stored.size_px
         if (wide, high) != (asked.width_px, asked.height_px):
             remedy = f"say so in camera, which has {asked.width_px} x {asked.height_px}"
             raise self.place.at("sequence").error(f"its images are {wide} x {high}", remedy)
+        told = self.stored.camera
+        if told is not None and np.abs(_intrinsics_px(told) - _intrinsics_px(asked)).max() > INTRINSICS_TOLERANCE_PX:
+            values = f"fx {told.fx_px:g}, fy {told.fy_px:g}, cx {told.cx_px:g}, cy {told.cy_px:g}"
+            raise self.place.at("sequence").error(f"its camera has {values}", "say so in camera, which has others")
         return asked
 
     def trajectory(self) -> Trajectory:
@@ -78,6 +84,10 @@ class Recording:
         """Make ready to read."""
         del paths, camera, options, note  # as they are in the files
         yield OpenRecording(self.stored)
+
+
+def _intrinsics_px(camera: Intrinsics) -> NDArray[np.float64]:
+    return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_onc
 LARGEST_INT = 2**31 - 1
 _LEAST_ABOVE = 1e-6
 _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
-_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
+_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s", "steps/m": "steps/m"}
 _NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
 _CHOICES = {
     "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
@@ -34,6 +34,10 @@ _CHOICES = {
     "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
     "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
     "png": ("PNG", "Without loss"),
+    "rgb": ("Colour", "Red, green and blue"),
+    "grey": ("Grey", "One channel, as systems for visual odometry read it"),
+    "void": ("Void", "No depth"),
+    "farthest": ("Farthest", "The farthest depth that 16 bits hold"),
     "static": ("Static", "The same for all frames"),
     "dynamic": ("Dynamic", "Drawn for each frame"),
     "clamp": ("Clamp", "Take the nearest frame there is"),
@@ -65,10 +69,18 @@ def parameter_label(name: str) -> str:
 # --- properties out of dataclasses ---
 
 
-def described(cls: type, name: str, *, label: str = "", update: str = "", **other: Any) -> Any:
+def described(
+    cls: type,
+    name: str,
+    *,
+    label: str = "",
+    update: str | Callable[[Any, bpy.types.Context], None] = "",
+    **other: Any,
+) -> Any:
     """Make the property of a dataclass's field: its meaning as the tooltip, its range, its unit, its default.
 
-    label: instead of the field's name. update: what listeners are told. other: stands over what the field says.
+    label: instead of the field's name. update: what listeners are told, or the function that tells them. other: stands
+    over what the field says.
     """
     item: Field[Any] = next(field for field in fields(cls) if field.name == name)
     info: KeyInfo = item.metadata["key"]
@@ -76,17 +88,26 @@ def described(cls: type, name: str, *, label: str = "", update: str = "", **othe
     label = label or parameter_label(name)
     if info.unit in _SPOKEN_UNITS:
         label += f" ({_SPOKEN_UNITS[info.unit]})"
-    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": tell(update or name)}
+    told = tell(update or name) if isinstance(update, str) else update
+    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": told}
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
-    if get_origin(hint) is Literal:
-        common["items"] = [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
-        return bpy.props.EnumProperty(**(common | other))
+    if items := _items(hint, info):
+        return bpy.props.EnumProperty(**({"items": items} | common | other))
     if hint is bool:
         return bpy.props.BoolProperty(**(common | other))
     if hint is str:
         return bpy.props.StringProperty(**(common | other))
     return _number(hint, info, common | other)
+
+
+def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
+    """Return the values that a field chooses from, with label and tooltip; none for any other field."""
+    if info.choices is not None:
+        return [(value, choice.label, choice.meaning) for value, choice in info.choices.items()]
+    if get_origin(hint) is Literal:
+        return [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
+    return []
 
 
 def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:

@@ -84,6 +84,9 @@ def to_document(settings: Any, folder: Path | None = None) -> dict[str, Any]:
         "output": {
             "layout": settings.layout,
             "image": settings.image,
+            "colour": settings.colour,
+            "depth_scale_per_m": value_of(settings, "depth_scale_per_m"),
+            "depth_beyond": settings.depth_beyond,
             "modalities": modalities,
             "overview": settings.overview,
         },
@@ -292,8 +295,11 @@ def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
         set_value(settings, name, getattr(spec.camera, field))
     settings.engine, settings.samples = spec.render.engine, spec.render.samples
     settings.backend = setting.backend
-    settings.layout = spec.output.layout
-    settings.image = spec.output.format.image
+    output = spec.output.format
+    settings.layout = output.layout.name
+    settings.image, settings.colour = output.image, output.colour
+    set_value(settings, "depth_scale_per_m", output.depth_scale_per_m)
+    settings.depth_beyond = output.depth_beyond
     settings.use_rgb = "rgb" in spec.output.modalities
     settings.use_depth = "depth" in spec.output.modalities
     settings.overview = spec.output.overview

@@ -15,6 +15,7 @@ from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
 from ..clean_frame import Camera, CleanFrame
 from ..colour import colour_of
+from ..core.datasets.images import grey_bytes, rgb_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import perturb_depth
@@ -77,18 +78,26 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
-    picture = before = clean.byte_rgb()
+    stored = scene.noisy_world.colour
+    picture = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
         height, width = before.shape[:2]
         only = replace(sequence, frames=(index,))
         with colour_of([only], _camera(scene), (width, height)) as colour:
             made, notes = colour.of(clean)[only.folder, index]()
-        picture = before if made is None else made
+        picture = before if made is None else _as_stored(made, stored)
     edge = round(scene.noisy_world.preview_split * picture.shape[1])
     if edge and picture is not before:
         picture = np.concatenate([before[:, :edge], picture[:, edge:]], axis=1)
     return picture, f"Frame {index}: {_listed(notes)}"
+
+
+def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
+    """Return colour (H, W, 3) as its file shows it: of a file in grey, the three channels alike."""
+    if colour == "grey":
+        return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
+    return rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb)
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
@@ -111,8 +120,9 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _clean(scene, shown.rgb_source).byte_rgb()
-    return np.concatenate([colour, picture], axis=1), f"Colour of frame {index}, depth of {shown.depth_frame}: {about}"
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.colour)
+    pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
+    return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
 
 def _shown(sequence: Sequence, index: int) -> Shown:

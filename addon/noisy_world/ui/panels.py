@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..core.datasets.layouts import LAYOUTS
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
@@ -299,8 +300,13 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(settings, "layout")
         row = column.row(align=True)
-        row.enabled = settings.layout == "replica"
+        row.enabled = len(LAYOUTS[settings.layout].images) > 1
         row.prop(settings, "image", text="Images")
+        column.prop(settings, "colour")
+        column = layout.column(align=True)
+        column.enabled = settings.use_depth
+        column.prop(settings, "depth_scale_per_m")
+        column.prop(settings, "depth_beyond")
         column = layout.column(heading="Write", align=True)
         for name in ("use_rgb", "use_depth", "overview"):
             column.prop(settings, name)

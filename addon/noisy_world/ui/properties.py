@@ -9,11 +9,11 @@ import bpy
 
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
+from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
     REPLICA_CAMERA,
     CameraSpec,
     HandheldSpec,
-    OutputSpec,
     PresetSpec,
     RenderSpec,
     SceneSpec,
@@ -23,8 +23,9 @@ from ..core.presets.preset import (
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title
+from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title, told_once
 
+OUTPUT = OutputSpec().format  # what a new scene starts with
 OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
 
 
@@ -153,11 +154,15 @@ def active_step(settings: Any) -> Any | None:
 # --- the scene's ---
 
 
-def _take_png(settings: Any, context: bpy.types.Context) -> None:
-    """Keep to the images that the layout's readers expect."""
-    if settings.layout == "tum":
-        settings.image = "png"
-    tell("layout")(settings, context)
+def _take_layout(settings: Any, context: bpy.types.Context) -> None:
+    """Take what the readers of a layout expect: its own images, colour and depth scale."""
+    own = OutputSpec(layout=settings.layout).format
+    with told_once():
+        if settings.image not in own.layout.images:
+            settings.image = own.image
+        settings.colour = own.colour
+        settings.depth_scale_per_m = own.depth_scale_per_m
+        tell("layout")(settings, context)
 
 
 def _settings_members() -> dict[str, Any]:
@@ -236,19 +241,22 @@ def _settings_members() -> dict[str, Any]:
         **{
             name: described(RenderSpec, name, update=name) for name in ("engine", "backend", "samples")
         },
-        "layout": enum(
-            name="Layout",
-            description="The layout of the files",
-            items=[
-                ("replica", "Replica", "Of iMAP and NICE-SLAM; JPEG or PNG"),
-                ("tum", "TUM", "Of the TUM RGB-D benchmark, which ORB-SLAM reads; PNG"),
-            ],
-            update=_take_png,
+        "layout": described(
+            OutputSpec, "layout", description="The layout of the files", update=_take_layout
         ),
         "image": described(
-            OutputSpec, "image", label="Colour Images", update="image",
+            OutputSpec, "image", label="Colour Images", update="image", default=OUTPUT.image,
             description="Format of colour: JPEG at quality 98 without chroma subsampling, or PNG",
         ),
+        "colour": described(
+            OutputSpec, "colour", label="Channels", update="colour", default=OUTPUT.colour,
+            description="What colour images hold: red, green and blue, or one channel of grey",
+        ),
+        "depth_scale_per_m": described(
+            OutputSpec, "depth_scale_per_m", label="Depth Scale", update="depth_scale_per_m", precision=1,
+            default=OUTPUT.depth_scale_per_m, description="Steps of the 16-bit depth images a metre",
+        ),
+        "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
         "use_rgb": flag(name="Colour", description="Render and write colour", default=True, update=tell("use_rgb")),
         "use_depth": flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images as bytes: nothing wraps, nothing shifts, colours keep their order."""
 
+from fractions import Fraction
+
 import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.datasets.images import encode_colour, encode_depth, quantise_depth, rgb_bytes
+from noisy_world.core.datasets.images import encode_colour, encode_depth, grey_bytes, quantise_depth, rgb_bytes
 from noisy_world.core.datasets.layouts import LAYOUTS
 
 
@@ -77,3 +79,56 @@ def test_bytes_are_the_nearest_and_what_lies_outside_is_clipped():
         found = rgb_bytes(values.astype(np.float32).reshape(shape))
         assert found.dtype == np.uint8
         assert np.array_equal(found.ravel(), wanted)
+
+
+def exact_grey(rgb):
+    """BT.601's weights on bytes, in fractions, half a byte rounded up."""
+    weights = Fraction(299, 1000), Fraction(587, 1000), Fraction(114, 1000)
+    rows = np.asarray(rgb).reshape(-1, 3).tolist()
+    values = [sum(weight * value for weight, value in zip(weights, row, strict=True)) for row in rows]
+    return np.array([int(value + Fraction(1, 2)) for value in values]).reshape(np.shape(rgb)[:-1])
+
+
+def test_grey_is_the_weighted_sum_of_encoded_values():
+    by_hand = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255], [0, 0, 0], [1, 2, 3], [200, 100, 50]]
+    # 76.245, 149.685, 29.07, 255, 0, 1.815, 59.8 + 58.7 + 5.7 = 124.2
+    assert grey_bytes(np.array([by_hand], np.uint8)).tolist() == [[76, 150, 29, 255, 0, 2, 124]]
+    rgb = np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8)
+    rgb[:10] = rgb[:10, :, :1]  # grey stays what it is
+    found = grey_bytes(rgb)
+    assert found.dtype == np.uint8
+    assert np.array_equal(found, exact_grey(rgb))
+    assert np.array_equal(found[:10], rgb[:10, :, 0])
+    # OpenCV's own has the same weights in fewer digits.
+    assert np.abs(found.astype(int) - cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)).max() <= 1
+
+
+def test_grey_of_floats_is_rounded_once():
+    rgb = np.array([[[10.4, 10.4, 12.4], [300, -7, 0], [255, 255, 255]]], np.float32) / np.float32(255)
+    # By way of bytes it would be 10, 10 and 12: 10.228. 300 is clipped to 255.
+    assert grey_bytes(rgb).tolist() == [[11, 76, 255]]
+    rgb = np.random.default_rng(1).random((40, 50, 3)).astype(np.float32)
+    exact = 255 * (rgb.astype(float) @ [0.299, 0.587, 0.114])
+    assert np.abs(grey_bytes(rgb) - exact).max() <= 0.5 + 1e-4
+
+
+@pytest.mark.parametrize("image", ["png", "jpg"])
+def test_grey_is_one_channel_on_disk(tmp_path, image):
+    grey = np.random.default_rng(0).integers(0, 256, (20, 30)).astype(np.uint8)
+    path = tmp_path / f"grey.{image}"
+    path.write_bytes(encode_colour(grey, image))
+    found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert found.shape == (20, 30)
+    assert found.dtype == np.uint8
+    if image == "png":
+        assert np.array_equal(found, grey)
+        header = path.read_bytes()[:33]  # signature, then the chunk IHDR: width, height, depth of bits, kind of colour
+        assert header[12:16] == b"IHDR"
+        assert (header[24], header[25]) == (8, 0)
+
+
+def test_what_lies_beyond_is_void_or_the_farthest():
+    limit_m = 65535 / 5000
+    depth_m = np.array([[limit_m, limit_m + 1e-3, 1e10, np.inf, 0.0, -1.0, np.nan, -np.inf, 1.0]], np.float32)
+    assert quantise_depth(depth_m, 5000.0, "void").tolist() == [[65535, 0, 0, 0, 0, 0, 0, 0, 5000]]
+    assert quantise_depth(depth_m, 5000.0, "farthest").tolist() == [[65535, 65535, 65535, 65535, 0, 0, 0, 0, 5000]]

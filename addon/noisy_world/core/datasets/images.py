@@ -40,13 +40,15 @@ def grey_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8
     The weights are those that OpenCV has for its own grey. Rounding happens once: floats are not rounded before, and
     what lies outside [0, 1] is clipped; half a byte is rounded up.
     """
+    red, green, blue = GREY_WEIGHTS_PER_MILLE
     if rgb.dtype == np.uint8:  # in whole numbers, so that a half is one
-        red, green, blue = (rgb[..., k].astype(np.uint32) * weight for k, weight in enumerate(GREY_WEIGHTS_PER_MILLE))
-        return ((red + green + blue + 500) // 1000).astype(np.uint8)
-    clipped = np.clip(rgb, 0.0, 1.0)
-    shares = [np.float32(weight / 1000 * 255) for weight in GREY_WEIGHTS_PER_MILLE]
-    red, green, blue = (clipped[..., k] * share for k, share in enumerate(shares))
-    return (red + green + blue + np.float32(0.5)).astype(np.uint8)
+        whole = rgb.astype(np.uint32)
+        weighted = whole[..., 0] * red + whole[..., 1] * green + whole[..., 2] * blue
+        return np.asarray((weighted + 500) // 1000, dtype=np.uint8)
+    clipped = np.clip(rgb, 0.0, 1.0, dtype=np.float32)
+    red, green, blue = (np.float32(weight / 1000 * 255) for weight in GREY_WEIGHTS_PER_MILLE)
+    weighted = clipped[..., 0] * red + clipped[..., 1] * green + clipped[..., 2] * blue
+    return np.asarray(weighted + np.float32(0.5), dtype=np.uint8)
 
 
 def encode_colour(pixels: NDArray[np.uint8], image: Literal["jpg", "png"]) -> bytes:

@@ -22,6 +22,7 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
 def package_version() -> str:
@@ -100,7 +101,8 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
-        "conventions": CONVENTIONS,
+        "colour": plan.format.colour,
+        "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,
         "files": files,
     }

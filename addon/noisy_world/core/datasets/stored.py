@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..geometry import Intrinsics
 from ..trajectories.trajectory import Trajectory
 
 PAIRING_S = 0.02  # the TUM benchmark's own tolerance between stamps that belong together
@@ -54,6 +55,7 @@ class StoredSequence:
     """A sequence on disk: its pairs of images, its ground truth and how it counts depth.
 
     trajectory: the colour camera's poses, one for each pair of images. depth_scale_per_m: steps a metre.
+    camera: its intrinsics, where the layout tells them.
     """
 
     folder: Path
@@ -62,6 +64,7 @@ class StoredSequence:
     trajectory_path: Path
     trajectory: Trajectory
     depth_scale_per_m: float
+    camera: Intrinsics | None = None
 
     @cached_property
     def _first_image(self) -> tuple[tuple[int, int], str | None]:

@@ -197,7 +197,7 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
             raise scene.place.at("sequence").error("is a sequence, which no rig can see otherwise", "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.stamps_s):
-            raise scene.place.error(problem)
+            raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
 
 
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality
 from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
@@ -65,11 +66,14 @@ class Sequence:
 
     def frame_at(self, source: int) -> int:
         """Return the frame that shows a source frame: the first one or, without any, of the nearest before."""
-        known = np.array(self.source_frames)
-        before = np.flatnonzero(known <= source)
-        if not before.size:
-            return 0
-        return int(before[np.argmax(known[before])])
+        sources, frames = self._first_shown
+        before = int(np.searchsorted(sources, source, side="right")) - 1
+        return int(frames[before]) if before >= 0 else 0
+
+    @cached_property
+    def _first_shown(self) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
+        """The source frames that are shown, sorted, and the first frame that shows each."""
+        return np.unique(np.array(self.source_frames, dtype=np.int64), return_index=True)
 
     def leaves_out(self, frame: int) -> bool:
         """Tell whether there is no depth to go with a frame, which is then not made."""

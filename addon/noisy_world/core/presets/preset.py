@@ -4,17 +4,16 @@
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from ..datasets.layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from ..errors import InputError
-from ..schema import Choice, Place, key, parse
+from ..schema import Place, key, parse
+from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 
 EMBEDDED_ROOM = "embedded:room"
-_KNOWN_LAYOUTS = " or ".join(layout.label for layout in LAYOUTS.values())
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)
 
 
@@ -69,7 +68,7 @@ class SceneSpec:
 
     mesh: str | None = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}", default=None)
     sequence: str | None = key(
-        f"instead of mesh and trajectory: a folder laid out as {_KNOWN_LAYOUTS}, relative to the preset; * allowed",
+        f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
         default=None,
     )
     trajectory: TrajectorySpec | None = key("the way of the camera, or of the robot that carries it", default=None)
@@ -156,57 +155,6 @@ class SettingSpec:
     backend: Literal["compositor", "reference"] | None = key(
         "what executes this setting's perturbations of colour, where it is not the preset's", default=None
     )
-
-
-def _defaults(of: Callable[[Layout], str]) -> str:
-    """Say what each layout has where a preset says nothing: "default jpg for replica, png for tum"."""
-    return "default " + ", ".join(f"{of(layout)} for {name}" for name, layout in LAYOUTS.items())
-
-
-@dataclass(frozen=True)
-class OutputSpec:
-    """How the dataset is written."""
-
-    layout: str = key(
-        "the layout of the files; see --list layouts",
-        default=next(iter(LAYOUTS)),
-        choices={name: Choice(layout.label, layout.summary) for name, layout in LAYOUTS.items()},
-    )
-    image: Image | None = key(
-        f"colour images; jpg is quality 98 without chroma subsampling; {_defaults(lambda item: item.images[0])}",
-        default=None,
-    )
-    colour: Colour | None = key(
-        "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
-        + _defaults(lambda item: item.colours[0]),
-        default=None,
-    )
-    depth_scale_per_m: float | None = key(
-        "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
-        default=None,
-        above=0,
-        maximum=1e6,
-    )
-    depth_beyond: Beyond = key(
-        "what becomes of depth that 16 bits do not hold: void, or the farthest that they do", default="void"
-    )
-    modalities: tuple[Literal["rgb", "depth"], ...] = key(
-        "what is rendered and written: colour, depth or both", default=("rgb", "depth")
-    )
-    overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
-
-    @property
-    def format(self) -> OutputFormat:
-        """What the dataset is written as: what is not given here is as the layout has it."""
-        layout = LAYOUTS[self.layout]
-        return OutputFormat(
-            layout,
-            self.image or layout.images[0],
-            self.colour or layout.colours[0],
-            self.modalities,
-            self.depth_scale_per_m or layout.depth_scale_per_m,
-            self.depth_beyond,
-        )
 
 
 REPLICA_CAMERA = CameraSpec(width=1200, height=680, fx=600.0, fy=600.0, cx=599.5, cy=339.5)
@@ -359,7 +307,7 @@ def _check(spec: PresetSpec, place: Place) -> None:
         raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
     if spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
-    _check_output(spec.output, place.at("output"))
+    check_output(spec.output, place.at("output"))
     if spec.render.device == "gpu" and spec.render.engine != "cycles":
         raise (
             place.at("render")
@@ -377,18 +325,6 @@ def _check(spec: PresetSpec, place: Place) -> None:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
-
-
-def _check_output(spec: OutputSpec, place: Place) -> None:
-    layout = LAYOUTS[spec.layout]
-    for name, allowed in (("image", layout.images), ("colour", layout.colours)):
-        given, known = getattr(spec, name), " or ".join(allowed)
-        if given is not None and given not in allowed:
-            raise place.at(name).error(
-                f"is {given}, but the {layout.label} layout's readers expect {known}", f"use {known}"
-            )
-    if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
-        raise place.at("modalities").error("has to name rgb, depth or both, each once")
 
 
 def _check_scene(spec: SceneSpec, place: Place) -> None:

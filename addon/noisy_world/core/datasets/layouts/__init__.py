@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ..stored import StoredSequence
+from .euroc import EurocLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, SequenceFacts
 from .replica import ReplicaLayout
 from .tum import TumLayout
@@ -22,7 +23,7 @@ __all__ = [
     "find_sequence",
 ]
 
-LAYOUTS: dict[str, Layout] = {layout.name: layout for layout in (ReplicaLayout(), TumLayout())}
+LAYOUTS: dict[str, Layout] = {layout.name: layout for layout in (ReplicaLayout(), TumLayout(), EurocLayout())}
 """Every layout by its name in presets; the first is the default."""
 
 

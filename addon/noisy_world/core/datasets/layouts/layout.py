@@ -31,8 +31,9 @@ class Layout(ABC):
 
     name: in presets. label, meaning: for people. images: the kinds that colour may be stored as, and colours: in colour
     or in grey; of both the first is the default. depth_scale_per_m: steps of the depth images a metre, where a preset
-    gives none. patterns: glob patterns of every file that may lie in a sequence's folder, and setting_files: the names
-    of those in a setting's folder, for who removes a dataset.
+    gives none. conventions: where they are others than the manifest has for all layouts. patterns: glob patterns of
+    every file that may lie in a sequence's folder, and setting_files: the names of those in a setting's folder, for who
+    removes a dataset.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -43,6 +44,7 @@ class Layout(ABC):
     images: ClassVar[tuple[Image, ...]]
     colours: ClassVar[tuple[Colour, ...]]
     depth_scale_per_m: ClassVar[float]
+    conventions: ClassVar[dict[str, str]] = {}
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
 

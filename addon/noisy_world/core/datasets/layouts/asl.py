@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that the ASL format is made of, as EuRoC has them: data.csv, with nanoseconds, and sensor.yaml.
+
+Nothing here knows where such a file lies.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from decimal import ROUND_HALF_EVEN, Decimal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...geometry import (
+    Intrinsics,
+    continuous_quats,
+    nearest_rotation,
+    pose,
+    quat_wxyz_from_rotation,
+    rotation_error,
+    rotation_from_quat_wxyz,
+)
+from ...trajectories.trajectory import Trajectory
+from ..stored import StampedFile, read_text
+from .layout import lines
+
+STAMP_DIGITS = 19  # those of the largest 64-bit integer, so that sorting by name is sorting by time
+LARGEST_NS = 2**63 - 1
+IMAGES_HEADER = "#timestamp [ns],filename"
+POSES_HEADER = (
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"  # EuRoC's own
+)
+POSE_COLUMNS = (8, 17)  # 17: velocities and biases of an IMU too
+DEPTH_SCALE_KEY = "depth_scale_per_m"
+
+# As for trajectory files: what is off by rounding is mended, what is off by more is a mistake.
+_ROTATION_TOLERANCE = 5e-3
+_QUAT_NORM_TOLERANCE = 1e-2
+
+
+# --- time stamps ---
+
+
+def nanoseconds(stamp_s: float) -> int:
+    """Return a stamp in nanoseconds: those of the shortest decimal that is this float64.
+
+    Around 1.3e9 s a float64 is known to 2.4e-7 s only: its own digits after that would look exact and mean nothing.
+    """
+    return int((Decimal(repr(float(stamp_s))) * 10**9).to_integral_value(ROUND_HALF_EVEN))
+
+
+def stamp_text(stamp_s: float) -> str:
+    """Return a stamp as the names of the images have it: nanoseconds, 19 digits."""
+    return f"{nanoseconds(stamp_s):0{STAMP_DIGITS}d}"
+
+
+def stamps_problem(stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
+    """Say why these stamps cannot name files, or nothing where they can."""
+    before = -1
+    for frame, stamp_s in enumerate(stamps_s):
+        stamp_ns = nanoseconds(stamp_s)
+        if not 0 <= stamp_ns <= LARGEST_NS:
+            return f"frame {frame} is at {float(stamp_s)!r} s, but names are nanoseconds from 0 to {LARGEST_NS}"
+        if stamp_ns <= before:
+            return f"frame {frame} has the time stamp of the frame before, in the nanoseconds that name it"
+        before = stamp_ns
+    return ""
+
+
+# --- data.csv ---
+
+
+def images_csv(names: Sequence[str]) -> str:
+    """Return the list of a camera's images, which are called by their stamps."""
+    return lines([IMAGES_HEADER, *(f"{name.partition('.')[0]},{name}" for name in names)])
+
+
+def poses_csv(path: Trajectory) -> str:
+    """Return the poses of a body: t [ns], p [m], q (w first), body-to-world; numbers read back to the same float64."""
+    quats = continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3]))
+    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 makes -0.0 plain 0.0
+    rows = zip(map(stamp_text, path.stamps_s), values.tolist(), strict=True)
+    return lines([POSES_HEADER, *(",".join([stamp, *map(repr, row)]) for stamp, row in rows)])
+
+
+def read_images_csv(path: Path) -> list[StampedFile]:
+    """Read the list of a camera's images, which lie in the folder `data` beside it."""
+    found: list[StampedFile] = []
+    for where, cells in _rows(path):
+        if len(cells) != 2 or not cells[1]:
+            raise InputError(path, "is no time stamp and file name", where=where, remedy=f"as in {IMAGES_HEADER}")
+        found.append((_stamp_s(path, where, cells[0]), path.parent / "data" / cells[1]))
+    if not found:
+        raise InputError(path, "lists no image")
+    _check_order(path, [stamp_s for stamp_s, _ in found])
+    return found
+
+
+def read_poses_csv(path: Path) -> Trajectory:
+    """Read the poses of a body, body-to-world; of 17 columns the last nine (velocities and biases) are not needed."""
+    stamps_s: list[float] = []
+    values: list[list[float]] = []
+    for where, cells in _rows(path):
+        if len(cells) not in POSE_COLUMNS:
+            columns = " or ".join(map(str, POSE_COLUMNS))
+            raise InputError(path, f"has {len(cells)} columns, but poses have {columns}", where=where)
+        stamps_s.append(_stamp_s(path, where, cells[0]))
+        row = [_number(path, where, cell) for cell in cells[1:8]]
+        if abs(math.hypot(*row[3:]) - 1.0) > _QUAT_NORM_TOLERANCE:
+            problem = f"the quaternion has length {math.hypot(*row[3:]):.6g}, not 1"
+            raise InputError(path, problem, where=where, remedy="a row is t, x, y, z, qw, qx, qy, qz")
+        values.append(row)
+    if not values:
+        raise InputError(path, "holds no pose")
+    _check_order(path, stamps_s)
+    table = np.array(values)
+    return Trajectory(pose(rotation_from_quat_wxyz(table[:, 3:]), table[:, :3]), np.array(stamps_s))
+
+
+def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield where each row stands, and its cells without the blanks around them."""
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield f"line {number}", [cell.strip() for cell in line.split(",")]
+
+
+def _stamp_s(path: Path, where: str, cell: str) -> float:
+    if not (cell.isascii() and cell.isdecimal()):
+        raise InputError(path, f"{cell!r} is no time in whole nanoseconds", where=where)
+    return int(cell) / 10**9
+
+
+def _number(path: Path, where: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError as error:
+        raise InputError(path, f"{cell!r} is not a number", where=where) from error
+    if not math.isfinite(value):
+        raise InputError(path, f"holds {cell}", where=where, remedy="leave out the rows without a pose")
+    return value
+
+
+def _check_order(path: Path, stamps_s: Sequence[float]) -> None:
+    late = np.flatnonzero(np.diff(np.asarray(stamps_s)) <= 0)
+    if late.size:
+        problem = f"row {late[0] + 2} is not later than the one before it"
+        raise InputError(path, problem, remedy="sort the rows by time and leave out what stands twice")
+
+
+# --- sensor.yaml ---
+
+
+@dataclass(frozen=True, eq=False)
+class AslSensor:
+    """What a sensor.yaml says. body_from_sensor (4, 4): T_BS; camera, depth_scale_per_m: None where it says none."""
+
+    body_from_sensor: NDArray[np.float64]
+    camera: Intrinsics | None
+    depth_scale_per_m: float | None
+
+
+def sensor_yaml(
+    kind: str,
+    comment: str,
+    body_from_sensor: NDArray[np.float64],
+    *,
+    camera: Intrinsics | None = None,
+    rate_hz: float | None = None,
+    depth_scale_per_m: float | None = None,
+) -> str:
+    """Return a sensor.yaml. rate_hz: None where a single frame has none."""
+    matrix = (",\n" + " " * 9).join(", ".join(map(repr, row)) for row in (body_from_sensor + 0.0).tolist())
+    rows = [
+        f"sensor_type: {kind}",
+        f"comment: {comment}",
+        "",
+        "# The sensor's pose in the body's frame.",
+        "T_BS:",
+        "  cols: 4",
+        "  rows: 4",
+        f"  data: [{matrix}]",
+    ]
+    if rate_hz is not None:
+        rows += ["", f"rate_hz: {f'{rate_hz:.6f}'.rstrip('0').rstrip('.')}"]
+    if camera is not None:
+        numbers = [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]
+        rows += [
+            f"resolution: [{camera.width_px}, {camera.height_px}]",
+            "camera_model: pinhole",
+            f"intrinsics: [{', '.join(repr(float(value)) for value in numbers)}] # fu, fv, cu, cv",
+            "distortion_model: radial-tangential",
+            "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]",
+        ]
+    if depth_scale_per_m is not None:
+        rows += [
+            "",
+            "# Planar depth in 16 bits, 0 where there is none; steps a metre.",
+            f"{DEPTH_SCALE_KEY}: {float(depth_scale_per_m)!r}",
+        ]
+    return lines(rows)
+
+
+def read_sensor_yaml(path: Path) -> AslSensor:
+    """Read a sensor.yaml. Raises InputError for a camera that is no plain pinhole, and for what is not as it should."""
+    document = _load_yaml(path)
+    return AslSensor(_body_from_sensor(path, document), _camera(path, document), _depth_scale(path, document))
+
+
+def _load_yaml(path: Path) -> dict[str, Any]:
+    import yaml
+
+    # Some tools put OpenCV's own first line before it, which is no YAML.
+    text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
+    try:
+        document = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(path, "is not valid YAML") from error
+    if not isinstance(document, dict):
+        raise InputError(path, "describes no sensor")
+    return document
+
+
+def _body_from_sensor(path: Path, document: dict[str, Any]) -> NDArray[np.float64]:
+    given = document.get("T_BS")
+    values = _numbers(path, "T_BS", given.get("data") if isinstance(given, dict) else given, 16)
+    matrix = values.reshape(4, 4)
+    problem = "is no rigid pose"
+    if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6 or np.linalg.det(matrix[:3, :3]) <= 0:
+        raise InputError(path, problem, where="T_BS", remedy="write it row by row")
+    error = float(rotation_error(matrix[:3, :3]))
+    if not error <= _ROTATION_TOLERANCE:
+        raise InputError(path, f"{problem}: R^T R is off by {error:.3g}", where="T_BS")
+    return matrix if error < 1e-12 else pose(nearest_rotation(matrix[:3, :3]), matrix[:3, 3])
+
+
+def _camera(path: Path, document: dict[str, Any]) -> Intrinsics | None:
+    if "intrinsics" not in document:
+        return None
+    if (model := document.get("camera_model", "pinhole")) != "pinhole":
+        raise InputError(path, f"is {model!r}, but only pinhole can be read", where="camera_model")
+    if np.any(_numbers(path, "distortion_coefficients", document.get("distortion_coefficients", [0.0]))):
+        remedy = "undistort the images, and say so with zeros"
+        raise InputError(path, "are not zero: the lens distorts", where="distortion_coefficients", remedy=remedy)
+    width_px, height_px = _numbers(path, "resolution", document.get("resolution"), 2)
+    fx_px, fy_px, cx_px, cy_px = _numbers(path, "intrinsics", document["intrinsics"], 4).tolist()
+    return Intrinsics(int(width_px), int(height_px), fx_px, fy_px, cx_px, cy_px)
+
+
+def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
+    if DEPTH_SCALE_KEY not in document:
+        return None
+    (scale_per_m,) = _numbers(path, DEPTH_SCALE_KEY, [document[DEPTH_SCALE_KEY]], 1).tolist()
+    if scale_per_m <= 0:
+        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=DEPTH_SCALE_KEY)
+    return scale_per_m
+
+
+def _numbers(path: Path, name: str, value: object, count: int | None = None) -> NDArray[np.float64]:
+    wanted = "numbers" if count is None else f"{count} numbers"
+    if not isinstance(value, list) or (count is not None and len(value) != count):
+        raise InputError(path, f"has to be {wanted}", where=name)
+    try:
+        numbers = np.array([float(item) for item in value])
+    except (TypeError, ValueError) as error:
+        raise InputError(path, f"has to be {wanted}", where=name) from error
+    if not np.isfinite(numbers).all():
+        raise InputError(path, "has to be finite numbers", where=name)
+    return numbers

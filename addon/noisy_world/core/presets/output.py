@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preset may say of the files that are written; layouts are those of the registry."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from ..datasets.layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
+from ..schema import Choice, Place, key
+
+KNOWN_LAYOUTS = " or ".join(layout.label for layout in LAYOUTS.values())
+
+
+def _defaults(of: Callable[[Layout], str]) -> str:
+    """Say what each layout has where a preset says nothing: "default jpg for replica, png for tum and euroc"."""
+    names: dict[str, list[str]] = {}
+    for name, layout in LAYOUTS.items():
+        names.setdefault(of(layout), []).append(name)
+    return "default " + ", ".join(f"{value} for {' and '.join(those)}" for value, those in names.items())
+
+
+@dataclass(frozen=True)
+class OutputSpec:
+    """How the dataset is written."""
+
+    layout: str = key(
+        "the layout of the files; see --list layouts",
+        default=next(iter(LAYOUTS)),
+        choices={name: Choice(layout.label, layout.summary) for name, layout in LAYOUTS.items()},
+    )
+    image: Image | None = key(
+        f"colour images; jpg is quality 98 without chroma subsampling; {_defaults(lambda item: item.images[0])}",
+        default=None,
+    )
+    colour: Colour | None = key(
+        "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
+        + _defaults(lambda item: item.colours[0]),
+        default=None,
+    )
+    depth_scale_per_m: float | None = key(
+        "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
+        default=None,
+        unit="steps/m",
+        above=0,
+        maximum=1e6,
+    )
+    depth_beyond: Beyond = key(
+        "what becomes of depth that 16 bits do not hold: void, or the farthest that they do", default="void"
+    )
+    modalities: tuple[Literal["rgb", "depth"], ...] = key(
+        "what is rendered and written: colour, depth or both", default=("rgb", "depth")
+    )
+    overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
+
+    @property
+    def format(self) -> OutputFormat:
+        """What the dataset is written as: what is not given here is as the layout has it."""
+        layout = LAYOUTS[self.layout]
+        return OutputFormat(
+            layout,
+            self.image or layout.images[0],
+            self.colour or layout.colours[0],
+            self.modalities,
+            self.depth_scale_per_m or layout.depth_scale_per_m,
+            self.depth_beyond,
+        )
+
+
+def check_output(spec: OutputSpec, place: Place) -> None:
+    """Check what the layout decides. Raises InputError naming the key."""
+    layout = LAYOUTS[spec.layout]
+    for name, allowed in (("image", layout.images), ("colour", layout.colours)):
+        given, known = getattr(spec, name), " or ".join(allowed)
+        if given is not None and given not in allowed:
+            raise place.at(name).error(
+                f"is {given}, but the {layout.label} layout's readers expect {known}", f"use {known}"
+            )
+    if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
+        raise place.at("modalities").error("has to name rgb, depth or both, each once")

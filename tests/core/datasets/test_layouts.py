@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Layouts as objects: their names, and sequences that are told apart and read from files written by hand."""
+
+import json
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+from stored_sequences import write_euroc
+
+from worlds import ROOT
+
+from noisy_world.core.datasets.layouts import LAYOUTS, SequenceFacts, find_sequence
+from noisy_world.core.datasets.layouts.asl import nanoseconds, stamp_text
+from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.presets.output import OutputSpec
+from noisy_world.core.presets.preset import check_document
+from noisy_world.core.schema import Choice, Place, key, list_keys, parse
+from noisy_world.core.trajectories.rig import Rig, Sensor
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
+from noisy_world.core.trajectories.trajectory import Trajectory
+
+REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
+
+
+def image(path, value, shape=(6, 8, 3), dtype=np.uint8):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), np.full(shape, value, dtype))
+
+
+def write_replica(folder, count=2):
+    for k in range(count):
+        image(folder / f"results/frame{k:06d}.png", 10 * k)
+        image(folder / f"results/depth{k:06d}.png", 1000, (6, 8), np.uint16)
+    (folder / "traj.txt").write_text("".join(REPLICA_POSE.format(k) + "\n" for k in range(count)))
+
+
+def write_tum(folder, stamps=("0.0", "0.05")):
+    for k in range(len(stamps)):
+        image(folder / f"rgb/{k:06d}.png", 10 * k)
+        image(folder / f"depth/{k:06d}.png", 1000, (6, 8), np.uint16)
+    for kind in ("rgb", "depth"):
+        (folder / f"{kind}.txt").write_text("".join(f"{t} {kind}/{k:06d}.png\n" for k, t in enumerate(stamps)))
+    (folder / "groundtruth.txt").write_text("".join(f"{t} {k} 0 0 0 0 0 1\n" for k, t in enumerate(stamps)))
+
+
+# --- names ---
+
+
+def test_what_each_layout_is():
+    assert list(LAYOUTS) == ["replica", "tum", "euroc"]
+    assert {name: layout.images for name, layout in LAYOUTS.items()} == {
+        "replica": ("jpg", "png"),
+        "tum": ("png",),
+        "euroc": ("png",),
+    }
+    assert [layout.colours[0] for layout in LAYOUTS.values()] == ["rgb", "rgb", "grey"]
+    assert [layout.depth_scale_per_m for layout in LAYOUTS.values()] == [6553.5, 5000.0, 5000.0]
+    assert OutputSpec("replica").format.depth_limit_m == 10.0
+
+
+def test_names_are_those_that_readers_expect():
+    names = {name: OutputSpec(name).format.names([0.0, 1305031102.175304]) for name in LAYOUTS}
+    assert (names["replica"].rgb(1), names["replica"].depth(1)) == (
+        "results/frame000001.jpg",
+        "results/depth000001.png",
+    )
+    assert (names["tum"].rgb(1), names["tum"].depth(1)) == ("rgb/000001.png", "depth/000001.png")
+    assert names["euroc"].rgb(1) == "mav0/cam0/data/1305031102175304000.png"
+    assert names["euroc"].depth(0) == "mav0/depth0/data/0000000000000000000.png"
+    assert names["tum"].of(0) == {"rgb/000000.png", "depth/000000.png"}
+    only = OutputSpec("tum", modalities=("depth",)).format.names([0.0])
+    assert only.of(0) == {"depth/000000.png"}
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "wanted"),
+    [
+        (0.0, 0),
+        (1 / 30, 33_333_333),
+        (0.05, 50_000_000),
+        (1e-10, 0),
+        (1.5e-9, 2),
+        (1305031102.175304, 1_305_031_102_175_304_000),
+        (1403636579.763555584, 1_403_636_579_763_555_500),  # a float64 there is known to 238 ns
+        (9e9, 9 * 10**18),
+        (-0.25, -250_000_000),
+    ],
+)
+def test_nanoseconds_are_those_of_the_decimal_number(stamp_s, wanted):
+    assert nanoseconds(stamp_s) == wanted
+    assert nanoseconds(np.float64(stamp_s)) == wanted
+
+
+def test_names_by_stamp_sort_as_time_does():
+    stamps_s = [0.0, 0.999999999, 1.0, 9.5, 10.25, 99999.0, 1305031102.175304, 9e9]
+    texts = [stamp_text(stamp_s) for stamp_s in stamps_s]
+    assert sorted(texts) == texts
+    assert {len(text) for text in texts} == {19}
+
+
+@pytest.mark.parametrize(
+    ("stamps_s", "words"),
+    [
+        ([-0.1, 0.0], "frame 0 is at -0.1 s"),
+        ([0.0, 1e-10], "frame 1 has the time stamp of the frame before"),
+        ([0.0, 1e10], "frame 1 is at 10000000000.0 s"),
+    ],
+)
+def test_stamps_that_cannot_be_names(stamps_s, words):
+    assert LAYOUTS["euroc"].stamps_problem(stamps_s).startswith(words)
+    assert LAYOUTS["replica"].stamps_problem(stamps_s) == ""
+    assert LAYOUTS["euroc"].stamps_problem([0.0, 1e-9, 2e-9]) == ""
+
+
+def test_the_docs_name_every_file():
+    text = (ROOT / "docs/layouts.md").read_text(encoding="utf-8")
+    for name, layout in LAYOUTS.items():
+        assert f"## {layout.label} (`{name}`)" in text
+        output = OutputSpec(name).format
+        path = Trajectory(np.stack([np.eye(4)] * 2), np.array([0.0, 0.05]))
+        paths = SensorPaths(path, path, path, path)
+        camera, sensor = Intrinsics(8, 6, 4.0, 4.0, 3.5, 2.5), Sensor(np.eye(4))
+        texts = layout.sequence_texts(SequenceFacts(output, camera, Rig(sensor, sensor), (0, 1), paths))
+        images = [output.names([0.0]).rgb(0), output.names([0.0]).depth(0)]
+        if name == "euroc":
+            images = [image.replace("0" * 19, f"{50_000_000:019d}") for image in images]
+        for file in (*texts, *layout.setting_texts(camera, 1.0), *images):
+            assert f"`{file}`" in text or f"/{file}`" in text, (name, file)
+
+
+# --- keys that come from the registry ---
+
+
+def document(**output):
+    scene = {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}}
+    return {"scenes": [scene], "output": output}
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        ({"layout": "eurok"}, r"output\.layout: unknown value 'eurok'; did you mean 'euroc'\?"),
+        ({"layout": 3}, r"output\.layout: is the number 3, but has to be one of replica, tum, euroc"),
+        ({"layout": "euroc", "image": "jpg"}, r"output\.image: is jpg, but the EuRoC ASL layout's readers .* use png"),
+        ({"layout": "tum", "image": "jpg"}, r"output\.image: is jpg, but the TUM layout's readers expect png; use png"),
+        ({"colour": "gray"}, r"output\.colour: unknown value 'gray'; did you mean 'grey'"),
+        ({"depth_scale_per_m": 0}, r"output\.depth_scale_per_m: .* out of range"),
+        ({"depth_beyond": "far"}, r"output\.depth_beyond: unknown value 'far'; did you mean 'farthest'"),
+    ],
+)
+def test_wrong_keys_name_what_is_right(tmp_path, output, words):
+    with pytest.raises(InputError, match=words):
+        check_document(document(**output), tmp_path / "p.yaml")
+
+
+def test_what_is_not_given_is_as_the_layout_has_it():
+    assert OutputSpec("euroc").format.colour == "grey"
+    assert OutputSpec("euroc", colour="rgb").format.colour == "rgb"
+    assert OutputSpec("replica").format.image == "jpg"
+    assert OutputSpec("replica", depth_scale_per_m=1000.0).format.depth_limit_m == 65.535
+    rows = dict(list_keys(OutputSpec))
+    assert "one of replica, tum, euroc" in rows["layout"]
+    assert "default jpg for replica, png for tum and euroc" in rows["image"]
+    assert "default 6553.5 for replica, 5000 for tum and euroc" in rows["depth_scale_per_m"]
+
+
+@dataclass(frozen=True)
+class Chosen:
+    fruit: str = key("a fruit", choices={"apple": Choice("Apple", "round"), "pear": Choice("Pear", "not round")})
+    many: tuple[str, ...] = key("fruits", default=(), choices={"apple": Choice("Apple", "round")})
+
+
+def test_choices_of_a_key():
+    assert parse(Chosen, {"fruit": "pear", "many": ["apple"]}, Place("p")) == Chosen("pear", ("apple",))
+    with pytest.raises(InputError, match=r"fruit: unknown value 'peer'; did you mean 'pear'"):
+        parse(Chosen, {"fruit": "peer"}, Place("p"))
+    with pytest.raises(InputError, match=r"many\.0: unknown value 'pear'"):
+        parse(Chosen, {"fruit": "pear", "many": ["pear"]}, Place("p"))
+    assert dict(list_keys(Chosen))["fruit"] == "a fruit; one of apple, pear; required"
+
+
+# --- which layout a folder has ---
+
+
+def test_layouts_are_told_apart(tmp_path):
+    for name, write in (("replica", write_replica), ("tum", write_tum), ("euroc", write_euroc)):
+        write(tmp_path / name)
+        assert [layout.name for layout in LAYOUTS.values() if layout.recognises(tmp_path / name)] == [name]
+        assert len(find_sequence(tmp_path / name).trajectory) == 2
+
+
+def test_none_or_several_layouts_are_one_line(tmp_path):
+    with pytest.raises(InputError, match=r"is no sequence; .* Replica or TUM or EuRoC ASL$"):
+        find_sequence(tmp_path)
+    write_replica(tmp_path)
+    write_tum(tmp_path)
+    with pytest.raises(InputError, match=r"has the files of Replica and of TUM; leave those of one layout in it$"):
+        find_sequence(tmp_path)
+
+
+@pytest.mark.parametrize(("write", "own"), [(write_replica, 6553.5), (write_tum, 5000.0)])
+def test_cam_params_above_the_sequence_stands_over_that_inside(tmp_path, write, own):
+    folder = tmp_path / "scene"
+    write(folder)
+    assert find_sequence(folder).depth_scale_per_m == own
+    (folder / "cam_params.json").write_text(json.dumps({"camera": {"scale": 2000}}))
+    assert find_sequence(folder).depth_scale_per_m == 2000
+    assert find_sequence(folder).frame(0).depth_m[0, 0] == np.float32(0.5)
+    (tmp_path / "cam_params.json").write_text(json.dumps({"camera": {"scale": 4000}}))
+    assert find_sequence(folder).depth_scale_per_m == 4000
+    (tmp_path / "cam_params.json").write_text(json.dumps({"camera": {"scale": 0}}))
+    with pytest.raises(InputError, match=r"cam_params\.json: its scale is 0\.0, but has to be above 0"):
+        find_sequence(folder)
+
+
+def test_two_images_near_one_pose_are_one_line(tmp_path):
+    write_tum(tmp_path, stamps=("0.0", "0.01"))
+    (tmp_path / "groundtruth.txt").write_text("0.0 0 0 0 0 0 0 1\n1.0 0 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match=r"groundtruth\.txt: the pose nearest to 000001\.png is not later"):
+        find_sequence(tmp_path)
+
+
+# --- EuRoC, as its own files are ---
+
+
+def quat_matrix(w, x, y, z):
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def test_euroc_poses_are_the_cameras(tmp_path):
+    write_euroc(tmp_path)
+    found = find_sequence(tmp_path)
+    assert found.trajectory.stamps_s.tolist() == [1403636579.76, 1403636579.81]
+    body_from_camera = np.array([[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, 0.3], [0, 0, 0, 1.0]])
+    for k, (position, quat) in enumerate([((1, 2, 3), (1, 0, 0, 0)), ((4, 5, 6), (0.5, 0.5, -0.5, 0.5))]):
+        body = np.eye(4)
+        body[:3, :3], body[:3, 3] = quat_matrix(*quat), position
+        assert np.allclose(found.trajectory.c2w[k], body @ body_from_camera, atol=1e-12)
+    camera = found.camera
+    assert (camera.width_px, camera.height_px) == (8, 6)
+    assert (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == (458.654, 457.296, 3.5, 2.5)
+    frame = found.frame(1)
+    assert frame.rgb.shape == (6, 8, 3)
+    assert (frame.rgb == 110).all()
+    assert np.allclose(frame.depth_m, 2.5)
+    assert frame.colour == "grey"
+
+
+def test_euroc_in_colour_and_with_17_columns(tmp_path):
+    write_euroc(tmp_path, colour=True, columns=17, line_end="\r\n")
+    found = find_sequence(tmp_path)
+    assert len(found.trajectory) == 2
+    assert found.frame(0).rgb[0, 0].tolist() == [30, 20, 10]  # RGB of what OpenCV wrote as 10, 20, 30
+    assert found.frame(0).colour == "rgb"
+    assert found.rgb_files[1].name == "1403636579810000000.png"
+
+
+def test_euroc_pairs_by_stamp_within_the_tolerance(tmp_path):
+    write_euroc(tmp_path, depth_late_ns=15_000_000)
+    assert len(find_sequence(tmp_path).trajectory) == 2
+    write_euroc(tmp_path / "late", depth_late_ns=21_000_000)
+    with pytest.raises(InputError, match=r"no colour, depth and pose lie within 0\.02 s"):
+        find_sequence(tmp_path / "late")
+
+
+def edit(name, old, new):
+    def change(folder):
+        path = folder / name
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new))
+
+    return change
+
+
+CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate0/data.csv"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda folder: (folder / f"{DEPTH}/data.csv").unlink(), "depth0/data.csv: is not there: no depth"),
+        (lambda folder: (folder / f"{CAM}/data.csv").unlink(), "cam0/data.csv: is not there: no colour"),
+        (lambda folder: (folder / f"{CAM}/sensor.yaml").unlink(), "cam0/sensor.yaml: cannot be read"),
+        (lambda folder: (folder / STATE).unlink(), "state_groundtruth_estimate0/data.csv: cannot be read"),
+        (edit(f"{CAM}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[-0.28, 0.07, 0.0, 0.0]"), "the lens distorts; undistort"),
+        (edit(f"{CAM}/sensor.yaml", "pinhole", "omni"), "camera_model: is 'omni'"),
+        (edit(f"{CAM}/sensor.yaml", "[8, 6]", "[8]"), "resolution: has to be 2 numbers"),
+        (edit(f"{CAM}/sensor.yaml", "T_BS", "T_SB"), "T_BS: has to be 16 numbers"),
+        (edit(f"{CAM}/sensor.yaml", "1.0, 0.0, 0.0, 0.2", "1.1, 0.0, 0.0, 0.2"), "T_BS: is no rigid pose"),
+        (edit(f"{CAM}/sensor.yaml", "data: [", "data: [["), "is not valid YAML"),
+        (edit(f"{DEPTH}/sensor.yaml", "0.2", "0.25"), "T_BS is not that of mav0/cam0"),
+        (edit(f"{DEPTH}/sensor.yaml", "depth_scale_per_m", "scale"), "holds no depth_scale_per_m; add it"),
+        (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be above 0"),
+        (edit(STATE, "1.0,2.0", "1.0,x"), "line 2: 'x' is not a number"),
+        (edit(STATE, "1.0,2.0", "1.0,nan"), "line 2: holds nan"),
+        (edit(STATE, "1.0,2.0", "1.0"), "line 2: has 7 columns, but poses have 8 or 17"),
+        (edit(STATE, "0.5,0.5,-0.5,0.5", "0.9,0.5,-0.5,0.5"), "line 3: the quaternion has length 1.24"),
+        (edit(STATE, "1403636579810000000", "1403636579"), "row 2 is not later than the one before"),
+        (edit(STATE, "1403636579810000000", "1.4e18"), "line 3: '1.4e18' is no time in whole nanoseconds"),
+        (edit(f"{CAM}/data.csv", ",1403636579810000000.png", ""), "line 3: is no time stamp and file name"),
+        (lambda folder: (folder / f"{CAM}/data.csv").write_text("#timestamp [ns],filename\n"), "lists no image"),
+    ],
+)
+def test_a_broken_euroc_sequence_is_one_line(tmp_path, change, words):
+    write_euroc(tmp_path)
+    change(tmp_path)
+    with pytest.raises(InputError) as error:
+        find_sequence(tmp_path)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_opencvs_first_line_of_yaml_is_skipped(tmp_path):
+    write_euroc(tmp_path)
+    path = tmp_path / CAM / "sensor.yaml"
+    path.write_text("%YAML:1.0\n" + path.read_text())
+    assert find_sequence(tmp_path).camera.fx_px == 458.654

@@ -1,0 +1,333 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an execution makes of steps of each kind, and what it refuses: expected values are written out by hand."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from noisy_world.core.errors import InputError, NoisyWorldError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.perturbing.execution import (
+    chosen_poses,
+    move,
+    paired_depth,
+    perturb_depth,
+    perturb_rgb,
+    split_motion,
+    take_poses,
+)
+from noisy_world.core.perturbing.kinds import (
+    ColourPerturbation,
+    DepthPerturbation,
+    FrameContext,
+    MotionPerturbation,
+    PairingPerturbation,
+    SequenceContext,
+)
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Setting
+from noisy_world.core.schema import Place, key
+from noisy_world.core.streams import stream
+from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
+
+SEQUENCE = (7, "room", "setting")
+WHERE = FrameContext(3, SEQUENCE)
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How much."""
+
+    amount: float = key("how much", default=1.0, minimum=-1000, maximum=1000)
+
+
+COMMON = {"label": "Label", "order": 10, "parameters": Amount, "severities": {}, "source": "none"}
+BY_SEVERITY = {"severities": {"amount": (1, 2, 3, 4, 5)}}
+
+
+def steps(*perturbations, **values):
+    """Steps of these perturbations; values by name."""
+    known = {item.name: item for item in perturbations}
+    return parse_steps([{item.name: values.get(item.name)} for item in perturbations], Place("x"), known)
+
+
+def colour(name, apply, **other):
+    return ColourPerturbation(**(COMMON | {"name": name, "stage": "sensor", "apply": apply} | other))
+
+
+def depth(name, apply, **other):
+    return DepthPerturbation(**(COMMON | {"name": name, "apply": apply} | other))
+
+
+def motion(name, order=10, **other):
+    return MotionPerturbation(**(COMMON | {"name": name, "order": order} | other))
+
+
+def pairing(name, apply, order=10, **other):
+    return PairingPerturbation(**(COMMON | {"name": name, "order": order, "apply": apply} | other))
+
+
+def adding(rgb, parameters, _context):
+    return rgb + np.float32(parameters.amount)
+
+
+# --- colour ---
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.uint8])
+def test_colour_is_clipped_between_two_steps(kind):
+    # 0.6 + 0.7 is cut to 1 and comes back as 0.3; without the cut it would be 0.6 again. Below zero likewise.
+    rgb = np.full((4, 5, 3), 0.6, np.float32) if kind is np.float32 else np.full((4, 5, 3), 153, np.uint8)
+    up = steps(colour("a", adding), colour("b", adding), a={"amount": 0.7}, b={"amount": -0.7})
+    made, _ = perturb_rgb(up, rgb, WHERE)
+    assert np.array_equal(made, np.full((4, 5, 3), round(0.3 * 255)))
+    down = steps(colour("a", adding), colour("b", adding), a={"amount": -0.7}, b={"amount": 0.7})
+    made, _ = perturb_rgb(down, rgb, WHERE)
+    assert np.array_equal(made, np.full((4, 5, 3), round(0.7 * 255)))
+
+
+def test_colour_is_not_rounded_between_two_steps():
+    # Two steps of a third of 1/255 are lost, or double, where bytes lie between.
+    third = {"amount": 1 / 765}
+    made, _ = perturb_rgb(
+        steps(colour("a", adding), colour("b", adding), a=third, b=third), np.full((2, 2, 3), 100, np.uint8), WHERE
+    )
+    assert np.array_equal(made, np.full((2, 2, 3), 101))
+
+
+def test_equal_perturbations_act_in_the_order_given_and_others_in_theirs():
+    def note(rgb, parameters, _context):
+        acted.append(parameters.amount)
+        return rgb.copy()
+
+    first, second = colour("z_first", note, order=5), colour("a_second", note, order=7)
+    known = {item.name: item for item in (second, first)}
+    asked = [{"a_second": {"amount": 3}}, {"z_first": {"amount": 2}}, {"z_first": {"amount": 1}}]
+    acted = []
+    perturb_rgb(parse_steps(asked, Place("x"), known), np.zeros((2, 2, 3), np.uint8), WHERE)
+    assert acted == [2, 1, 3]
+
+
+@pytest.mark.parametrize("made", [np.zeros((2, 2, 3)), np.zeros((2, 3, 3), np.float32), None])
+def test_an_image_of_another_kind_names_its_perturbation(made):
+    with pytest.raises(NoisyWorldError, match=r"odd: apply has to return a float32 array of shape \(2, 2, 3\)"):
+        perturb_rgb(steps(colour("odd", lambda *_: made)), np.zeros((2, 2, 3), np.uint8), WHERE)
+    with pytest.raises(NoisyWorldError, match=r"odd: apply has to return a float32 array of shape \(2, 2\)"):
+        perturb_depth(steps(depth("odd", lambda *_: made)), np.ones((2, 2), np.float32), WHERE)
+
+
+# --- what a step is told ---
+
+
+def test_a_step_is_given_the_other_image_only_where_it_asks_for_it():
+    told = []
+
+    def look(image, _parameters, context):
+        told.append(context)
+        return image.copy()
+
+    rgb, depth_m = np.full((2, 2, 3), 0.5, np.float32), np.full((2, 2), 2, np.float32)
+    camera = Intrinsics(2, 2, 1.0, 1.0, 0.5, 0.5)
+    where = replace(WHERE, stamp_s=1.5, intrinsics=camera, read_rgb=lambda: rgb, read_depth_m=lambda: depth_m)
+    perturb_rgb(steps(colour("a", look), colour("b", look, needs_depth=True)), rgb, where)
+    perturb_depth(steps(depth("c", look), depth("d", look, needs_rgb=True)), depth_m, where)
+    alone, with_depth, plain, with_rgb = told
+    assert np.array_equal(with_depth.depth_m, depth_m)
+    assert np.array_equal(with_rgb.rgb, rgb)
+    for context, name in ((alone, "depth_m"), (with_depth, "rgb"), (plain, "rgb"), (with_rgb, "depth_m")):
+        with pytest.raises(TypeError, match="the context holds no"):
+            getattr(context, name)
+    for context in told:
+        assert (context.index, context.stamp_s, context.intrinsics) == (3, 1.5, camera)
+    with pytest.raises(ValueError, match="read-only"):
+        with_rgb.rgb[0] = 0
+    assert alone.identifiers == (*SEQUENCE, "a", 0)
+    assert with_rgb.stream("x").random() == stream(*SEQUENCE, "d", 0, "x", frame=3).random()
+
+
+def test_what_a_step_needs_and_is_not_there_is_named():
+    with pytest.raises(TypeError, match="a needs the frame's depth"):
+        perturb_rgb(steps(colour("a", adding, needs_depth=True)), np.zeros((2, 2, 3), np.uint8), WHERE)
+    with pytest.raises(TypeError, match="a needs the frame's colour"):
+        perturb_depth(steps(depth("a", adding, needs_rgb=True)), np.ones((2, 2), np.float32), WHERE)
+
+
+def test_a_sequence_has_a_stream_for_each_frame_and_one_of_its_own():
+    context = SequenceContext((*SEQUENCE, "a", 0))
+    assert context.stream("x", frame=5).random() == stream(*SEQUENCE, "a", 0, "x", frame=5).random()
+    assert context.stream("x").random() == stream(*SEQUENCE, "a", 0, "x", "sequence").random()
+
+
+def test_contexts_are_equal_where_their_randomness_is():
+    # A pattern that is kept for a sequence is found again by its context, whatever images the frame has.
+    other = replace(WHERE, stamp_s=2.0, read_rgb=lambda: np.zeros(1, np.float32))
+    assert other == WHERE
+    assert hash(other) == hash(WHERE)
+    assert replace(WHERE, temporal="fixed") != WHERE
+
+
+# --- motion ---
+
+
+def straight(count):
+    c2w = np.tile(np.eye(4), (count, 1, 1))
+    c2w[:, 0, 3] = np.arange(count)
+    return Trajectory(c2w, 10.0 + 0.5 * np.arange(count))
+
+
+def raising(trajectory, parameters, _context):
+    c2w = trajectory.c2w.copy()
+    c2w[:, 2, 3] += parameters.amount
+    return Trajectory(c2w, trajectory.stamps_s)
+
+
+LIFT = motion("lift", 20, apply=raising)
+THIRDS = motion("thirds", 10, choose=lambda count, *_: np.arange(0, count, 3))
+BACK = motion("back", 30, choose=lambda count, *_: np.arange(count)[::-1])
+
+
+def test_motion_is_carried_out_in_order():
+    done = steps(BACK, LIFT, THIRDS, lift={"amount": 5.0})
+    assert [step.perturbation.name for step in done] == ["thirds", "lift", "back"]
+    moving, choosing = split_motion(done)
+    assert ([step.perturbation.name for step in moving], [step.perturbation.name for step in choosing]) == (
+        ["thirds", "lift"], ["back"],
+    )  # fmt: skip
+    moved = move(moving, straight(8), SEQUENCE)
+    assert moved.c2w[:, 0, 3].tolist() == [0, 3, 6]
+    assert moved.c2w[:, 2, 3].tolist() == [5, 5, 5]
+    assert moved.stamps_s.tolist() == [10, 10.5, 11]
+    assert chosen_poses(moving, 8, SEQUENCE).tolist() == [0, 3, 6]
+    assert chosen_poses(choosing, 3, SEQUENCE).tolist() == [2, 1, 0]
+    assert chosen_poses(done, 8, SEQUENCE).tolist() == [6, 3, 0]
+    whole = move(done, straight(8), SEQUENCE)
+    assert whole.c2w[:, 0, 3].tolist() == [6, 3, 0]
+    assert whole.stamps_s.tolist() == [10, 10.5, 11]
+
+
+def test_motion_without_a_choice_shows_every_pose():
+    assert chosen_poses(steps(LIFT), 5, SEQUENCE) is None
+    assert take_poses(straight(5), None).c2w.shape == (5, 4, 4)
+    assert split_motion(steps(BACK))[0] == ()
+
+
+def test_severity_0_leaves_path_and_pairing_alone():
+    lift, back = motion("lift", apply=raising, **BY_SEVERITY), motion("back", choose=BACK.choose, **BY_SEVERITY)
+    late = pairing("late", lambda count, *_: np.zeros(count, np.int64), **BY_SEVERITY)
+    nothing = steps(lift, back, late, lift={"severity": 0}, back={"severity": 0}, late={"severity": 0})
+    setting = Setting("s", nothing)
+    assert split_motion(setting.motion) == ((), ())
+    assert np.array_equal(move(setting.motion, straight(4), SEQUENCE).c2w, straight(4).c2w)
+    assert chosen_poses(setting.motion, 4, SEQUENCE) is None
+    assert paired_depth(setting.pairing, 4, SEQUENCE) is None
+    (step,) = steps(lift, lift={"severity": 4})
+    assert move([step], straight(2), SEQUENCE).c2w[:, 2, 3].tolist() == [4, 4]
+
+
+@pytest.mark.parametrize(
+    "apply",
+    [
+        lambda path, *_: evenly_stamped(path.c2w[:-1], 2.0),
+        lambda path, *_: Trajectory(path.c2w, path.stamps_s + 1),
+    ],
+)
+def test_motion_that_changes_number_or_stamps_is_named(apply):
+    with pytest.raises(NoisyWorldError, match=r"lossy: made . poses of 4, or other time stamps"):
+        move(steps(motion("lossy", apply=apply)), straight(4), SEQUENCE)
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [[0, 4], [-1, 0], [], [0, 1, 2, 3, 3], np.array([[0, 1]]), np.array([0.0, 1.0]), "ab"],
+    ids=["high", "negative", "none", "many", "flat", "whole", "array"],
+)
+def test_a_choice_out_of_range_is_named(chosen):
+    made = chosen if isinstance(chosen, (np.ndarray, str)) else np.array(chosen, dtype=np.int64)
+    with pytest.raises(NoisyWorldError, match="far: choose has to return 1 to 4 whole numbers from 0 to 3"):
+        chosen_poses(steps(motion("far", choose=lambda *_: made)), 4, SEQUENCE)
+
+
+# --- pairing ---
+
+
+def test_a_later_pairing_shifts_what_the_first_has_paired():
+    late = pairing("late", lambda count, *_: np.array([1, 2, 3, -1]), order=10)
+    back = pairing("back", lambda count, *_: np.arange(count)[::-1], order=20)
+    assert paired_depth(steps(late), 4, SEQUENCE).tolist() == [1, 2, 3, -1]
+    # Frame 0 now takes what frame 3 had, which was nothing; frame 3 was left out and stays so.
+    assert paired_depth(steps(late, back), 4, SEQUENCE).tolist() == [-1, 3, 2, -1]
+    dropping = pairing("dropping", lambda count, *_: np.array([3, -1, 1, 0]), order=20)
+    assert paired_depth(steps(late, dropping), 4, SEQUENCE).tolist() == [-1, -1, 2, -1]
+    assert paired_depth((), 4, SEQUENCE) is None
+
+
+@pytest.mark.parametrize("made", [[0, 1, 4], [0, -2, 1], [0, 1], [0.0, 1.0, 2.0]])
+def test_a_pairing_out_of_range_is_named(made):
+    with pytest.raises(NoisyWorldError, match="far: apply has to return 3 whole numbers from -1 to 2"):
+        paired_depth(steps(pairing("far", lambda *_: np.array(made))), 3, SEQUENCE)
+
+
+# --- what presets and authors may not say ---
+
+
+def test_what_acts_on_a_sequence_acts_once_and_at_one_severity():
+    lift = motion("lift", apply=raising, **BY_SEVERITY)
+    with pytest.raises(InputError, match="lift is given twice; it acts once on a sequence"):
+        parse_steps([{"lift": None}, {"lift": None}], Place("x"), {"lift": lift})
+    with pytest.raises(InputError, match="mode: is dynamic, but it acts on the whole sequence"):
+        parse_steps([{"lift": {"mode": "dynamic"}}], Place("x"), {"lift": lift})
+
+
+@dataclass(frozen=True)
+class _Mode:
+    mode: int = key("m", default=1)
+
+
+@dataclass(frozen=True)
+class _Listed:
+    values: list = key("m", default=())
+
+
+@dataclass(frozen=True)
+class _Needed:
+    amount: float = key("m")
+
+
+@dataclass(frozen=True)
+class _Undescribed:
+    amount: float = 1.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"name": "Fog"}, "'Fog' is no name"),
+        ({"name": "a.b"}, "'a.b' is no name"),
+        ({"parameters": int}, "parameters has to be a dataclass"),
+        ({"parameters": _Listed}, "the parameter values has to be a float"),
+        ({"parameters": _Needed}, r"the parameter amount has to be a key\(...\) with a default"),
+        ({"parameters": _Undescribed}, r"the parameter amount has to be a key\(...\) with a default"),
+        ({"severities": {"amount": (1, 2)}}, "5 severities"),
+        ({"severities": {"other": (1, 2, 3, 4, 5)}}, "has to be a parameter"),
+        ({"parameters": _Mode, "severities": {"mode": (1, 2, 3, 4, 5)}}, "may not be called mode"),
+        ({"stage": "depth"}, "stage is 'depth', but has to be one of environment, lens, sensor, post"),
+        ({"stage": "nowhere"}, "stage is 'nowhere'"),
+    ],
+)
+def test_a_definition_that_cannot_be_is_refused(wrong, told):
+    with pytest.raises(ValueError, match=told):
+        colour("a", adding, **wrong) if "name" not in wrong else colour(wrong["name"], adding)
+
+
+@pytest.mark.parametrize("given", [{}, {"apply": raising, "choose": BACK.choose}])
+def test_motion_either_moves_or_chooses(given):
+    with pytest.raises(ValueError, match="has either apply or choose"):
+        motion("a", **given)
+
+
+def test_a_sequence_has_no_pattern_from_frame_to_frame():
+    with pytest.raises(ValueError, match="has no temporals"):
+        motion("a", apply=raising, temporals=("fresh",))
+    with pytest.raises(ValueError, match="has no temporals"):
+        pairing("a", BACK.choose, temporals=("fresh",))

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a person does in the panel with an installed package's perturbations; `test_installed_panel` runs it.
+
+python panel_with_package.py WORLD: takes WORLD/preset.yaml into the panel, and prints what came of it as JSON.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+import noisy_world
+from noisy_world.blender.camera import read_trajectory_keys
+from noisy_world.core.errors import InputError
+
+world_folder = Path(sys.argv[1])
+bpy.ops.wm.read_factory_settings(use_empty=True)
+noisy_world.register()
+
+from noisy_world.ui import document, frame_preview, panels, paths, world
+
+scene = bpy.context.scene
+settings = scene.noisy_world
+told = {}
+
+
+def keyed():
+    return read_trajectory_keys(scene, scene.camera, np.arange(scene.frame_end + 1)).tolist()
+
+
+# By hand: from the menu, with sliders.
+told["menus"] = {stage: [item.name for item in panels.addable(stage)] for stage in ("motion", "pairing")}
+settings.mesh_source = settings.trajectory_source = "FILE"
+settings.mesh_path, settings.trajectory_path = str(world_folder / "mesh.ply"), str(world_folder / "traj.txt")
+settings.scene_name = "box"
+settings.seed = 3
+world.load_scene(scene)
+world.load_path(scene)
+told["clean keys"] = keyed()
+bpy.ops.noisy_world.add_step(perturbation="fog")
+told["keys with fog"] = keyed()
+bpy.ops.noisy_world.add_step(perturbation="lift")
+told["added keys"] = keyed()
+step = settings.steps[settings.active_step]
+step.use_severity = False
+step.lift.height_m, step.lift.shiver_m = 0.25, 0.5
+told["slid keys"] = keyed()
+told["lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).tolist()
+step.enabled = False
+told["keys when off"] = keyed()
+told["lines when off"] = paths.drawn_poses(scene, paths.clean_poses(scene))
+told["refused"] = []
+for name in ("lift", "motion_deviation"):
+    try:
+        bpy.ops.noisy_world.add_step(perturbation=name)
+    except RuntimeError as error:
+        told["refused"].append(str(error))
+bpy.ops.noisy_world.add_step(perturbation="stutter")
+told["stuttering lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).tolist()
+told["order"] = [item.perturbation for item in settings.steps]
+
+# A preset that says them.
+document.open_preset(settings, world_folder / "preset.yaml")
+world.load_scene(scene)
+world.load_path(scene)
+told["opened"] = document.perturb_of(settings)
+told["opened keys"] = keyed()
+scene.frame_set(4)
+sequence, index = frame_preview.sequence_of(scene)
+told["shows"] = [list(sequence.source_frames), index]
+picture, _ = frame_preview.draw_colour(scene, 2)
+told["red"] = float(picture[..., 0].mean())
+told["depth"] = frame_preview.draw_depth(scene, 0)[1]
+document.save_preset(settings, world_folder / "saved.yaml")
+
+# A motion that breaks its contract, and a perturbation that is not installed any more.
+from noisy_world.perturbations import registry
+
+lift = registry()["lift"]
+before = keyed()
+object.__setattr__(lift, "apply", lambda path, *_: type(path)(path.c2w[1:], path.stamps_s[1:]))
+next(item for item in settings.steps if item.perturbation == "lift").lift.height_m = 0.5
+told["keys stay"] = keyed() == before
+settings.steps.clear()
+settings.steps.add().perturbation = "gone"
+try:
+    document.steps_of(settings)
+except InputError as error:
+    told["gone"] = f"{type(error).__name__}: {error}"
+told["has depth steps"] = frame_preview.has_depth_steps(settings)
+document.add_step(settings, "fog")
+noisy_world.unregister()
+print("TOLD " + json.dumps(told, default=lambda value: np.asarray(value).tolist()))
