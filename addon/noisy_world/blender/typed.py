@@ -87,6 +87,12 @@ def camera_of(item: bpy.types.Object | None) -> bpy.types.Camera:
     return item.data
 
 
+def mesh_of(item: bpy.types.Object) -> bpy.types.Mesh:
+    """Return the vertices and faces of a mesh object."""
+    assert isinstance(item.data, bpy.types.Mesh)
+    return item.data
+
+
 def action_of(item: bpy.types.ID) -> bpy.types.Action:
     """Return the keyframes of an object or a node group, which has some."""
     data = item.animation_data  # pyright: ignore[reportAttributeAccessIssue]  each subclass that is animated has it
@@ -127,6 +133,18 @@ def set_pixels(image: bpy.types.Image, rgba: NDArray[np.float32]) -> None:
     """Set all values of an image from (H, W, 4) float32, bottom row first."""
     image.pixels.foreach_set(rgba.ravel())  # pyright: ignore[reportArgumentType]  any buffer will do
     image.update()
+
+
+def size_px(image: bpy.types.Image) -> tuple[int, int]:
+    """Return an image's width and height."""
+    wide, high = image.size  # pyright: ignore[reportGeneralTypeIssues]  an array of two can be unpacked
+    return wide, high
+
+
+def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header) -> bpy.types.UILayout:
+    """Return what a panel, a menu or a header draws into."""
+    assert item.layout is not None
+    return item.layout
 
 
 def override(**members: Any) -> AbstractContextManager[object]:
