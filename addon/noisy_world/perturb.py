@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .clean_frame import Camera, CleanFrame
 from .core.datasets.images import as_float
 from .core.datasets.layouts import find_sequence
 from .core.geometry import Intrinsics
@@ -28,6 +27,7 @@ from .core.planning.sequence import lay_out, written_paths
 from .core.schema import Place
 from .core.trajectories.sensor_paths import SensorPaths
 from .perturbations import registry
+from .pipeline.clean_frame import Camera, CleanFrame
 from .sources.recording import RecordedFrame
 
 

@@ -32,9 +32,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     from noisy_world.blender.session import Session  # noqa: PLC0415
-    from noisy_world.clean_frame import CleanFrame  # noqa: PLC0415
-    from noisy_world.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline import render_options  # noqa: PLC0415
+    from noisy_world.pipeline.clean_frame import CleanFrame  # noqa: PLC0415
+    from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
+    from noisy_world.pipeline.run import render_options  # noqa: PLC0415
     from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s

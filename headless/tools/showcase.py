@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.clean_frame import CleanFrame
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
@@ -16,7 +15,8 @@ from noisy_world.core.planning.plan import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from noisy_world.pipeline import render_options
+from noisy_world.pipeline.clean_frame import CleanFrame
+from noisy_world.pipeline.run import render_options
 from noisy_world.planning import make_plan
 
 DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"

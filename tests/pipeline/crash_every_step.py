@@ -21,7 +21,7 @@ from worlds import content
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline import Run
+from noisy_world.pipeline.run import Run
 
 sys.modules["noisy_world.blender.session"] = fake_session
 

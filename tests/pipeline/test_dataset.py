@@ -17,7 +17,7 @@ from noisy_world.core.datasets import storage
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline import Run
+from noisy_world.pipeline.run import Run
 
 
 class Listener:

@@ -20,7 +20,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
-from noisy_world.pipeline import Run
+from noisy_world.pipeline.run import Run
 
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]

@@ -21,7 +21,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from noisy_world.pipeline import Run, split_work
+from noisy_world.pipeline.run import Run, split_work
 
 SETTINGS = [
     {"name": "clean"},

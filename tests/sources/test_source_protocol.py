@@ -21,7 +21,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.pipeline import Run
+from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
 STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])

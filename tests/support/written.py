@@ -13,7 +13,7 @@ from worlds import write_world
 
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline import Run
+from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
 SIZE = (8, 6)

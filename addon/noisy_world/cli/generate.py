@@ -14,7 +14,7 @@ from .missing import blender_problem, missing_package
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
-    from ..run_report import Report
+    from ..pipeline.report import Report
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -53,7 +53,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and say what came of it."""
-    from ..pipeline import Run
+    from ..pipeline.run import Run
     from .running import listener, machine_listener
     from .workers import orders_for, run_workers
 

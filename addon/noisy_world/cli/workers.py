@@ -21,9 +21,9 @@ from ..core.machine import peak_memory_bytes
 from ..core.planning.plan import Plan
 from ..core.presets.preset import check_document
 from ..core.progress import JsonProgress, Progress, read_message
-from ..pipeline import Run, Work
+from ..pipeline.report import Report
+from ..pipeline.run import Run, Work
 from ..planning import make_plan
-from ..run_report import Report
 from .entry import INTERRUPTED
 
 

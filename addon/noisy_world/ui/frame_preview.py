@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
-from ..clean_frame import Camera, CleanFrame
-from ..colour import colour_of
-from ..core.datasets.images import grey_bytes, rgb_bytes
+from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import perturb_depth
@@ -24,6 +22,8 @@ from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..perturbations import registry
+from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.colour import colour_of
 from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
@@ -99,7 +99,7 @@ def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
     """Return colour (H, W, 3) as its file shows it: of a file in grey, the three channels alike."""
     if colour == "grey":
         return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
-    return rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb)
+    return as_bytes(rgb)
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:

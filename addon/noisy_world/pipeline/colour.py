@@ -6,13 +6,13 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from ..core.machine import keep_freed_memory
+from ..core.perturbing.execution import perturb_rgb
+from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame, Perturbed
-from .core.machine import keep_freed_memory
-from .core.perturbing.execution import perturb_rgb
-from .core.planning.sequence import Sequence
 
 if TYPE_CHECKING:
-    from .blender.compositor import Compositor
+    from ..blender.compositor import Compositor
 
 type Colours = Mapping[tuple[str, int], Callable[[], Perturbed]]
 """By a sequence's folder and the number of its frame: what gives its colour. Called once, in any thread."""
@@ -98,7 +98,7 @@ def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int,
     if not composited:
         yield Colour(executors)
         return
-    from .blender.compositor import Compositor
+    from ..blender.compositor import Compositor
 
     keep_freed_memory()
     chains = {item.folder: item.setting.rgb for item in composited}

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.datasets.images import as_bytes, as_float
-from .core.datasets.layouts import Modality, OutputFormat
-from .core.geometry import Intrinsics
-from .core.perturbing.kinds import FrameContext
-from .core.planning.sequence import Sequence
-from .core.planning.source import SourceFrame
+from ..core.datasets.images import as_bytes, as_float
+from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import FrameContext
+from ..core.planning.sequence import Sequence
+from ..core.planning.source import SourceFrame
 
 
 class CleanFrame:

@@ -8,15 +8,15 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from ..core.datasets.dataset import Dataset, FrameRecord
+from ..core.datasets.layouts import Modality
+from ..core.datasets.storage import sha256_of_file
+from ..core.errors import InputError
+from ..core.perturbing.execution import perturb_depth
+from ..core.planning.plan import Render
+from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours
-from .core.datasets.dataset import Dataset, FrameRecord
-from .core.datasets.layouts import Modality
-from .core.datasets.storage import sha256_of_file
-from .core.errors import InputError
-from .core.perturbing.execution import perturb_depth
-from .core.planning.plan import Render
-from .core.planning.sequence import Sequence
 
 # Frames that may wait to be encoded: enough to overlap with rendering, few enough that memory stays flat.
 WAITING_FRAMES = 3

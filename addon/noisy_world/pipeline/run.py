@@ -10,23 +10,23 @@ from typing import Any
 
 import numpy as np
 
+from ..core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset, FrameRecord
+from ..core.datasets.layouts import SequenceFacts
+from ..core.datasets.overview import draw_overview
+from ..core.datasets.provenance import identity, manifest, render_seed
+from ..core.errors import InterruptedRunError
+from ..core.machine import available_threads, peak_memory_bytes
+from ..core.planning.estimate import estimate
+from ..core.planning.plan import Plan, Render, source_paths
+from ..core.planning.sequence import Sequence, written_paths
+from ..core.planning.source import OpenSource, RenderOptions
+from ..core.presets.preset import canonical
+from ..core.progress import Progress
+from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_frame import Camera, CleanFrame
 from .colour import colour_of
-from .core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset, FrameRecord
-from .core.datasets.layouts import SequenceFacts
-from .core.datasets.overview import draw_overview
-from .core.datasets.provenance import identity, manifest, render_seed
-from .core.errors import InterruptedRunError
-from .core.machine import available_threads, peak_memory_bytes
-from .core.planning.estimate import estimate
-from .core.planning.plan import Plan, Render, source_paths
-from .core.planning.sequence import Sequence, written_paths
-from .core.planning.source import OpenSource, RenderOptions
-from .core.presets.preset import canonical
-from .core.progress import Progress
-from .core.trajectories.sensor_paths import SensorPaths
 from .frame_writer import FrameWriter
-from .run_report import Report
+from .report import Report
 
 type Work = dict[str, list[int]]
 """Source frames to be rendered, by the name of the render."""
@@ -230,7 +230,7 @@ def renderer_versions(plan: Plan) -> dict[str, str]:
     """Ask Blender for the versions of what a plan needs of it."""
     if not plan.needs_blender:
         return {}
-    from .blender import session
+    from ..blender import session
 
     if not plan.renders_anything:
         return session.blender_version()
