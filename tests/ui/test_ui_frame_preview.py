@@ -91,7 +91,7 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
 
 
 def test_grey_is_shown_as_it_is_written(room):
-    room.noisy_world.pipeline.colour = "grey"
+    room.noisy_world.colour = "grey"
     room.frame_set(2)
     picture, _ = frame_preview.draw_colour(room)
     weighted = 255 * np.clip(render_stills(room, [2])[0].rgb, 0, 1).astype(float) @ [0.299, 0.587, 0.114]

@@ -98,7 +98,8 @@ def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:
 
     steps = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), np.uint16)
     # Depth is picked, not averaged: between two surfaces there is none.
-    return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / output.depth_scale_per_m
+    tile = cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST)
+    return np.divide(tile, output.depth_scale_per_m, dtype=np.float64)
 
 
 def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
