@@ -66,9 +66,10 @@ $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
 	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-bench.lock
 	touch $@
 
-lint: venv ## check style, layers and formatting
+lint: venv ## check style, layers, formatting and types
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/pyright --pythonpath $(PY)
 
 format: venv ## format the code
 	$(VENV)/bin/ruff check --fix .

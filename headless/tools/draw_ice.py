@@ -9,6 +9,7 @@ Needles, ferns, rime and a wrinkled sheet: grey JPEG files in the add-on, where 
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,7 +22,7 @@ from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file
 
 JPEG_QUALITY = 95
 
-type Field = NDArray[np.floating]
+type Field = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
 
 
 def main() -> int:

@@ -8,11 +8,12 @@ Seen from its outer side, columns run to the right and rows upwards: column step
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Array = NDArray[np.floating]  # float64, but for the light, which is found in float32
+type Array = NDArray[Any]  # of floats; pyright takes three times as long for arrays whose type is named
 type Point = tuple[float, float, float]
 # (u_m, v_m), each (R, C) in metres along the surface -> (R, C, 3) display-encoded colours.
 type Painter = Callable[[Array, Array], Array]
