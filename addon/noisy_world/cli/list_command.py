@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`list`: what presets may say and what is shipped, or what a preset holds; the same as `generate --list`."""
+"""`list`: the keys of presets and what is shipped, or what a preset holds; the same as `generate --list`."""
 
 import argparse
 
