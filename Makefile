@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery screenshots assets extension ice test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,6 +40,20 @@ assets: venv ## write the asset library of node groups for Blender's asset brows
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
+
+wheel: venv ## build the Python package's wheel into dist
+	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist .
+
+docs: $(VENV)-docs/.installed ## build the docs' site into out/docs; a broken link is an error
+	NO_MKDOCS_2_WARNING=1 $(VENV)-docs/bin/mkdocs build --quiet
+	@! grep -rlE '<(script|link|img|iframe)[^>]* (src|href)="?https?:' out/docs --include='*.html' || { echo "make: these pages fetch from elsewhere" >&2; exit 1; }
+	@echo "wrote out/docs/index.html"
+
+$(VENV)-docs/.installed: requirements-docs.lock
+	@test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed" >&2; exit 1; }
+	test -x $(VENV)-docs/bin/python || $(PYTHON) -m venv $(VENV)-docs
+	$(VENV)-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $<
+	touch $@
 
 test: venv ## run the tests
 	$(PY) -m pytest
@@ -85,6 +99,7 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
+	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) .venv-peer .venv-corruptions .blender-env out dist .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-docs .venv-peer .venv-corruptions .blender-env out dist .pytest_cache .ruff_cache

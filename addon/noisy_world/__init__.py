@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noisy World: clean 3D scenes in, noisy RGB-D worlds out.
 
-As a Blender extension it adds a tab to the 3D view's sidebar. The library and headless/generate.py use the same scenes,
-trajectories and presets without the tab.
+As a Blender extension it adds a tab to the 3D view's sidebar. The library and the command `noisy-world`
+(headless/generate.py) use the same scenes, trajectories and presets without the tab.
 """
 
 from pathlib import Path

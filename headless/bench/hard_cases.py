@@ -9,7 +9,7 @@ The truth is a formula in float64. Depth errors are relative to the depth, off t
 import contextlib
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -144,18 +144,22 @@ def grazing_angles() -> Table:
     )
 
 
-def triangle_sizes() -> Table:
+# How the wall of 8 m is cut: what the triangles are called, columns and lines.
+CUTS = (
+    ("4 m, two triangles", 1, 1),
+    ("20 mm", 400, 400),
+    ("4 mm", 2000, 2000),
+    ("slivers 8 m x 2 mm, 1 : 4,000", 1, 4000),
+    ("slivers 8 m x 0.02 mm, 1 : 400,000", 1, 400_000),
+)
+
+
+def triangle_sizes(cuts: Sequence[tuple[str, int, int]] = CUTS) -> Table:
     """One wall cut into triangles of very different sizes and shapes, and a floor of 10 km in two."""
     rows: list[tuple[str | float, ...]] = []
     eye = look_at([0.0, 0.0, 0.0], [1.0, 0.2, -0.1])
     true_m = plane_depth(CAMERA, eye, np.array([2.0, 0, 0]), np.array([1.0, 0, 0]))
-    for label, columns, lines in (
-        ("4 m, two triangles", 1, 1),
-        ("20 mm", 400, 400),
-        ("4 mm", 2000, 2000),
-        ("slivers 8 m x 2 mm, 1 : 4,000", 1, 4000),
-        ("slivers 8 m x 0.02 mm, 1 : 400,000", 1, 400_000),
-    ):
+    for label, columns, lines in cuts:
         mesh = grid_mesh(2.0, 4.0, columns, lines)
         depth_m = render(mesh, eye).depth_m
         inside = np.abs(rays(CAMERA, eye)[..., 1:] / rays(CAMERA, eye)[..., :1] * 2.0).max(-1) < 3.9
@@ -212,8 +216,8 @@ def near_and_far() -> Table:
     )
 
 
-def thin_structures() -> Table:
-    """Upright rods of a width below a pixel against void: how much of them is seen."""
+def thin_structures(samples: Sequence[int] = (1, 16, 64)) -> Table:
+    """Upright rods of a width below a pixel against void: how much of them is seen. The first of samples is 1."""
     rng = np.random.default_rng(0)
     camera = Intrinsics(640, 240, 500.0, 500.0, 319.5, 119.5)
     eye = look_at([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
@@ -230,12 +234,12 @@ def thin_structures() -> Table:
             [[255, 255, 255]] * len(centres),
         )
         row: list[str | float] = [width_px, width_px * len(centres) / camera.width_px]
-        for samples in (1, 16, 64):
-            frame = render(rods, eye, replace(OPTIONS, samples=samples), camera)
+        for count in samples:
+            frame = render(rods, eye, replace(OPTIONS, samples=count), camera)
             encoded = np.clip(frame.rgb[..., 0].astype(np.float64), 0, 1)
             linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-            row.append(float((encoded > 0.5).mean() if samples == 1 else linear.mean()))
-            if samples == 1:
+            row.append(float((encoded > 0.5).mean() if count == 1 else linear.mean()))
+            if count == 1:
                 row.append(float((frame.depth_m > 0).mean()))
         rows.append(tuple(row))
     return Table(
@@ -245,8 +249,7 @@ def thin_structures() -> Table:
             "true share of the image",
             "share of colour, 1 sample",
             "share of depth",
-            "share of light, 16 samples",
-            "share of light, 64 samples",
+            *(f"share of light, {count} samples" for count in samples[1:]),
         ),
         tuple(rows),
         "One ray a pixel sees a rod or misses it, right on average; depth always does, for it must not be averaged. "

@@ -8,7 +8,8 @@ import sys
 import bpy
 import numpy as np
 import pytest
-from group_tools import IDENTIFIERS, by_nodes, picture, step_of
+from group_tools import IDENTIFIERS, by_nodes, many_by_nodes, picture, step_of
+from shown import evaluate_scene, image_of
 from worlds import ROOT
 
 from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
@@ -36,37 +37,6 @@ def steps_of(items):
     return parse_steps(items, Place("test"), registry())
 
 
-def evaluate_scene(scene, folder):
-    """What a scene's compositor shows, (H, W, 3) float32, through a file of its own."""
-    import OpenEXR
-
-    tree = scene.compositing_node_group
-    end = next(node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
-    file = tree.nodes.new("CompositorNodeOutputFile")
-    file.directory, file.file_name = str(folder), "shown"
-    file.format.media_type = "MULTI_LAYER_IMAGE"
-    file.format.file_format = "OPEN_EXR_MULTILAYER"
-    file.format.color_depth, file.format.exr_codec = "32", "NONE"
-    file.file_output_items.new("VECTOR", "s")
-    tree.links.new(end.inputs["Image"].links[0].from_socket, file.inputs[0])
-    with bpy.context.temp_override(scene=scene):
-        bpy.ops.render.render()
-    tree.nodes.remove(file)
-    with OpenEXR.File(str(folder / "shown.exr"), separate_channels=True) as layers:
-        channels = {name: item.pixels for name, item in layers.channels().items()}
-    return np.stack([channels[f"s.{axis}"] for axis in "XYZ"], axis=-1)
-
-
-def image_of(values):
-    image = bpy.data.images.new("frame", values.shape[1], values.shape[0], alpha=False, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
-    rgba = np.ones((*values.shape[:2], 4), np.float32)
-    rgba[..., :3] = values[::-1]
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
-    return image
-
-
 def scene_of(size):
     scene = bpy.data.scenes.new("Artist")
     scene.render.resolution_x, scene.render.resolution_y = size
@@ -75,8 +45,9 @@ def scene_of(size):
     return scene
 
 
-@pytest.fixture(autouse=True)
-def _empty():
+@pytest.fixture
+def empty():
+    """A file that holds nothing, not even the groups that other tests keep."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
@@ -124,7 +95,7 @@ def test_a_render_and_its_image_are_perturbed_alike(tmp_path):
     assert behind_render.std() > 0.05
 
 
-def test_hiding_gives_back_what_was_there():
+def test_hiding_gives_back_what_was_there(empty):
     scene = scene_of((8, 8))
     own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
     scene.compositing_node_group = own
@@ -146,7 +117,7 @@ def test_the_user_s_own_frame_changes_nothing():
     assert bpy.context.scene.frame_current == 17
 
 
-def test_the_user_s_scenes_are_left_as_they_are():
+def test_the_user_s_scenes_are_left_as_they_are(empty):
     scene = bpy.context.scene
     scene.view_settings.view_transform = "AgX"
     scene.render.dither_intensity = 1.0
@@ -161,7 +132,8 @@ def test_the_user_s_scenes_are_left_as_they_are():
         return kept
 
     before, active = state(), bpy.context.window.scene.name
-    by_nodes("brightness", picture(16, 24), severity=2)
+    with Compositor((24, 16), {"x": [step_of("brightness", severity=2)]}, 24) as compositor:
+        assert compositor.evaluate(picture(16, 24), {"x": (0, IDENTIFIERS)})[0]["x"] is not None
     assert state() == before
     assert bpy.context.window.scene.name == active
     assert [item.name for item in bpy.data.scenes] == [scene.name]
@@ -169,36 +141,36 @@ def test_the_user_s_scenes_are_left_as_they_are():
     assert {item.name for item in bpy.data.images} <= {"Render Result"}
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_frame_alone_is_that_of_the_animation(name):
-    rgb = picture(72, 128)
-    values = {"severity": 3} | ({"temporal": "drift"} if "drift" in registry()[name].temporals else {})
+def test_a_frame_is_its_seed_s_and_its_number_s_alone():
+    """What was drawn before does not matter; another seed does, and whether the pattern is redrawn, drifts or stays."""
+    rgb = picture(36, 64)
     depth_m = depth_for(rgb)
-    whole = by_nodes(name, rgb, range(4), depth_m=depth_m, **values)
-    assert np.array_equal(by_nodes(name, rgb, [3], depth_m=depth_m, **values)[0], whole[3])
-    assert np.array_equal(whole[0], whole[3]) == (not registry()[name].temporals)
+    chains = {(name, ""): [step_of(name, severity=3)] for name in NAMES}
+    chains |= {(name, kind): [step_of(name, severity=3, temporal=kind)] for name in NAMES for kind in temporals(name)}
+    frames = many_by_nodes(chains, [rgb], (0, 3), depth_m=depth_m)
+    (alone,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m)
+    (other,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m, identifiers=(8, "room", "setting"))
+    for name, kind in chains:
+        first, last, single, seeded = (item[name, kind] for item in (*frames, alone, other))
+        assert np.array_equal(last, single), (name, kind)
+        assert np.array_equal(last, seeded) == (not temporals(name)), (name, kind)
+        assert np.array_equal(first, last) == (kind == "fixed" or not temporals(name)), (name, kind)
 
 
-@pytest.mark.parametrize("name", [item for item in NAMES if registry()[item].temporals])
-def test_seeds_and_temporals(name):
-    rgb = picture(72, 128)
-    fresh = by_nodes(name, rgb, [0, 1], severity=3)
-    assert not np.array_equal(*fresh)
-    other = by_nodes(name, rgb, [0], severity=3, identifiers=(8, "room", "setting"))[0]
-    assert not np.array_equal(fresh[0], other)
-    fixed = by_nodes(name, rgb, [0, 1], severity=3, temporal="fixed")
-    assert np.array_equal(*fixed)
+def temporals(name):
+    return registry()[name].temporals
 
 
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (9, 2), (33, 17)])
-def test_small_and_odd_frames(name, shape):
-    for rgb in (picture(*shape), np.zeros((*shape, 3), np.float32), np.ones((*shape, 3), np.float32)):
-        (made,) = by_nodes(name, rgb, severity=5, depth_m=depth_for(rgb))
-        assert made.shape == rgb.shape
-        assert np.isfinite(made).all()
-        assert made.min() >= 0
-        assert made.max() <= 1
+def test_small_and_odd_frames(shape):
+    chains = {name: [step_of(name, severity=5)] for name in NAMES}
+    images = picture(*shape), np.zeros((*shape, 3), np.float32), np.ones((*shape, 3), np.float32)
+    for made in many_by_nodes(chains, images, depth_m=depth_for(images[0])):
+        for name, image in made.items():
+            assert image.shape == (*shape, 3), name
+            assert np.isfinite(image).all(), name
+            assert image.min() >= 0, name
+            assert image.max() <= 1, name
 
 
 def test_all_settings_in_one_call_are_those_alone():

@@ -19,8 +19,10 @@ from analytic import (
     sphere_depth,
     sphere_mesh,
 )
+from cases import cases
 
 from noisy_world.blender.session import Session
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
@@ -46,8 +48,8 @@ def relative_error(depth_m, expected_m, *, inside):
     return np.abs(depth_m[inside] - expected_m[inside]) / expected_m[inside]
 
 
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
-@pytest.mark.parametrize("view", POINTS.values(), ids=POINTS.keys())
+@cases("camera", CAMERAS.values())
+@cases("view", POINTS.values())
 def test_slanted_plane(camera, view):
     # A plane that crosses the view at 45 degrees or so, whatever the view.
     normal = view[:3, :3] @ np.array([0.5, 0.3, -0.8])
@@ -60,18 +62,19 @@ def test_slanted_plane(camera, view):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-@pytest.mark.parametrize("roll_deg", [0, 180, 37])
 @pytest.mark.parametrize("towards", [[0.0, 1.0, 0.0], [-0.05, 0.3, -1.0], [0.0, 0.2, 1.0], [0.02, -1.0, 0.1]])
-def test_grazing_box(towards, roll_deg, samples):
-    # 10 cm off one wall of a room, looking along it: rays meet it at down to 1 degree.
-    camera = CAMERAS["replica"]
+def test_grazing_box(towards, samples):
+    # 10 cm off one wall of a room, looking along it: rays meet it at down to 1 degree. Upside down, a share of a pixel
+    # to one side shows as one to the other.
+    camera = Intrinsics(600, 340, 300.0, 300.0, 299.5, 169.5)
     eye = np.array([0.3, -0.7, 0.9])
-    view = look_at(eye, eye + towards, roll_deg)
     low, high = eye - np.array([0.1, 2.5, 1.5]), eye + np.array([4.0, 3.0, 2.2])
-    expected, sure = box_depth(camera, view, low, high)
-    assert _smallest_sine(camera, view, low, expected) < 0.05
-    depth = render(box_mesh(low, high), view, camera, replace(OPTIONS, samples=samples)).depth_m
-    assert relative_error(depth, expected, inside=sure).max() < 1e-5
+    for roll_deg in (0, 180, 37):
+        view = look_at(eye, eye + towards, roll_deg)
+        expected, sure = box_depth(camera, view, low, high)
+        assert _smallest_sine(camera, view, low, expected) < 0.05
+        depth = render(box_mesh(low, high), view, camera, replace(OPTIONS, samples=samples)).depth_m
+        assert relative_error(depth, expected, inside=sure).max() < 1e-5, f"rolled by {roll_deg} degrees"
 
 
 def _smallest_sine(camera, view, low, depth):
@@ -85,11 +88,11 @@ def test_sphere():
     view = POINTS["level"]
     centre = view[:3, 3] + 3.0 * view[:3, 2]
     expected, sure = sphere_depth(camera, view, centre, 1.2)
-    depth = render(sphere_mesh(centre, 1.2, rings=3000), view, camera).depth_m
+    depth = render(sphere_mesh(centre, 1.2, rings=2000), view, camera).depth_m
     assert relative_error(depth, expected, inside=sure).max() < 1e-5
 
 
-@pytest.mark.parametrize("offset_m", [0.0, 1e3, 1e4, 1e5])
+@cases("offset_m", [0.0, 1e3, 1e4, 1e5])
 def test_far_from_the_origin(offset_m):
     camera = CAMERAS["replica"]
     view = POINTS["level"].copy()

@@ -7,6 +7,8 @@ from dataclasses import fields
 import bpy
 import numpy as np
 import pytest
+from cases import cases
+from group_tools import keep_group
 
 from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
 from noisy_world.core.node_graphs.graph import Graph, GroupInput, Picture
@@ -34,9 +36,17 @@ def stock():
     return {name: len(getattr(bpy.data, name)) for name in ("node_groups", "images", "scenes", "actions", "materials")}
 
 
-@pytest.fixture(autouse=True)
-def _empty():
+@pytest.fixture
+def empty():
     bpy.ops.wm.read_factory_settings(use_empty=True)
+
+
+@pytest.fixture(scope="module")
+def trees():
+    """Every perturbation's group, in the file as long as no test empties it."""
+    for name in NAMES:
+        keep_group(name)
+    return {name: ensure_group(build_group(registry()[name])) for name in NAMES}
 
 
 def test_every_perturbation_of_colour_has_a_group():
@@ -44,10 +54,9 @@ def test_every_perturbation_of_colour_has_a_group():
     assert [name for name in NAMES if registry()[name].build is None] == []
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_sockets_say_what_the_parameters_say(name):
-    perturbation = registry()[name]
-    tree = ensure_group(build_group(perturbation))
+@cases("name", NAMES)
+def test_sockets_say_what_the_parameters_say(trees, name):
+    perturbation, tree = registry()[name], trees[name]
     items = {item.name: item for item in tree.interface.items_tree if item.in_out == "INPUT"}
     for field in fields(perturbation.parameters):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
@@ -69,9 +78,9 @@ def test_sockets_say_what_the_parameters_say(name):
     assert ("Depth" in items) == perturbation.needs_depth
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_group_is_read_from_left_to_right(name):
-    tree = ensure_group(build_group(registry()[name]))
+@cases("name", NAMES)
+def test_a_group_is_read_from_left_to_right(trees, name):
+    tree = trees[name]
     place = {node.name: node.location_absolute for node in tree.nodes}
     assert all(link.is_valid for link in tree.links)
     for link in tree.links:
@@ -83,7 +92,7 @@ def test_a_group_is_read_from_left_to_right(name):
     assert [node.bl_idname for node in loose] == ["NodeGroupOutput"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_no_node_lies_on_another(name):
     graph = build_group(registry()[name])
     places = sorted(arrange(graph).positions.items(), key=lambda item: item[1])
@@ -95,35 +104,29 @@ def test_no_node_lies_on_another(name):
             assert other_x - x >= 190
 
 
-def test_building_again_changes_nothing():
-    trees = [ensure_group(build_group(registry()[name])) for name in NAMES]
-    before = stock()
-    assert [ensure_group(build_group(registry()[name])) for name in NAMES] == trees
-    assert stock() == before
+def test_building_again_saving_and_reloading_change_nothing_and_removing_leaves_nothing(empty, tmp_path):
+    def build():
+        return [ensure_group(build_group(registry()[name])) for name in NAMES]
 
-
-def test_removing_leaves_nothing():
-    before = stock()
-    trees = [ensure_group(build_group(registry()[name])) for name in NAMES]
+    nothing = stock()
+    trees = build()
     for tree in trees:
-        remove_group(tree)
-    assert stock() == before
-
-
-def test_saving_reloading_and_rebuilding_change_nothing(tmp_path):
-    for name in NAMES:
-        ensure_group(build_group(registry()[name])).use_fake_user = True
+        tree.use_fake_user = True
     before = stock()
     nodes = {tree.name: sorted(node.name for node in tree.nodes) for tree in bpy.data.node_groups}
+    assert build() == trees
+    assert stock() == before
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "groups.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "groups.blend"))
-    for name in NAMES:
-        ensure_group(build_group(registry()[name]))
+    trees = build()
     assert stock() == before
     assert {tree.name: sorted(node.name for node in tree.nodes) for tree in bpy.data.node_groups} == nodes
+    for tree in trees:
+        remove_group(tree)
+    assert stock() == nothing
 
 
-def test_another_definition_takes_the_old_one_s_place():
+def test_another_definition_takes_the_old_one_s_place(empty):
     old = ensure_group(tinted(0.5))
     user = bpy.data.node_groups.new("User", "CompositorNodeTree")
     node = user.nodes.new("CompositorNodeGroup")
@@ -135,7 +138,7 @@ def test_another_definition_takes_the_old_one_s_place():
     assert new[STAMP] == tinted(0.25).stamp != tinted(0.5).stamp
 
 
-def test_a_group_of_another_file_is_left_alone(tmp_path):
+def test_a_group_of_another_file_is_left_alone(empty, tmp_path):
     ensure_group(tinted(0.5)).use_fake_user = True
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "library.blend"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -148,8 +151,8 @@ def test_a_group_of_another_file_is_left_alone(tmp_path):
     assert own != linked
 
 
-@pytest.mark.parametrize("fault", ["node", "socket", "property", "picture", "inner"])
-def test_a_failed_build_leaves_nothing(fault):
+@cases("fault", ["node", "socket", "property", "picture", "inner"])
+def test_a_failed_build_leaves_nothing(empty, fault):
     inner = Graph("NW Inner", "Inside")
     inner.output("Image", inner.input(IMAGE) * 2.0)
 
@@ -186,7 +189,7 @@ def test_equal_nodes_of_a_section_are_one_and_equal_graphs_have_one_stamp():
         graph.math("ADD", image, tinted().nodes[0].inputs["Vector"])
 
 
-def test_a_picture_is_packed_upright_and_exact():
+def test_a_picture_is_packed_upright_and_exact(empty):
     values = np.arange(6 * 4 * 3, dtype=np.uint8).reshape(6, 4, 3)
     image = ensure_picture(Picture("NW picture", "1", lambda: values))
     assert image.packed_file is not None

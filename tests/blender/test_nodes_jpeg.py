@@ -2,8 +2,8 @@
 
 import cv2
 import numpy as np
-import pytest
-from group_tools import IDENTIFIERS, by_reference, levels_apart, picture, step_of
+from cases import cases
+from group_tools import IDENTIFIERS, keep_group, by_reference, levels_apart, picture, step_of
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.perturbations import registry
@@ -23,6 +23,7 @@ def by_nodes(image, qualities, reference_width=None):
     """What the group makes of the image at each quality: as group_tools' of the same name, all in one call."""
     chains = {f"{quality}": [step_of(NAME, quality=quality)] for quality in qualities}
     size = image.shape[1], image.shape[0]
+    keep_group(NAME)
     with Compositor(size, chains, reference_width or size[0]) as compositor:
         made = compositor.evaluate(image, dict.fromkeys(chains, (0, IDENTIFIERS)))[0]
     return [made[name] for name in chains]
@@ -34,7 +35,7 @@ def levels_from_libjpeg(image, qualities):
     return np.array([levels_apart(ours, by_reference(NAME, image, quality=quality)[0]) for ours, quality in pairs])
 
 
-@pytest.mark.parametrize("quality", [10, 49, 50, 75])
+@cases("quality", [10, 49, 50, 75])
 def test_the_tables_are_those_that_libjpeg_writes(quality):
     image = np.zeros((8, 8, 3), np.uint8)
     data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
@@ -61,18 +62,18 @@ def test_a_frame_is_libjpegs_at_any_quality():
     assert levels_from_libjpeg(picture(136, 200), [1, 2, 30, 49, 50, 51, 75, 90, 95, 100])[:, 1].max() < 0.05
 
 
-@pytest.mark.parametrize("size", SIZES)
+@cases("size", SIZES)
 def test_blocks_are_counted_from_the_top_left_and_the_border_replicated(size):
     assert levels_from_libjpeg(noise(*size), [7, 75])[:, 1].max() < 0.1
 
 
-@pytest.mark.parametrize("level", [0, 127, 128, 255])
+@cases("level", [0, 127, 128, 255])
 def test_a_flat_frame_is_libjpegs_to_the_byte(level):
     image = np.full((20, 26, 3), level / 255, np.float32)
     assert levels_from_libjpeg(image, [7, 12, 50])[:, 0].max() < 0.01
 
 
-@pytest.mark.parametrize("size", [(7, 1), (3, 3)])
+@cases("size", [(7, 1), (3, 3)])
 def test_a_frame_that_is_very_narrow_stays_finite(size):
     # libjpeg enlarges its chroma in another way.
     assert levels_from_libjpeg(noise(*size), [15])[0, 1] < 20
@@ -85,7 +86,7 @@ def test_what_comes_out_is_whole_bytes_and_the_same_again():
     assert np.abs(first * 255 - np.rint(first * 255)).max() < 1e-4
 
 
-@pytest.mark.parametrize("divisor", [1, 2, 4])
+@cases("divisor", [1, 2, 4])
 def test_a_preview_has_the_frames_blocks(divisor):
     # At the lowest quality a block is flat: what changes, changes from block to block.
     ramp = np.tile(np.linspace(0.1, 0.9, 320 // divisor, dtype=np.float32)[None, :, None], (80 // divisor, 1, 3))

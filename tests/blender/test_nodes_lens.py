@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from group_tools import IDENTIFIERS, by_nodes, by_reference, levels_apart, picture, step_of
+from cases import cases
+from group_tools import by_nodes, by_reference, levels_apart, many_by_nodes, picture, step_of
 
-from noisy_world.blender.compositor import Compositor
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import defocus_depth
 from noisy_world.perturbations._kernels import disk_kernel
@@ -23,21 +23,19 @@ def depth_of(image):
     return np.choose(places // 5 % 5, [0.0, 0.4, 1.5, 2.5, 6.0]).astype(np.float32)
 
 
-def each(image, cases, depth_m=None):
+def each(image, given, depth_m=None):
     """What the nodes and the references make of (name, values), the nodes in one evaluation."""
-    size = image.shape[1], image.shape[0]
-    chains = {f"{place}": [step_of(name, **values)] for place, (name, values) in enumerate(cases)}
-    with Compositor(size, chains, size[0]) as compositor:
-        made = compositor.evaluate(image, dict.fromkeys(chains, (0, IDENTIFIERS)), depth_m)[0]
+    chains = {f"{place}": [step_of(name, **values)] for place, (name, values) in enumerate(given)}
+    (made,) = many_by_nodes(chains, [image], depth_m=depth_m)
     expected = [
         by_reference(name, image, depth_m=depth_m if name == "defocus_depth" else None, **values)[0]
-        for name, values in cases
+        for name, values in given
     ]
     return list(made.values()), expected
 
 
-def assert_equal(image, cases, depth_m=None):
-    for (name, values), one, other in zip(cases, *each(image, cases, depth_m), strict=True):
+def assert_equal(image, given, depth_m=None):
+    for (name, values), one, other in zip(given, *each(image, given, depth_m), strict=True):
         assert levels_apart(one, other)[0] < 1, (name, values)
 
 
@@ -46,7 +44,7 @@ def frame():
     return picture(67, 93)
 
 
-@pytest.mark.parametrize("name", ["defocus_blur", "gaussian_blur"])
+@cases("name", ["defocus_blur", "gaussian_blur"])
 def test_blurs_are_their_references_up_to_the_border(name, frame):
     assert_equal(frame, [(name, {"severity": severity}) for severity in SEVERITIES])
 
@@ -99,7 +97,7 @@ def offsets_taken(image, made):
     return [(made[..., k] - image[..., k]) * 256 for k in (0, 1)]
 
 
-@pytest.mark.parametrize("delta", [1, 2, 4])
+@cases("delta", [1, 2, 4])
 def test_glass_takes_pixels_from_where_the_loop_does(delta):
     image = places(240, 250)
     columns, rows = offsets_taken(image, by_nodes("glass_blur", image, sigma_px=0, max_delta_px=delta, iterations=1)[0])
@@ -169,8 +167,8 @@ def blurred(image, depth_m, **values):
 
 def test_depth_of_field_is_its_reference(frame):
     name = "defocus_depth"
-    cases = [(name, {"severity": level, "focal_length_mm": 300.0 + 100 * level}) for level in SEVERITIES]
-    assert_equal(frame, cases, depth_of(frame))
+    given = [(name, {"severity": level, "focal_length_mm": 300.0 + 100 * level}) for level in SEVERITIES]
+    assert_equal(frame, given, depth_of(frame))
 
 
 def test_depth_of_field_on_a_slope_and_with_another_limit(frame):
@@ -180,7 +178,7 @@ def test_depth_of_field_on_a_slope_and_with_another_limit(frame):
     assert levels_apart(made, expected)[0] < 1
 
 
-@pytest.mark.parametrize(
+@cases(
     ("z_m", "focus_m", "f_number", "focal_mm", "diameter_mm"),
     # By the image distances v = f z / (z - f): diameter = f / N * |v_z - v_s| / v_z, worked out by hand.
     [
@@ -213,10 +211,10 @@ def test_a_far_plane_has_a_disk_s_blur():
     radii = (2, 3.5, 5, 7, 8)
     lens = {"focus_m": 1.05, "f_number": 1.0, "focal_length_mm": 50.0, "max_radius_px": 8.0}
     # A sensor so wide that a point at infinity has this radius: its circle is 2.5 mm across.
-    cases = [("defocus_depth", lens | {"sensor_width_mm": 2.5 * 41 / 2 / radius}) for radius in radii]
+    given = [("defocus_depth", lens | {"sensor_width_mm": 2.5 * 41 / 2 / radius}) for radius in radii]
     offsets = np.arange(-20, 21)
     distance = np.hypot(offsets[:, None], offsets)
-    for radius, made in zip(radii, each(point, cases, void)[0], strict=True):
+    for radius, made in zip(radii, each(point, given, void)[0], strict=True):
         spread = made[..., 0]
         assert spread.sum() == pytest.approx(1, abs=1e-4)
         variance = (spread.sum(axis=0) * offsets**2).sum()
@@ -242,27 +240,18 @@ def test_what_is_sharp_does_not_bleed_into_what_is_blurred():
 # --- all of them ---
 
 
-@pytest.mark.parametrize("size", SIZES)
+@cases("size", SIZES)
 def test_any_size(size):
     image = picture(40, 50)[: size[0], -size[1] :]
-    cases = [(name, {"severity": 5}) for name in NAMES]
-    for name, one, other in zip(NAMES, *each(image, cases, depth_of(image)), strict=True):
+    given = [(name, {"severity": 5}) for name in NAMES]
+    for name, one, other in zip(NAMES, *each(image, given, depth_of(image)), strict=True):
         assert one.shape == image.shape
         assert np.isfinite(one).all()
         assert name in ("glass_blur", "motion_blur") or levels_apart(one, other)[0] < 1
 
 
-@pytest.mark.parametrize("level", [0.0, 1.0])
+@cases("level", [0.0, 1.0])
 def test_a_constant_frame_stays(level):
     flat = np.full((20, 30, 3), level, dtype=np.float32)
     for made in each(flat, [(name, {"severity": 4}) for name in NAMES], depth_of(flat))[0]:
         assert levels_apart(made, flat)[0] < 0.01
-
-
-@pytest.mark.parametrize("name", ["glass_blur", "motion_blur"])
-def test_a_frame_alone_is_the_same_bytes(name, frame):
-    series = by_nodes(name, frame, range(48, 52), severity=3)
-    assert np.array_equal(series[2], by_nodes(name, frame, [50], severity=3)[0])
-    assert not np.array_equal(series[2], series[1])
-    fixed = by_nodes(name, frame, [3, 9], severity=3, temporal="fixed")
-    assert np.array_equal(*fixed)

@@ -6,6 +6,7 @@ import math
 import cv2
 import numpy as np
 import pytest
+from cases import cases
 from group_tools import by_nodes, by_reference, levels_apart, picture, radial_power
 
 # The paper's: mean, std, sigma and threshold of the noise.
@@ -29,7 +30,7 @@ def covers(make, severity, frames, size=(340, 600), **values):
     return np.stack([np.abs(image[..., 1] - level) for image in made])
 
 
-@pytest.mark.parametrize("severity", TABLE)
+@cases("severity", TABLE)
 def test_as_many_drops_as_the_smoothed_noise_gives(severity):
     mean, std, sigma, threshold = TABLE[severity]
     # White noise through a Gaussian of sigma keeps the share 1 / (2 sigma sqrt(pi)) of its deviation.
@@ -39,7 +40,7 @@ def test_as_many_drops_as_the_smoothed_noise_gives(severity):
     assert mud[:, 20:-20, 20:-20].mean() == pytest.approx(0.5 * math.erfc(limit / math.sqrt(2)), rel=0.1)
 
 
-@pytest.mark.parametrize("severity", [2, 3, 4, 5])
+@cases("severity", [2, 3, 4, 5])
 def test_the_spectrum_is_the_references(severity):
     powers, means = [], []
     for make in (by_nodes, by_reference):
@@ -65,7 +66,7 @@ def test_few_large_drops_at_severity_1():
     assert np.mean(decibels[0]) == pytest.approx(np.mean(decibels[1]), abs=2.4)  # one frame's spread is 4
 
 
-@pytest.mark.parametrize("severity", [2, 3])
+@cases("severity", [2, 3])
 def test_rims_are_lit_from_the_same_side(severity):
     lean = []
     for make in (by_nodes, by_reference):
@@ -86,7 +87,7 @@ def test_the_strongest_place_has_the_scaling():
     assert drops.max() * 255 / 238 == pytest.approx(0.5, abs=0.02)
 
 
-@pytest.mark.parametrize("complexity", [0, 1])
+@cases("complexity", [0, 1])
 def test_no_drop_is_the_identity(complexity):
     image = picture(40, 60)
     (made,) = by_nodes("spatter", image, threshold=2.0, complexity=complexity)
@@ -107,7 +108,7 @@ def test_water_is_pale_and_only_adds():
     assert np.abs(added[wet] / added[wet][:, 1:2] - np.array([175, 238, 238]) / 238).max() < 1e-3
 
 
-@pytest.mark.parametrize("severity", [1, 3, 5])
+@cases("severity", [1, 3, 5])
 def test_a_preview_has_the_same_drops_half_as_large(severity):
     level = 0.3
     (full,) = by_nodes("spatter", flat(240, 320, level), (7,), severity=severity)
@@ -116,7 +117,7 @@ def test_a_preview_has_the_same_drops_half_as_large(severity):
     assert levels_apart(half, cv2.resize(full, (160, 120), interpolation=cv2.INTER_AREA))[0] < 0.1
 
 
-@pytest.mark.parametrize("severity", [3, 5])
+@cases("severity", [3, 5])
 def test_drops_run_down(severity):
     first, half_way, later = covers(by_nodes, severity, (0, 5, 10), (160, 200), temporal="drift", run_px=0.5)
     inner = slice(50, 130)
@@ -125,21 +126,3 @@ def test_drops_run_down(severity):
     assert np.abs(later[inner] - first[45:125] * share).max() < 0.01
     between = (first[48:128] + first[47:127]) / 2
     assert np.abs(half_way[inner] - between * (half_way[inner].sum() / between.sum())).max() < 0.01
-
-
-def test_a_frame_alone_and_in_a_sequence():
-    later = covers(by_nodes, 3, range(48, 52), (60, 90))
-    assert later[2].tobytes() == covers(by_nodes, 3, (50,), (60, 90))[0].tobytes()
-    assert later[1].tobytes() != later[2].tobytes()
-    fixed = covers(by_nodes, 3, (0, 9), (60, 90), temporal="fixed")
-    assert fixed[0].tobytes() == fixed[1].tobytes()
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 7), (7, 1), (31, 8)])
-@pytest.mark.parametrize("level", [0.0, 1.0])
-def test_any_size(size, level):
-    for severity in (1, 3, 5):
-        (made,) = by_nodes("spatter", flat(*size, level), severity=severity)
-        assert made.shape == (*size, 3)
-        assert np.isfinite(made).all()
-        assert 0 <= made.min() <= made.max() <= 1

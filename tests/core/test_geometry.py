@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.geometry import (
     OPENCV_FROM_ROBOT,
@@ -54,8 +55,8 @@ def test_quaternion_to_rotation_published_values():
     )
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 0.3, math.pi / 2, 3.0, math.pi - 1e-9, math.pi, -1e-9, -2.0])
-@pytest.mark.parametrize("axis", AXES, ids=str)
+@cases("angle", [0.0, 1e-9, 1e-4, 0.3, math.pi / 2, 3.0, math.pi - 1e-9, math.pi, -1e-9, -2.0])
+@cases("axis", AXES)
 def test_quaternion_and_matrix_agree_with_rodrigues(axis, angle):
     expected_rotation = rodrigues(axis, angle)
     expected_quat = np.concatenate([[math.cos(angle / 2)], math.sin(angle / 2) * axis])
@@ -133,8 +134,8 @@ def test_continuous_quats_at_exact_right_angles_and_single_rows():
     np.testing.assert_array_equal(continuous_quats(two)[1], -continuous_quats(two)[0])
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-9, 0.5, 2.0, math.pi - 1e-9, math.pi])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@cases("angle", [0.0, 1e-12, 1e-9, 0.5, 2.0, math.pi - 1e-9, math.pi])
+@cases("sign", [1.0, -1.0])
 def test_slerp_turns_evenly_about_the_axis(angle, sign):
     axis = np.array([2 / 3, -1 / 3, 2 / 3])
     start = rodrigues([0.0, 0.0, 1.0], 0.7)
@@ -194,8 +195,8 @@ def test_rotation_error_is_the_largest_entry():
     assert rotation_error(np.stack([np.eye(3), sheared])).tolist() == [0.0, 0.25]
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-9, 1e-4, 1.0, math.pi - 1e-4, math.pi - 1e-9, math.pi])
-@pytest.mark.parametrize("axis", AXES, ids=str)
+@cases("angle", [0.0, 1e-12, 1e-9, 1e-4, 1.0, math.pi - 1e-4, math.pi - 1e-9, math.pi])
+@cases("axis", AXES)
 def test_angle_between_rotations(axis, angle):
     start = rodrigues([0.36, 0.48, 0.8], 1.1)
     assert rotation_angle_rad(start, start @ rodrigues(axis, angle)) == pytest.approx(angle, rel=0, abs=1e-15)
@@ -218,7 +219,7 @@ def test_euler_angles_are_rz_ry_rx():
     np.testing.assert_allclose(many[3], rodrigues([0, 0, 1], math.radians(3)), atol=1e-15)
 
 
-@pytest.mark.parametrize("quarters", [-5, -2, -1, 0, 1, 2, 3, 4, 7])
+@cases("quarters", [-5, -2, -1, 0, 1, 2, 3, 4, 7])
 def test_quarter_turns_are_exact(quarters):
     cos, sin = [(1, 0), (0, 1), (-1, 0), (0, -1)][quarters % 4]
     angle = 90.0 * quarters
@@ -293,7 +294,7 @@ def test_replica_camera_has_its_middle_between_pixels():
     assert np.degrees(2 * np.arctan(rays[0, -1, 0])) == pytest.approx(90.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
+@cases(
     "values",
     [
         (0, 5, 1.0, 1.0, 0.0, 0.0),

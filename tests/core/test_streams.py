@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.streams import stream
 
@@ -29,7 +30,7 @@ def words(text):
     return [int(word, 16) for word in text.split()]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("counter", "key", "block"),
     [
         ("0 0 0 0", "0 0", "16554d9eca36314c db20fe9d672d0fdc d7e772cee186176b 7e68b68aec7ba23b"),
@@ -45,7 +46,7 @@ def test_philox_of_this_file_gives_the_published_answers(counter, key, block):
     assert philox_block(words(counter), words(key)) == words(block)
 
 
-@pytest.mark.parametrize("frame", [0, 1, 1999, 2**64 - 1])
+@cases("frame", [0, 1, 1999, 2**64 - 1])
 def test_numbers_are_philox_with_the_frame_in_the_highest_word(frame):
     digest = hashlib.sha256(b'["seed",7,"room0","fog"]').digest()
     key = [int.from_bytes(digest[:8], "little"), int.from_bytes(digest[8:16], "little")]
@@ -96,7 +97,7 @@ def test_no_frame_is_another_one_shifted():
     np.testing.assert_array_equal(low[0][4:], low[1][:-4])
 
 
-@pytest.mark.parametrize("frame", [-1, 2**64])
+@cases("frame", [-1, 2**64])
 def test_frames_out_of_range(frame):
     with pytest.raises(ValueError, match="2\\^64"):
         stream("a", frame=frame)
@@ -106,7 +107,7 @@ def test_numpy_frames_are_frames():
     np.testing.assert_array_equal(raw("a", frame=np.int64(5)), raw("a", frame=5))
 
 
-@pytest.mark.parametrize("identifiers", [(1.0,), (True,), (None,), (b"a",), ("a", ("b",)), (np.int64(1),)])
+@cases("identifiers", [(1.0,), (True,), (None,), (b"a",), ("a", ("b",)), (np.int64(1),)])
 def test_identifiers_of_other_types(identifiers):
     with pytest.raises(TypeError, match="whole numbers"):
         stream(*identifiers)

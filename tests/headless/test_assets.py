@@ -13,6 +13,9 @@ import pytest
 from group_tools import IDENTIFIERS, by_nodes, picture, step_of
 from worlds import ROOT
 
+sys.path.append(str(ROOT / "headless"))
+from tools import assets
+
 from noisy_world.core.node_graphs.chain import socket_values
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
@@ -24,12 +27,9 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory):
+def library(tmp_path_factory, room):
     folder = tmp_path_factory.mktemp("assets")
-    command = [sys.executable, str(ROOT / "headless/tools/assets.py"), "--out", str(folder)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert result.returncode == 0, result.stderr
-    assert f"{len(PERTURBATIONS)} node groups" in result.stdout
+    assert assets.write_library(folder) == len(PERTURBATIONS)  # on a frame of the room, which is there already
     return folder
 
 

@@ -8,7 +8,7 @@ import subprocess
 import cv2
 import numpy as np
 import pytest
-from worlds import GENERATE, ROOT, content, generate, write_world
+from worlds import GENERATE, ROOT, content, generate, generate_here, write_world
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 COUNT = 5
@@ -32,7 +32,7 @@ def world(tmp_path_factory):
 @pytest.fixture(scope="module")
 def out(world, tmp_path_factory):
     folder = tmp_path_factory.mktemp("out") / "data"
-    generate(world, "--out", folder)
+    generate_here(world, "--out", folder)
     return folder
 
 
@@ -60,7 +60,7 @@ def test_jobs_and_choices_of_frames_change_no_byte(world, out, tmp_path):
     whole = content(out)
     generate(world, "--out", tmp_path / "two", "--jobs", 2)
     assert content(tmp_path / "two") == whole
-    generate(world, "--out", tmp_path / "part", "--frames", "2:4")
+    generate_here(world, "--out", tmp_path / "part", "--frames", "2:4")
     part = {name: data for name, data in content(tmp_path / "part").items() if "results" in name}
     assert len(part) >= 20
     assert all(whole[name] == data for name, data in part.items())
@@ -70,7 +70,7 @@ def test_a_lost_file_comes_back(world, out):
     before = content(out)
     lost = out / "noise/box/results/frame000003.png"
     lost.unlink()
-    generate(world, "--out", out)
+    generate_here(world, "--out", out)
     assert content(out) == before
 
 
@@ -83,7 +83,7 @@ def test_a_sequence_that_exists_goes_through_the_compositor_too(world, out, tmp_
         "output": {"image": "png"},
     }
     (tmp_path / "preset.json").write_text(json.dumps(preset))
-    generate(tmp_path / "preset.json", "--out", tmp_path / "again")
+    generate_here(tmp_path / "preset.json", "--out", tmp_path / "again")
     for frame in range(COUNT):
         # Stored frames are bytes, rendered ones float: half a step apart before the perturbation.
         assert np.abs(colour(tmp_path / "again", "noise", frame) - colour(out, "noise", frame)).max() <= 1
@@ -92,7 +92,7 @@ def test_a_sequence_that_exists_goes_through_the_compositor_too(world, out, tmp_
 
 def test_depth_of_another_sensor_is_refused(world, tmp_path):
     rig = {"rgb": {}, "depth": {"translation_m": [0.1, 0, 0]}}
-    result = generate(world, "--out", tmp_path / "rig", "--set", f"rig={json.dumps(rig)}", check=False)
+    result = generate_here(world, "--out", tmp_path / "rig", "--set", f"rig={json.dumps(rig)}", check=False)
     assert result.returncode == 1
     (line,) = result.stderr.splitlines()
     assert "foggy" in line

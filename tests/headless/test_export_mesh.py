@@ -7,8 +7,9 @@ import sys
 import numpy as np
 from worlds import ROOT, write_box_ply
 
+from noisy_world.cli import export_mesh
+from noisy_world.cli.entry import Entry
 from noisy_world.core.scenes.ply import read_ply
-from noisy_world.core.scenes.room import build_room
 
 
 def export(*arguments):
@@ -16,12 +17,13 @@ def export(*arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_the_room_comes_back_as_it_is(tmp_path):
-    assert export("embedded:room", tmp_path / "room.ply").returncode == 0
+def test_the_room_comes_back_as_it_is(tmp_path, monkeypatch, room):
+    monkeypatch.setattr("noisy_world.core.scenes.room.build_room", lambda: room)
+    assert export_mesh.main(["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0
     header = (tmp_path / "room.ply").read_bytes()[:400].split(b"end_header")[0].decode().splitlines()
     assert header[:2] == ["ply", "format binary_little_endian 1.0"]
     assert "property list uchar int vertex_indices" in header
-    room, read = build_room(), read_ply(tmp_path / "room.ply")
+    read = read_ply(tmp_path / "room.ply")
     assert np.array_equal(read.vertices_m, room.vertices_m.astype(np.float32))
     assert np.array_equal(read.rgb, room.rgb)
     assert np.array_equal(read.corner_vertices, room.corner_vertices)

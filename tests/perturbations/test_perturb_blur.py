@@ -11,6 +11,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import defocus_blur, gaussian_blur, glass_blur, motion_blur
@@ -64,21 +65,21 @@ def correlated(rgb, taps):
     return expected
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("severity", [1, 2, 3, 4, 5])
+@cases("name", NAMES)
+@cases("severity", [1, 2, 3, 4, 5])
 def test_the_severities_are_the_papers(name, severity):
     parameters = MODULES[name].PERTURBATION.at_severity(severity)
     assert tuple(getattr(parameters, key) for key in KEYS[name]) == TABLE[name][severity - 1]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_the_default_is_severity_3(name):
     perturbation = MODULES[name].PERTURBATION
     assert perturbation.parameters() == perturbation.at_severity(3)
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("sigma", [0.7, 1.0, 3.0])
+@cases("size", SIZES)
+@cases("sigma", [0.7, 1.0, 3.0])
 def test_gaussian_blur_is_a_gaussian_cut_at_four_sigma(size, sigma):
     reach = int(4 * sigma + 0.5)
     weights = [math.exp(-(k**2) / (2 * sigma**2)) for k in range(-reach, reach + 1)]
@@ -90,8 +91,8 @@ def test_gaussian_blur_is_a_gaussian_cut_at_four_sigma(size, sigma):
     assert np.abs(run("gaussian_blur", picture(size), sigma_px=sigma) - rgb).max() < 2e-6
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize(("radius", "alias"), [(3, 0.1), (4, 0.5), (2.5, 0.5), (1, 0)])
+@cases("size", SIZES)
+@cases(("radius", "alias"), [(3, 0.1), (4, 0.5), (2.5, 0.5), (1, 0)])
 def test_defocus_blur_is_a_softened_disk(size, radius, alias):
     inside = [(y, x) for y in range(-5, 6) for x in range(-5, 6) if y * y + x * x <= radius**2]
     soft = {k: math.exp(-(k**2) / (2 * alias**2)) if alias else float(k == 0) for k in range(-2, 3)}
@@ -104,7 +105,7 @@ def test_defocus_blur_is_a_softened_disk(size, radius, alias):
     assert np.abs(result - expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("radius", [3, 4, 6, 8, 10])
+@cases("radius", [3, 4, 6, 8, 10])
 def test_the_disk_keeps_the_light_and_has_a_disks_spread(radius):
     point = np.zeros((61, 61, 3), dtype=np.float32)
     point[30, 30] = 1
@@ -118,7 +119,7 @@ def test_the_disk_keeps_the_light_and_has_a_disks_spread(radius):
     assert disk_kernel(radius).sum(dtype=np.float64) == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("size", [5, 15, 21])
+@cases("size", [5, 15, 21])
 def test_a_dense_kernel_is_correlated_as_a_sparse_one(size):
     kernel = np.random.default_rng(size).random((size, size), dtype=np.float32) / size**2
     middle = size // 2
@@ -136,15 +137,15 @@ def trail(radius, sigma, angle_deg):
     return taps
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("severity", [1, 3, 5])
+@cases("size", SIZES)
+@cases("severity", [1, 3, 5])
 def test_motion_blur_is_a_one_sided_trail(size, severity):
     angle = frame().pattern_stream().uniform(-45, 45)
     expected = correlated(picture(size), trail(*TABLE["motion_blur"][severity - 1], angle))
     assert np.abs(run("motion_blur", picture(size), severity) - expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("angle", [-135, -90, -45, -20, 0, 30, 45, 90, 170])
+@cases("angle", [-135, -90, -45, -20, 0, 30, 45, 90, 170])
 def test_a_trail_in_any_direction(angle):
     rgb = picture((9, 33))
     expected = correlated(rgb, trail(12, 8.0, angle))
@@ -182,7 +183,7 @@ def offsets_of_the_loop(delta, side, seed):
     return Counter((places[row][column][0] - row, places[row][column][1] - column) for row in inner for column in inner)
 
 
-@pytest.mark.parametrize("delta", [1, 2, 3, 4])
+@cases("delta", [1, 2, 3, 4])
 def test_glass_blur_draws_what_the_published_loop_gives(delta):
     counted = Counter()
     for seed in range(3):
@@ -202,7 +203,7 @@ def test_glass_blur_draws_what_the_published_loop_gives(delta):
         assert spread == pytest.approx(drawn, rel=0.06)
 
 
-@pytest.mark.parametrize("delta", [1, 2, 4])
+@cases("delta", [1, 2, 4])
 def test_glass_blur_takes_whole_pixels_from_where_it_says(delta):
     places = np.zeros((120, 150, 3), dtype=np.float32)
     places[..., 0], places[..., 1] = np.arange(120)[:, None] / 256, np.arange(150) / 256
@@ -222,22 +223,22 @@ def test_glass_blur_takes_whole_pixels_from_where_it_says(delta):
     assert abs(neighbours) < 5 / math.sqrt(rows.size)
 
 
-@pytest.mark.parametrize("delta", [1, 2, 3, 4, 7, 10])
+@cases("delta", [1, 2, 3, 4, 7, 10])
 def test_the_glass_table_has_65536_entries(delta):
     offsets = glass_blur._offsets(delta)
     assert offsets.shape == (65536,)
     assert not offsets.flags.writeable
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("severity", [1, 2, 2.5, 3, 4, 5])
-@pytest.mark.parametrize("level", [0.0, 0.37, 1.0])
+@cases("name", NAMES)
+@cases("severity", [1, 2, 2.5, 3, 4, 5])
+@cases("level", [0.0, 0.37, 1.0])
 def test_a_constant_frame_stays_as_it_is(name, severity, level):
     flat = np.full((23, 40, 3), level, dtype=np.float32)
     assert np.abs(run(name, flat, severity) - np.float32(level)).max() < 1e-6
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_no_light_is_lost(name):
     point = np.zeros((151, 151, 3), dtype=np.float32)
     point[60:91, 60:91] = picture((31, 31))
@@ -248,9 +249,9 @@ def test_no_light_is_lost(name):
     )
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("severity", [1, 2.5, 5])
+@cases("name", NAMES)
+@cases("size", SIZES)
+@cases("severity", [1, 2.5, 5])
 def test_any_size_without_a_warning(name, size, severity):
     rgb = picture(size)
     before = rgb.copy()
@@ -266,14 +267,14 @@ def test_any_size_without_a_warning(name, size, severity):
     assert not np.shares_memory(rgb, result)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_4k(name):
-    result = run(name, picture((2160, 3840)), 3)
-    assert result.shape == (2160, 3840, 3)
+@cases("name", NAMES)
+def test_a_frame_larger_than_the_reference(name):
+    result = run(name, picture((1081, 1921)), 3)
+    assert result.shape == (1081, 1921, 3)
     assert np.isfinite(result).all()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_same_bytes_alone_in_threads_and_with_any_number_of_cv2_threads(name):
     rgb, threads = picture((90, 130)), cv2.getNumThreads()
     alone = run(name, rgb, where=frame(5))
@@ -288,7 +289,7 @@ def test_same_bytes_alone_in_threads_and_with_any_number_of_cv2_threads(name):
     assert in_sequence[5].tobytes() == alone.tobytes()
 
 
-@pytest.mark.parametrize("name", ["glass_blur", "motion_blur"])
+@cases("name", ["glass_blur", "motion_blur"])
 def test_fresh_patterns_differ_and_fixed_ones_stay(name):
     rgb = picture((40, 50))
     fresh = [run(name, rgb, where=frame(index)) for index in range(2)]
@@ -300,7 +301,7 @@ def test_fresh_patterns_differ_and_fixed_ones_stay(name):
     assert np.array_equal(fixed[0], fixed[2])
 
 
-@pytest.mark.parametrize("name", ["defocus_blur", "gaussian_blur"])
+@cases("name", ["defocus_blur", "gaussian_blur"])
 def test_what_is_not_random_is_the_same_in_every_frame(name):
     rgb = picture((40, 50))
     assert MODULES[name].PERTURBATION.temporals == ()

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.datasets.images import quantise_depth
 from noisy_world.core.perturbing.kinds import FrameContext
@@ -44,7 +45,7 @@ def room(height=680, width=1200):
     return depth
 
 
-@pytest.mark.parametrize("name", DEPTH)
+@cases("name", DEPTH)
 def test_severities_are_the_papers_and_the_default_is_the_third(name):
     item = registry()[name]
     for key, table in TABLES[name].items():
@@ -53,7 +54,7 @@ def test_severities_are_the_papers_and_the_default_is_the_third(name):
     assert item.parameters() == item.at_severity(3)
 
 
-@pytest.mark.parametrize("severity", [1, 3, 5])
+@cases("severity", [1, 3, 5])
 def test_noise_is_normal_in_proportion_to_the_spread_of_the_valid_depths(severity):
     depth = room(900, 1400) + np.float32(3)
     depth[:50] = 0
@@ -135,9 +136,7 @@ def test_full_rate_erodes_seven_by_seven_around_every_edge_pixel():
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=1.0), np.where(lost, 0, depth))
 
 
-@pytest.mark.parametrize(
-    ("ratio", "is_edge"), [(1.0495, False), (1.0505, True), (1 / 1.0495, False), (1 / 1.0505, True)]
-)
+@cases(("ratio", "is_edge"), [(1.0495, False), (1.0505, True), (1 / 1.0495, False), (1 / 1.0505, True)])
 def test_an_edge_is_more_than_5_percent_of_the_nearer_depth(ratio, is_edge):
     depth = np.full((9, 30), 2, np.float32)
     depth[:, 15:] *= np.float32(ratio)
@@ -152,7 +151,7 @@ def test_rate_0_loses_nothing_or_the_edges_alone():
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=0.0, erase_edges=True), expected)
 
 
-@pytest.mark.parametrize("severity", [1, 3, 5, 2.5])
+@cases("severity", [1, 3, 5, 2.5])
 def test_blocks_lie_on_the_share_of_the_edge_pixels(severity):
     depth = np.full((1, 4000), 2, np.float32)
     depth[0, ::100] = 3  # each with three edge pixels in a row, the first with two
@@ -182,8 +181,8 @@ def test_slanted_walls_have_no_edges():
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=1.0), depth)
 
 
-@pytest.mark.parametrize("shape", [(32, 32), (33, 47), (120, 160), (680, 1200)])
-@pytest.mark.parametrize("percent", [0, 3, 10, 15, 20, 25, 30, 60, 90])
+@cases("shape", [(32, 32), (33, 47), (120, 160), (680, 1200)])
+@cases("percent", [0, 3, 10, 15, 20, 25, 30, 60, 90])
 def test_the_share_that_is_missing(shape, percent):
     for frame in range(5):
         missing = perturbed(
@@ -214,7 +213,7 @@ def test_patches_fall_everywhere_alike():
     assert np.ptp(inside) / inside.mean() < 0.5
 
 
-@pytest.mark.parametrize("name", ["depth_gaussian_noise", "depth_random_missing"])
+@cases("name", ["depth_gaussian_noise", "depth_random_missing"])
 def test_fixed_keeps_one_pattern_and_fresh_redraws(name):
     depth = room(68, 120)
     fixed = [perturbed(name, depth, frame=k, temporal="fixed") for k in (0, 5)]
@@ -222,7 +221,7 @@ def test_fixed_keeps_one_pattern_and_fresh_redraws(name):
     assert (perturbed(name, depth, frame=0) != perturbed(name, depth, frame=5)).any()
 
 
-@pytest.mark.parametrize("severity", [1, 2, 3, 4, 5])
+@cases("severity", [1, 2, 3, 4, 5])
 def test_range(severity):
     low, high = (np.float32(TABLES["depth_range_clipping"][key][severity - 1]) for key in ("min_m", "max_m"))
     below, above = np.nextafter(low, np.float32(0)), np.nextafter(high, np.float32(9))
@@ -232,8 +231,8 @@ def test_range(severity):
     )
 
 
-@pytest.mark.parametrize("name", DEPTH)
-@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (7, 1), (4, 1), (33, 41), (2160, 3840)])
+@cases("name", DEPTH)
+@cases("shape", [(1, 1), (1, 7), (7, 1), (4, 1), (33, 41), (1081, 1921)])
 def test_every_size(name, shape):
     for value in (0, 1.5, -1, np.nan, np.inf):
         result = perturbed(name, np.full(shape, value, np.float32), 5)
@@ -241,7 +240,7 @@ def test_every_size(name, shape):
             assert not result.any()
 
 
-@pytest.mark.parametrize("name", DEPTH)
+@cases("name", DEPTH)
 def test_what_is_no_depth_becomes_void_and_spoils_nothing(name):
     depth = room(68, 120)
     expected = depth.copy()
@@ -251,7 +250,7 @@ def test_what_is_no_depth_becomes_void_and_spoils_nothing(name):
     np.testing.assert_array_equal(perturbed(name, dirty), perturbed(name, expected))
 
 
-@pytest.mark.parametrize("name", DEPTH)
+@cases("name", DEPTH)
 def test_the_ends_of_the_formats(name):
     farthest = np.float32(65535 / 6553.5)
     depth = np.tile(np.array([1 / 6553.5, farthest], np.float32), (64, 32))

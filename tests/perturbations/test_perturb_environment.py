@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import _ice, fog, frost, snow, spatter
@@ -61,14 +62,14 @@ def run(name, rgb, severity=3, where=None, **given):
     return perturbation.apply(rgb, perturbation.at_severity(severity, **given), where or frame())
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("severity", [1, 2, 3, 4, 5])
+@cases("name", NAMES)
+@cases("severity", [1, 2, 3, 4, 5])
 def test_the_severities_are_the_papers(name, severity):
     parameters = MODULES[name].PERTURBATION.at_severity(severity)
     assert tuple(getattr(parameters, key) for key in KEYS[name]) == TABLE[name][severity - 1]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_the_default_is_severity_3(name):
     perturbation = MODULES[name].PERTURBATION
     assert perturbation.parameters() == perturbation.at_severity(3)
@@ -108,8 +109,8 @@ def diamond_square(cells, smoothness, draw):
     return (field - field.min()) / (field.max() - field.min())
 
 
-@pytest.mark.parametrize("size", [(2, 2), (3, 4), (32, 32), (20, 29)])
-@pytest.mark.parametrize("severity", [1, 5])
+@cases("size", [(2, 2), (3, 4), (32, 32), (20, 29)])
+@cases("severity", [1, 5])
 def test_fog_is_the_plasma_scaled_by_the_brightest(size, severity):
     thickness, smoothness = TABLE["fog"][severity - 1]
     cells = 1 << (max(size) - 1).bit_length()
@@ -122,18 +123,19 @@ def test_fog_is_the_plasma_scaled_by_the_brightest(size, severity):
     assert np.abs(run("fog", rgb, severity) - expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("severity", [1, 3, 5])
+@cases("severity", [1, 3, 5])
 def test_fog_leaves_out_only_what_nobody_sees(severity, monkeypatch):
     rgb = flat((700, 1030), 0.5)
     rgb[0, 0] = 1
     quick = run("fog", rgb, severity)
-    monkeypatch.setattr(fog, "_levels_seen", lambda levels, *_: levels)
-    whole = run("fog", rgb, severity)
+    with monkeypatch.context() as patched:
+        patched.setattr(fog, "_levels_seen", lambda levels, *_: levels)
+        whole = run("fog", rgb, severity)
     assert 0 < np.abs(whole - quick).max() < 2.5 / 255
     assert np.sqrt(((whole - quick) ** 2).mean()) < 0.5 / 255
 
 
-@pytest.mark.parametrize("smoothness", [1.4, 2.0])
+@cases("smoothness", [1.4, 2.0])
 def test_fogs_haze_is_as_often_bright_as_dark(smoothness):
     ones = flat((20, 32), 1.0)
     hazes = [run("fog", ones, where=frame(k), thickness=1.0, smoothness=smoothness) * 2 - 1 for k in range(500)]
@@ -200,7 +202,7 @@ def test_the_layers_are_each_other_turned_by_180_degrees():
     assert np.array_equal(flakes[..., 0], flakes[..., 2])
 
 
-@pytest.mark.parametrize("severity", [1, 2, 3, 4, 5])
+@cases("severity", [1, 2, 3, 4, 5])
 def test_as_much_snow_as_the_enlarged_noise_above_the_threshold_gives(severity):
     mean, std, scale, threshold, *_ = TABLE["snow"][severity - 1]
     size = (400, 600)
@@ -247,8 +249,8 @@ def test_snow_falls():
 # Spatter
 
 
-@pytest.mark.parametrize("complexity", [0, 1])
-@pytest.mark.parametrize("temporal", ["fresh", "fixed", "drift"])
+@cases("complexity", [0, 1])
+@cases("temporal", ["fresh", "fixed", "drift"])
 def test_an_empty_layer_is_the_identity(complexity, temporal):
     rgb = picture((20, 30))
     result = run("spatter", rgb, where=frame(3, temporal), threshold=2.0, complexity=complexity)
@@ -278,7 +280,7 @@ def test_mud_covers_and_water_tints():
     assert np.abs(added[wet] / added[wet][:, 1:2] - np.array([175, 238, 238]) / 238).max() < 1e-4
 
 
-@pytest.mark.parametrize("severity", [1, 2, 3])
+@cases("severity", [1, 2, 3])
 def test_as_many_drops_as_the_smoothed_noise_gives(severity):
     mean, std, sigma, threshold, *_ = TABLE["spatter"][severity - 1]
     # White noise through a Gaussian of sigma keeps the share 1 / (2 sigma sqrt(pi)) of its deviation.
@@ -292,7 +294,7 @@ def test_as_many_drops_as_the_smoothed_noise_gives(severity):
     assert np.mean(shares) == pytest.approx(expected, rel=0.12)
 
 
-@pytest.mark.parametrize("severity", [3, 5])
+@cases("severity", [3, 5])
 def test_spatter_runs_down_without_an_edge(severity):
     black = flat((70, 80))
     first = run("spatter", black, severity, frame(0, "drift"))
@@ -336,7 +338,7 @@ def test_frost_crops_its_pictures_and_squashes_none():
     assert len({number for number, _, _ in found}) > 2
 
 
-@pytest.mark.parametrize("size", [(1900, 300), (300, 2900)])
+@cases("size", [(1900, 300), (300, 2900)])
 def test_a_large_frame_enlarges_both_axes_alike(size):
     ice = run("frost", flat(size), influence=1.0)[..., 1]
     blurred = ice - cv2.GaussianBlur(ice, (0, 0), 4)
@@ -355,7 +357,7 @@ def test_the_ice_is_as_bright_as_the_photographs_that_people_compare_with():
         assert abs(grey[:512].mean() - grey[512:].mean()) < 30
 
 
-@pytest.mark.parametrize("number", range(4))
+@cases("number", range(4))
 def test_the_ice_is_its_grey_file_tinted(number):
     item, tinted = _ice.PICTURES[number], _ice.ice(number)
     grey = cv2.imread(str(_ice.picture_file(item.name)), cv2.IMREAD_GRAYSCALE)[..., None] / 255
@@ -376,7 +378,7 @@ def test_frost_creeps_within_its_picture():
 # All four
 
 
-@pytest.mark.parametrize("name", NAMES)
+@cases("name", NAMES)
 def test_fresh_patterns_differ_fixed_stay_and_drifting_move_smoothly(name):
     rgb = picture((64, 80))
     fresh = [run(name, rgb, where=frame(k)) for k in range(2)]
@@ -392,7 +394,7 @@ def test_fresh_patterns_differ_fixed_stay_and_drifting_move_smoothly(name):
         assert np.array_equal(drift[0], fixed[0])
 
 
-@pytest.mark.parametrize("name", ["fog", "frost", "spatter"])
+@cases("name", ["fog", "frost", "spatter"])
 def test_a_step_of_drift_is_smaller_than_a_fresh_pattern(name):
     black = flat((120, 160), 0.5)
     drift = [run(name, black, where=frame(k, "drift")) for k in (7, 8)]
@@ -400,8 +402,8 @@ def test_a_step_of_drift_is_smaller_than_a_fresh_pattern(name):
     assert np.abs(drift[0] - drift[1]).mean() < 0.8 * np.mean([np.abs(a - b).mean() for a, b in fresh])
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("temporal", ["fresh", "fixed", "drift"])
+@cases("name", NAMES)
+@cases("temporal", ["fresh", "fixed", "drift"])
 def test_writing_to_a_result_changes_no_later_one(name, temporal):
     rgb = picture((30, 40))
     for index in (0, 3):
@@ -411,10 +413,10 @@ def test_writing_to_a_result_changes_no_later_one(name, temporal):
         assert np.array_equal(run(name, rgb, where=frame(index, temporal)), kept)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("severity", [1, 2.5, 3.5, 5])
-@pytest.mark.parametrize("temporal", ["fresh", "drift"])
+@cases("name", NAMES)
+@cases("size", SIZES)
+@cases("severity", [1, 2.5, 3.5, 5])
+@cases("temporal", ["fresh", "drift"])
 def test_any_size_without_a_warning(name, size, severity, temporal):
     for rgb in (picture(size), flat(size), flat(size, 1.0)):
         before = rgb.copy()
@@ -429,16 +431,16 @@ def test_any_size_without_a_warning(name, size, severity, temporal):
         assert not np.shares_memory(rgb, result)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_4k(name):
-    result = run(name, flat((2160, 3840), 0.5))
-    assert result.shape == (2160, 3840, 3)
+@cases("name", NAMES)
+def test_a_frame_larger_than_the_reference(name):
+    result = run(name, flat((1081, 1921), 0.5))
+    assert result.shape == (1081, 1921, 3)
     assert np.isfinite(result).all()
     assert result.std() > 0.005
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("temporal", ["fresh", "drift"])
+@cases("name", NAMES)
+@cases("temporal", ["fresh", "drift"])
 def test_same_bytes_alone_in_threads_and_with_any_number_of_cv2_threads(name, temporal):
     rgb, threads = picture((90, 130)), cv2.getNumThreads()
     alone = run(name, rgb, where=frame(5, temporal))

@@ -4,7 +4,7 @@
 from math import cos, erf, radians, sin, sqrt
 
 import numpy as np
-import pytest
+from cases import cases
 
 from noisy_world.core.perturbing.execution import move
 from noisy_world.core.perturbing.kinds import SequenceContext
@@ -111,9 +111,7 @@ def test_no_deviation_is_the_path_itself():
     assert np.array_equal(only_moved.c2w[:, :3, :3], path.c2w[:, :3, :3])
 
 
-@pytest.mark.parametrize(
-    ("count", "factor", "kept"), [(10, 1, 10), (10, 2, 5), (11, 2, 6), (10, 8, 2), (1, 4, 1), (5, 9, 1)]
-)
+@cases(("count", "factor", "kept"), [(10, 1, 10), (10, 2, 5), (11, 2, 6), (10, 8, 2), (1, 4, 1), (5, 9, 1)])
 def test_faster_motion_keeps_every_nth_pose_at_the_camera_s_rate(count, factor, kept):
     path = Trajectory(winding(count).c2w, 100.0 + 0.05 * np.arange(count))
     (step,) = parse_steps([{"faster_motion": {"factor": factor}}], Place("x"), registry())

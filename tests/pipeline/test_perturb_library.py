@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import cv2
+from cases import cases
 import fake_session
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def picture():
     return cv2.GaussianBlur(rng.integers(0, 256, (60, 90, 3)).astype(np.uint8), (0, 0), 2)
 
 
-@pytest.mark.parametrize("name", RGB)
+@cases("name", RGB)
 def test_bytes_and_floats_agree(name, picture):
     before = picture.copy()
     seen = {}
@@ -70,7 +71,7 @@ def test_bytes_and_floats_agree(name, picture):
         assert not np.array_equal(apply(picture, name, severity=3, seed=6, frame=7), low)
 
 
-@pytest.mark.parametrize("name", DEPTH)
+@cases("name", DEPTH)
 def test_depth_keeps_its_kind(name):
     depth_m = np.linspace(0.1, 9, 60 * 90, dtype=np.float32).reshape(60, 90)
     depth_m[20:30, 40:60] = 0
@@ -129,7 +130,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
         next(frames(folder, [{"motion_deviation": None}]))
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "presets").rglob("*.yaml")), ids=lambda path: path.stem)
+@cases("path", sorted((ROOT / "presets").rglob("*.yaml")))
 def test_presets_that_are_shipped_can_be_planned(path):
     plan = make_plan(read_preset(path))
     assert plan.settings[0].name == "clean"

@@ -1,10 +1,11 @@
 """Node groups beside their references: the same parameters, the same frame."""
 
-import time
 from itertools import pairwise
 
 import numpy as np
 from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.nodes import ensure_group
+from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
@@ -33,12 +34,31 @@ def step_of(name, **values):
     return step
 
 
+def keep_group(name):
+    """Make a perturbation's node group stay in the file: making it takes up to half a second, each evaluation 10 ms."""
+    ensure_group(build_group(registry()[name])).use_fake_user = True
+
+
 def by_nodes(name, image, frames=(0,), *, reference_width=None, identifiers=IDENTIFIERS, depth_m=None, **values):
     """What the node group makes of the frames: a list of (H, W, 3) float32, encoded; the image itself at severity 0."""
     size = image.shape[1], image.shape[0]
+    keep_group(name)
     with Compositor(size, {"x": [step_of(name, **values)]}, reference_width or size[0]) as compositor:
         found = [compositor.evaluate(image, {"x": (k, identifiers)}, depth_m)[0]["x"] for k in frames]
     return [image if item is None else item for item in found]
+
+
+def many_by_nodes(chains, images, indices=(0,), *, identifiers=IDENTIFIERS, depth_m=None):
+    """What many chains, steps by name, make of the images, each at each index: a dictionary by name for every one."""
+    size = images[0].shape[1], images[0].shape[0]
+    for name in {step.perturbation.name for steps in chains.values() for step in steps}:
+        keep_group(name)
+    with Compositor(size, chains, size[0]) as compositor:
+        return [
+            compositor.evaluate(image, dict.fromkeys(chains, (k, identifiers)), depth_m)[0]
+            for image in images
+            for k in indices
+        ]
 
 
 def by_reference(name, image, frames=(0,), *, identifiers=IDENTIFIERS, depth_m=None, **values):
@@ -90,17 +110,3 @@ def spectrum_ratios(name, image, draws, **values):
             total = total + radial_power(made - image)
         powers.append(total / draws)
     return powers[0] / powers[1]
-
-
-def net_seconds(name, size=(1200, 680), count=5, **values):
-    """The group's time for a frame beyond that of a pass-through: the medians of turns."""
-    image = picture(size[1], size[0])
-    chains = {"one": [step_of(name, **values)], "none": []}
-    times = {key: [] for key in chains}
-    with Compositor(size, chains, size[0]) as compositor:
-        for k in range(count + 1):
-            for key in chains:
-                start = time.perf_counter()
-                compositor.evaluate(image, {key: (k, IDENTIFIERS)})
-                times[key].append(time.perf_counter() - start)
-    return float(np.median(times["one"][1:]) - np.median(times["none"][1:]))

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small worlds for tests: a coloured box room, a short path through it and a preset, written to a folder."""
 
+import contextlib
 import hashlib
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +81,48 @@ def generate(*arguments, check=True, **options):
     if check and result.returncode != 0:
         raise AssertionError(f"status {result.returncode}\n{result.stdout}\n{result.stderr}")
     return result
+
+
+def generate_here(*arguments, check=True):
+    """Run the command line in this process, which has Blender loaded; return what a process would have left."""
+    from noisy_world.cli import generate as command
+    from noisy_world.cli.entry import Entry
+
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    entry = Entry("generate.py", (sys.executable, str(GENERATE)))
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+        try:
+            with _streams_to(out, err):
+                status = command.main([str(argument) for argument in arguments], entry)
+        except SystemExit as usage:  # argparse's
+            status = usage.code
+        finally:
+            for number, handler in handlers.items():
+                signal.signal(number, handler)
+        said = [file.seek(0) or file.read() for file in (out, err)]
+    if check and status != 0:
+        raise AssertionError(f"status {status}\n{said[0]}\n{said[1]}")
+    return subprocess.CompletedProcess(arguments, status, *said)
+
+
+@contextlib.contextmanager
+def _streams_to(out, err):
+    """Lead the descriptors 1 and 2 to two files, and what Python writes."""
+    kept = [os.dup(number) for number in (1, 2)]
+    try:
+        for number, file in enumerate((out, err), 1):
+            os.dup2(file.fileno(), number)
+        with (
+            os.fdopen(os.dup(1), "w", buffering=1) as stdout,
+            os.fdopen(os.dup(2), "w", buffering=1) as stderr,
+            contextlib.redirect_stdout(stdout),
+            contextlib.redirect_stderr(stderr),
+        ):
+            yield
+    finally:
+        for number, saved in enumerate(kept, 1):
+            os.dup2(saved, number)
+            os.close(saved)
 
 
 def start_generate(*arguments, **options):

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from analytic import box_mesh
-from test_ui_preview import IDENTIFIERS, SIZE, _registered, add, cycles_scene, scene, steps_of  # noqa: F401 - fixtures
+from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
 from worlds import generate, write_world
 
 from noisy_world.blender.compositor import Compositor
@@ -22,8 +22,11 @@ from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.ui import frame_preview, operators, presets, preview, world
 
 
+pytestmark = pytest.mark.usefixtures("registered")
+
+
 @pytest.fixture
-def room(scene):  # noqa: F811
+def room(scene):
     cycles_scene((0, 0, 0))
     add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")
     scene.camera.location = (0, 0, 1.5)
@@ -39,7 +42,7 @@ def renders(monkeypatch):
     """The frames that were rendered, one after another."""
     made = []
 
-    def render(scene, frames):  # noqa: F811
+    def render(scene, frames):
         made.extend(frames)
         return render_stills(scene, frames)
 
@@ -62,7 +65,7 @@ def pixels(image):
     return np.rint(255 * values.reshape(height, width, 4)[::-1, :, :3]).astype(np.uint8)
 
 
-def clean_rgb(scene, frame):  # noqa: F811
+def clean_rgb(scene, frame):
     return rgb_bytes(render_stills(scene, [frame])[0].rgb)
 
 
@@ -91,7 +94,7 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
 
 
 def test_grey_is_shown_as_it_is_written(room):
-    room.noisy_world.pipeline.colour = "grey"
+    room.noisy_world.colour = "grey"
     room.frame_set(2)
     picture, _ = frame_preview.draw_colour(room)
     weighted = 255 * np.clip(render_stills(room, [2])[0].rgb, 0, 1).astype(float) @ [0.299, 0.587, 0.114]
@@ -115,7 +118,7 @@ def test_without_perturbations_it_is_the_render(room):
     assert about == "Frame 2: clean"
 
 
-def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):  # noqa: F811
+def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):
     cycles_scene((0.1, 0.2, 0.05))
     settings = scene.noisy_world
     noise = add(scene, "gaussian_noise", severity=1.0)
@@ -152,7 +155,7 @@ def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, 
     assert np.array_equal(pixels(image), before)
 
 
-def test_pictures_that_take_long_wait_for_a_pause(editor, scene, monkeypatch):  # noqa: F811
+def test_pictures_that_take_long_wait_for_a_pause(editor, scene, monkeypatch):
     cycles_scene((0.1, 0.2, 0.05))
     noise = add(scene, "gaussian_noise", severity=1.0)
     scene.noisy_world.preview = True
@@ -163,12 +166,13 @@ def test_pictures_that_take_long_wait_for_a_pause(editor, scene, monkeypatch):  
     noise.severity = 5.0
     assert preview._follow() == preview.POLL_S
     assert np.array_equal(pixels(editor.spaces.active.image), before)
-    time.sleep(preview.PAUSE_S)
+    now_s = time.perf_counter()
+    monkeypatch.setattr(preview.time, "perf_counter", lambda: now_s + preview.PAUSE_S)
     assert preview._follow() is None
     assert not np.array_equal(pixels(editor.spaces.active.image), before)
 
 
-def test_a_mistake_is_told_and_the_picture_stays(editor, scene):  # noqa: F811
+def test_a_mistake_is_told_and_the_picture_stays(editor, scene):
     cycles_scene((0.1, 0.2, 0.05))
     add(scene, "gaussian_noise", severity=1.0)
     scene.noisy_world.preview = True
@@ -181,7 +185,7 @@ def test_a_mistake_is_told_and_the_picture_stays(editor, scene):  # noqa: F811
     assert np.array_equal(pixels(editor.spaces.active.image), before)
 
 
-def test_what_no_editor_shows_is_not_drawn(editor, scene):  # noqa: F811
+def test_what_no_editor_shows_is_not_drawn(editor, scene):
     cycles_scene((0.1, 0.2, 0.05))
     noise = add(scene, "gaussian_noise", severity=1.0)
     scene.noisy_world.preview = True
@@ -245,7 +249,7 @@ def test_the_operator_makes_the_picture(room):
     assert not bpy.ops.noisy_world.preview_depth.poll()
 
 
-def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_path):  # noqa: F811
+def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_path):
     """From the panel's scene, keyed camera and colours on the one side, from files on the other."""
     misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}
     write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
@@ -274,7 +278,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
     assert np.abs(pair[:, picture.shape[1] :].astype(int) - expected).mean() < 1.0
 
 
-def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders):  # noqa: F811
+def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders):
     cycles_scene((0.1, 0.2, 0.05))
     noise = add(scene, "gaussian_noise", severity=1.0, mode="dynamic")
     add(scene, "fog_depth")
@@ -295,7 +299,7 @@ def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders): 
     assert len(renders) == 2
 
 
-def test_undo_makes_a_frame_stale_where_it_moved_something(editor, scene, renders):  # noqa: F811
+def test_undo_makes_a_frame_stale_where_it_moved_something(editor, scene, renders):
     cycles_scene((0.1, 0.2, 0.05))
     noise = add(scene, "gaussian_noise", severity=1.0)
     scene.noisy_world.preview = True

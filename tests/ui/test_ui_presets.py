@@ -5,12 +5,15 @@ from pathlib import Path
 
 import bpy
 import pytest
-from test_ui_panel import _ui, settings, square, use_files  # noqa: F401 - fixtures
+from cases import cases
+from panel_tools import settings, use_files
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
+
+pytestmark = pytest.mark.usefixtures("add_on")
 
 PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
 
@@ -21,7 +24,7 @@ def parsed(preset):
     )}  # fmt: skip
 
 
-@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+@cases("path", PRESETS)
 def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
     from noisy_world.ui.document import open_preset, save_preset
 
@@ -95,7 +98,7 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     assert to_document(settings())["camera"]["fx"] == 50.1
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "key"),
     [
         ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .shipped import found_preset
 
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
@@ -16,7 +17,13 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
         "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
     )
-    parser.add_argument("preset", metavar="PRESET", nargs="?", type=Path, help="the preset, a YAML file")
+    parser.add_argument(
+        "preset",
+        metavar="PRESET",
+        nargs="?",
+        type=Path,
+        help="the preset, a YAML file, or one of those that --list presets names",
+    )
     parser.add_argument(
         "--out", metavar="DIR", type=Path, help="the dataset's folder (default: out/<name of the preset>)"
     )
@@ -61,6 +68,8 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         options.preset = Path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
     if options.preset is None and options.list not in KNOWN and not options.worker:
         parser.error("name a preset, presets/demo.yaml for instance")
+    if options.preset is not None:
+        options.preset = found_preset(options.preset)
     return options
 
 

@@ -3,6 +3,8 @@
 
 from pathlib import Path
 
+from .entry import say
+
 
 def shipped_presets() -> dict[str, Path]:
     """Return the shipped presets by their names in `--list presets`, such as presets/demo.yaml."""
@@ -12,3 +14,11 @@ def shipped_presets() -> dict[str, Path]:
         if presets.is_dir():
             return {path.relative_to(folder).as_posix(): path for path in sorted(presets.rglob("*.yaml"))}
     raise RuntimeError(f"no presets at {package} or above")
+
+
+def found_preset(path: Path) -> Path:
+    """Return the preset's file: the one that is named or, where there is none, the shipped one of that name."""
+    if path.exists() or (shipped := shipped_presets().get(path.as_posix())) is None:
+        return path
+    say(f"{path}: not in this folder; taking the one that comes with Noisy World, {shipped}")
+    return shipped

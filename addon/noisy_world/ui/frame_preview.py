@@ -78,7 +78,7 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
-    stored = scene.noisy_world.pipeline.colour
+    stored = scene.noisy_world.colour
     picture = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
@@ -120,7 +120,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.pipeline.colour)
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.colour)
     pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 

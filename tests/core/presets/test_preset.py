@@ -3,6 +3,7 @@
 
 import pytest
 import yaml
+from cases import cases
 from worlds import write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
@@ -36,7 +37,7 @@ def test_defaults(write):
     assert spec.scenes[0].trajectory.file == "b.txt"
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "words"),
     [
         ("sceens: []\n", ["sceens", "unknown key", "did you mean 'scenes'"]),
@@ -166,7 +167,7 @@ def test_globs_make_scenes(tmp_path):
         make_plan(read_preset(preset, ["scenes.0.name=one"]))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("override", "words"),
     [
         ("scenes.0.trajectory=none.txt", r"scenes\.0\.trajectory: no such file"),

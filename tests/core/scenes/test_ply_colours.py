@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from cases import cases
 from ply_files import BYTES, ENCODINGS, POINTS, QUADS, RGB, XYZ, as_bytes, assert_is, face, ply, vertex
 
 from noisy_world.core.errors import InputError
@@ -17,14 +18,14 @@ class TestColours:
         )
         return read(data)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("names", ["red green blue", "r g b", "diffuse_red diffuse_green diffuse_blue"])
+    @cases("encoding", ENCODINGS)
+    @cases("names", ["red green blue", "r g b", "diffuse_red diffuse_green diffuse_blue"])
     def test_names(self, read, encoding, names):
         mesh = self.colours(read, tuple(f"uchar {name}" for name in names.split()), BYTES, encoding)
         assert as_bytes(mesh) == BYTES
         assert mesh.notes == ()
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_any_order_of_channels(self, read, encoding):
         mesh = self.colours(
             read, ("uchar blue", "uchar red", "uchar green"), [(b, r, g) for r, g, b in BYTES], encoding
@@ -37,15 +38,15 @@ class TestColours:
         assert as_bytes(mesh) == [row[3:] for row in rows]
         np.testing.assert_array_equal(mesh.rgb[:, 0], np.arange(256, dtype=np.float32) / np.float32(255))
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_ushort(self, read, encoding):
         rows = [(0, 65535, 257), (32768, 1, 2), (3, 4, 65534)]
         mesh = self.colours(read, ("ushort red", "ushort green", "ushort blue"), rows * 2, encoding)
         np.testing.assert_allclose(mesh.rgb[:3], np.array(rows) / 65535, rtol=1e-6)
         assert mesh.notes == ()
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("kind", ["float", "double"])
+    @cases("encoding", ENCODINGS)
+    @cases("kind", ["float", "double"])
     def test_floats_of_unit_range(self, read, encoding, kind):
         rows = [(0.0, 0.5, 1.0), (0.25, 1.0, 0.0), (1.0000001, -1e-8, 0.75)]
         mesh = self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows * 2, encoding)
@@ -54,8 +55,8 @@ class TestColours:
         assert mesh.rgb.max() == 1
         assert mesh.notes == ()
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("kind", ["float", "double", "int", "short", "uint"])
+    @cases("encoding", ENCODINGS)
+    @cases("kind", ["float", "double", "int", "short", "uint"])
     def test_byte_range_in_other_types(self, read, encoding, kind):
         rows = [tuple(float(c) for c in row) if kind in {"float", "double"} else row for row in BYTES]
         mesh = self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows, encoding)
@@ -64,15 +65,13 @@ class TestColours:
         assert "255" in mesh.notes[0]
         assert "read as 0..255" in mesh.notes[0]
 
-    @pytest.mark.parametrize("declarations", [(), RGB[:2], ("uchar red", "uchar green", "list uchar uchar blue")])
+    @cases("declarations", [(), RGB[:2], ("uchar red", "uchar green", "list uchar uchar blue")])
     def test_without_colours(self, read, declarations):
         rows = [(*p, *((1, 2, (3, 4))[: len(declarations)])) for p in POINTS]
         mesh = read(ply("binary_big_endian", vertex(XYZ + declarations, rows), face(QUADS)))
         assert_is(mesh, QUADS, colours=None, notes=("no vertex colours: shown in neutral grey",))
 
-    @pytest.mark.parametrize(
-        ("kind", "value"), [("float", 300.0), ("float", -0.5), ("int", 256), ("short", -1), ("char", -3)]
-    )
+    @cases(("kind", "value"), [("float", 300.0), ("float", -0.5), ("int", 256), ("short", -1), ("char", -3)])
     def test_out_of_range(self, read, kind, value):
         rows = [(0, 0, 0), (0, value, 0), (0, 0, 0)]
         with pytest.raises(InputError, match="colours lie between"):
@@ -82,8 +81,8 @@ class TestColours:
         data = ply("ascii", vertex(), face(QUADS)).replace(b"255 254 253", b"256 254 253")
         assert "colours lie between 0 and 256" in refuse(data)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+    @cases("encoding", ENCODINGS)
+    @cases("value", [float("nan"), float("inf"), float("-inf")])
     def test_not_finite(self, read, encoding, value):
         rows = [(0.5, 0.5, 0.5), (0.5, 0.5, value), (value, 0.5, 0.5)] * 2
         with pytest.raises(InputError, match="vertex 1: a colour is NaN or infinite, at 4 of 6 vertices"):

@@ -5,7 +5,7 @@ import random
 import warnings
 
 import numpy as np
-import pytest
+from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, XYZ, ply, vertex
 
 from noisy_world.core.errors import InputError
@@ -22,14 +22,14 @@ class TestDamage:
         faces = ("face", ("int object_id", "list uchar int vertex_indices"), [(3, f) for f in faces])
         return ply(encoding, vertex(declarations, rows), edge, faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_every_truncation_of_the_header_is_refused(self, refuse, encoding):
         data = self.sample(encoding, MIXED)
         for size in range(data.index(b"end_header\n") + 11):
             refuse(data[:size])
 
-    @pytest.mark.parametrize("faces", [QUADS, MIXED])
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED])
+    @cases("encoding", ENCODINGS)
     def test_every_truncation_of_the_data_is_refused(self, refuse, encoding, faces):
         data = self.sample(encoding, faces)
         # a text file that lost the end of its very last number is a whole file to any reader
@@ -47,8 +47,8 @@ class TestDamage:
             for _ in range(30):
                 refuse(data[: dice.randrange(len(data))])
 
-    @pytest.mark.parametrize("faces", [QUADS, MIXED])
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED])
+    @cases("encoding", ENCODINGS)
     def test_flipped_bytes(self, read, encoding, faces):
         dice = random.Random(f"{encoding} {len(faces)}")
         data = self.sample(encoding, faces)
@@ -75,7 +75,7 @@ class TestDamage:
             assert mesh.face_sizes.min() >= 3
         assert outcomes == {"read", "refused"}
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_noise_after_a_good_header(self, refuse, encoding):
         dice = random.Random(8)
         header = self.sample(encoding, MIXED).split(b"end_header\n")[0] + b"end_header\n"

@@ -6,6 +6,7 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
+from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, TRIANGLES, XYZ, assert_is, face, ply, vertex
 
 from noisy_world.core.errors import InputError
@@ -13,11 +14,11 @@ from noisy_world.core.scenes.ply import read_ply
 
 
 class TestErrors:
-    @pytest.mark.parametrize("data", [b"", b"\n", b"OFF\n3 1 0\n", b"plyx\n", b"\x89PNG\r\n\x1a\n", b"x" * 100000])
+    @cases("data", [b"", b"\n", b"OFF\n3 1 0\n", b"plyx\n", b"\x89PNG\r\n\x1a\n", b"x" * 100000])
     def test_not_a_ply(self, refuse, data):
         assert refuse(data).startswith("not a PLY file; ")
 
-    @pytest.mark.parametrize("words", ["binary 1.0", "ascii 2.0", "binary_middle_endian 1.0", "", "ascii"])
+    @cases("words", ["binary 1.0", "ascii 2.0", "binary_middle_endian 1.0", "", "ascii"])
     def test_unknown_format(self, refuse, words):
         assert refuse(f"ply\nformat {words}\nend_header\n".encode()).startswith("header line 2: unknown format")
 
@@ -25,7 +26,7 @@ class TestErrors:
         data = ply("ascii", vertex(), face(MIXED)).replace(b"format ascii 1.0\n", b"")
         assert refuse(data).startswith("header line 11: malformed: 'end_header'")
 
-    @pytest.mark.parametrize(
+    @cases(
         "line",
         [
             "element vertex",
@@ -62,14 +63,14 @@ class TestErrors:
         data = ply("ascii", vertex(), face(MIXED)).split(b"end_header")[0]
         assert refuse(data).startswith("cut short: its header has no end_header")
 
-    @pytest.mark.parametrize("encoding", BINARY)
+    @cases("encoding", BINARY)
     def test_truncated_vertices(self, refuse, encoding):
         header, body = ply(encoding, vertex(), face(MIXED)).split(b"end_header\n")
         message = refuse(header + b"end_header\n" + body[: 3 * 15 + 14])
         assert message.startswith("cut short: the header promises 6 x vertex, the file has room for 3; ")
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [QUADS * 3, MIXED])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [QUADS * 3, MIXED])
     def test_truncated_faces(self, refuse, encoding, faces):
         data = ply(encoding, vertex(), face(faces))
         message = refuse(data[:-5])
@@ -81,27 +82,27 @@ class TestErrors:
         message = refuse(ply("binary_little_endian", vertex(), face(MIXED), edge)[:-1])
         assert "promises 2 x edge, the file has room for 1" in message
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
+    @cases("encoding", ENCODINGS)
+    @cases("value", [float("nan"), float("inf"), float("-inf")])
     def test_coordinates_not_finite(self, refuse, encoding, value):
         points = [*POINTS[:2], (0.0, value, 0.0), POINTS[3], (value, value, 0.0), POINTS[5]]
         message = refuse(ply(encoding, vertex(XYZ, points), face(QUADS)))
         assert message.startswith("vertex 2: a coordinate is NaN or infinite, at 2 of 6 vertices")
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [QUADS, MIXED, [(), (0, 1), (0, 1, 2)]])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED, [(), (0, 1), (0, 1, 2)]])
     def test_index_out_of_range(self, refuse, encoding, faces):
         for bad in (6, -1, 2147483647, -2147483648):
             message = refuse(ply(encoding, vertex(), face([*faces, (), (0, 1, bad), (0, bad, bad)])))
             where = f"face {len(faces) + 1}"
             assert message.startswith(f"{where}: vertex index {bad} is none of the 6 vertices, 3 such in all")
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_index_beyond_int32(self, refuse, encoding):
         data = ply(encoding, vertex(), face([(0, 1, 4294967295)], ("list uchar uint vertex_indices",)))
         assert refuse(data).startswith("face 0: vertex index 4294967295 is none of the 6 vertices")
 
-    @pytest.mark.parametrize("row", [0, 1, 2])
+    @cases("row", [0, 1, 2])
     def test_negative_length(self, refuse, row):
         faces = [MIXED[0]] * row + MIXED[1:]
         data = ply("binary_little_endian", vertex(), face(faces, ("list char int vertex_indices",)))
@@ -116,7 +117,7 @@ class TestErrors:
             "holds no vert"
         )
 
-    @pytest.mark.parametrize("declarations", [XYZ[:2], ("float x", "float y", "list uchar float z"), ("float X",)])
+    @cases("declarations", [XYZ[:2], ("float x", "float y", "list uchar float z"), ("float X",)])
     def test_no_coordinates(self, refuse, declarations):
         rows = [(0.0, 0.0, (0.0,))[: len(declarations)]] * 3
         assert "no vertices with x, y and z" in refuse(ply("ascii", vertex(declarations, rows), face(QUADS)))
@@ -125,7 +126,7 @@ class TestErrors:
         for data in (ply("ascii", vertex()), ply("binary_little_endian", vertex(), face([]))):
             assert refuse(data) == "holds no faces: a point cloud; mesh it first"
 
-    @pytest.mark.parametrize("declaration", ["list uchar int corners", "list uchar float vertex_indices"])
+    @cases("declaration", ["list uchar int corners", "list uchar float vertex_indices"])
     def test_no_index_list(self, refuse, declaration):
         data = ply("binary_little_endian", vertex(), ("face", (declaration,), [((0, 1, 2),)]))
         assert "no integer list vertex_indices" in refuse(data)
@@ -148,8 +149,8 @@ class TestErrors:
 
 
 class TestHostileHeaders:
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("element", ["vertex", "face", "edge", "lists"])
+    @cases("encoding", ENCODINGS)
+    @cases("element", ["vertex", "face", "edge", "lists"])
     def test_promises_allocate_nothing(self, refuse, encoding, element):
         others = [("edge", ("int a", "int b"), [(0, 1)])]
         others += [("lists", ("list uchar int a", "list uint double b"), [((1,), (2.5,))])]
@@ -165,14 +166,14 @@ class TestHostileHeaders:
                 tracemalloc.stop()
             assert peak_bytes < 10_000_000
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_rows_of_no_bytes(self, read, encoding):
         data = ply(encoding, ("ghost", (), []), vertex(), face(MIXED))
         assert_is(read(data.replace(b"element ghost 0", b"element ghost 1000000000000000")), MIXED)
 
-    @pytest.mark.parametrize("encoding", BINARY)
-    @pytest.mark.parametrize("length", ["int", "uint"])
-    @pytest.mark.parametrize("index", ["char", "int", "uint"])
+    @cases("encoding", BINARY)
+    @cases("length", ["int", "uint"])
+    @cases("index", ["char", "int", "uint"])
     def test_a_huge_length(self, refuse, encoding, length, index):
         data = ply(encoding, vertex(), face(TRIANGLES, (f"list {length} {index} vertex_indices",)))
         face_bytes = (len(data) - data.index(b"end_header\n") - 11 - 6 * 15) // 3

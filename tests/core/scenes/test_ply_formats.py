@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import cases
 from ply_files import (
     BINARY,
     BYTES,
@@ -34,13 +35,13 @@ REAL_ROOM = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "re
 
 
 class TestFormats:
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [TRIANGLES, QUADS, MIXED, [(0, 1, 2)], [tuple(range(6))]])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [TRIANGLES, QUADS, MIXED, [(0, 1, 2)], [tuple(range(6))]])
     def test_encoding_and_face_sizes(self, read, encoding, faces):
         assert_is(read(ply(encoding, vertex(), face(faces))), faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("length", ["char", "uchar", "short", "ushort", "int", "uint", "int8", "uint16", "int32"])
+    @cases("encoding", ENCODINGS)
+    @cases("length", ["char", "uchar", "short", "ushort", "int", "uint", "int8", "uint16", "int32"])
     def test_list_types(self, read, encoding, length):
         widths, others = ("char", "ushort", "int"), ("uchar", "short", "uint", "uint8", "int16", "uint32")
         for index in widths + others * (length == "uchar"):
@@ -48,32 +49,32 @@ class TestFormats:
                 data = ply(encoding, vertex(), face(faces, (f"list {length} {index} vertex_indices",)))
                 assert_is(read(data), faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("name", ["vertex_indices", "vertex_index"])
+    @cases("encoding", ENCODINGS)
+    @cases("name", ["vertex_indices", "vertex_index"])
     def test_index_name(self, read, encoding, name):
         assert_is(read(ply(encoding, vertex(), face(MIXED, (f"list uchar int {name}",)))), MIXED)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("kind", CODES)
+    @cases("encoding", ENCODINGS)
+    @cases("kind", CODES)
     def test_every_type_name_as_coordinate(self, read, encoding, kind):
         points = [(0, 1, 2), (3, 4, 5), (6, 7, 127)]
         mesh = read(ply(encoding, vertex([f"{kind} {axis}" for axis in "xyz"], points), face([(0, 1, 2)])))
         np.testing.assert_array_equal(mesh.vertices_m, points)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_doubles_keep_every_bit(self, read, encoding):
         numbers = np.random.default_rng(1)
         points = (numbers.normal(size=(500, 3)) * 10.0 ** numbers.integers(-12, 12, (500, 3))).tolist()
         mesh = read(ply(encoding, vertex(("double x", "double y", "double z"), points), face([(0, 1, 2)])))
         np.testing.assert_array_equal(mesh.vertices_m, points)
 
-    @pytest.mark.parametrize("encoding", BINARY)
+    @cases("encoding", BINARY)
     def test_floats_keep_every_bit(self, read, encoding):
         points = np.random.default_rng(2).normal(size=(500, 3)).astype(np.float32)
         mesh = read(ply(encoding, vertex(XYZ, points.tolist()), face([(0, 1, 2)])))
         np.testing.assert_array_equal(mesh.vertices_m, points.astype(np.float64))
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_crlf_header_comments_and_obj_info(self, read, encoding):
         extra = ["comment made by hand", "comment", "obj_info num_cols 512", "comment élan", "comment element vertex 9"]
         assert_is(read(ply(encoding, vertex(), face(MIXED), end="\r\n", extra=extra)), MIXED)
@@ -82,7 +83,7 @@ class TestFormats:
         data = ply("ascii", vertex(), face(MIXED)).replace(b"\n", b"\r\n")
         assert_is(read(data), MIXED)
 
-    @pytest.mark.parametrize("order", ["<", ">"])
+    @cases("order", ["<", ">"])
     def test_first_byte_of_the_data_may_be_a_line_feed(self, read, order):
         encoding = {"<": BINARY[0], ">": BINARY[1]}[order]
         number = struct.unpack(order + "f", b"\n\r\n\n")[0]
@@ -90,19 +91,19 @@ class TestFormats:
         mesh = read(ply(encoding, vertex(XYZ, points), face(QUADS)))
         assert mesh.vertices_m[0, 0] == number
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_faces_before_vertices(self, read, encoding):
         assert_is(read(ply(encoding, face(MIXED), vertex())), MIXED)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [QUADS, MIXED])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED])
     def test_normals_alpha_and_other_scalars_are_skipped(self, read, encoding, faces):
         declarations = ("uchar flags", *XYZ, *NORMAL, *RGB, "uchar alpha", "double quality")
         rows = [(9, *p, 0.5, 0.25, -1.0, *c, 0, 1e300) for p, c in zip(POINTS, BYTES, strict=True)]
         assert_is(read(ply(encoding, vertex(declarations, rows), face(faces))), faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("uneven", [False, True])
+    @cases("encoding", ENCODINGS)
+    @cases("uneven", [False, True])
     def test_lists_of_vertices_are_skipped(self, read, encoding, uneven):
         declarations = ("list uchar short before", *XYZ, "list int double between", *RGB, "list ushort char after")
         rows = []
@@ -111,8 +112,8 @@ class TestFormats:
             rows.append(((7,) * (k % 3), *point, (0.5,) * (k % 2), *colour, (-1,) * k))
         assert_is(read(ply(encoding, vertex(declarations, rows), face(MIXED))), MIXED)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [QUADS, MIXED])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED])
     def test_face_properties_around_the_indices(self, read, encoding, faces):
         declarations = (
             "int object_id",
@@ -125,27 +126,27 @@ class TestFormats:
         rows = [(7, (0.5,) * 2 * len(f), f, 3, (1,) * (i % 3), 2.5) for i, f in enumerate(faces)]
         assert_is(read(ply(encoding, vertex(), ("face", declarations, rows))), faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("faces", [QUADS, MIXED])
+    @cases("encoding", ENCODINGS)
+    @cases("faces", [QUADS, MIXED])
     def test_object_id_as_habitat_writes_it(self, read, encoding, faces):
         for declarations in (("int object_id", *INDICES), (*INDICES, "int object_id")):
             rows = [(41, f) if declarations[0] == "int object_id" else (f, 41) for f in faces]
             assert_is(read(ply(encoding, vertex(), ("face", declarations, rows))), faces)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("places", [(0, 1, 2, 3), (2, 0, 3, 1), (3, 1, 2, 0), (1, 3, 0, 2)])
+    @cases("encoding", ENCODINGS)
+    @cases("places", [(0, 1, 2, 3), (2, 0, 3, 1), (3, 1, 2, 0), (1, 3, 0, 2)])
     def test_other_elements_anywhere(self, read, encoding, places):
         edge = ("edge", ("int vertex1", "int vertex2", "uchar red"), [(0, 1, 9), (1, 2, 8)])
         strips = ("camera", ("float view_px", "list int float frame"), [(1.5, (1.0, 2.0)), (2.5, ()), (3.5, (4.0,))])
         elements = [vertex(), face(MIXED), edge, strips]
         assert_is(read(ply(encoding, *(elements[i] for i in places))), MIXED)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_empty_elements(self, read, encoding):
         empty = [("edge", ("int a", "list uchar int b"), []), ("nothing", (), [])]
         assert_is(read(ply(encoding, empty[0], vertex(), empty[1], face(MIXED))), MIXED)
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_the_mesh_owns_its_arrays(self, read, encoding):
         mesh = read(ply(encoding, vertex(), face(MIXED)))
         for array in (mesh.vertices_m, mesh.rgb, mesh.corner_vertices, mesh.face_starts):

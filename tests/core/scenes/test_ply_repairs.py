@@ -4,19 +4,19 @@
 import random
 
 import numpy as np
-import pytest
+from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, RGB, XYZ, assert_is, face, ply, polygons, vertex
 
 
 class TestRepairs:
-    @pytest.mark.parametrize("encoding", ENCODINGS)
+    @cases("encoding", ENCODINGS)
     def test_small_faces_are_dropped(self, read, encoding):
         faces = [(), (0, 1, 2), (3,), (0, 1), (2, 3, 4, 5), ()]
         note = "4 faces had fewer than 3 different corners: dropped"
         assert_is(read(ply(encoding, vertex(), face(faces))), [(0, 1, 2), (2, 3, 4, 5)], notes=(note,))
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("quad", [(0, 0, 1, 2), (0, 1, 1, 2), (0, 1, 2, 2), (0, 1, 2, 0)])
+    @cases("encoding", ENCODINGS)
+    @cases("quad", [(0, 0, 1, 2), (0, 1, 1, 2), (0, 1, 2, 2), (0, 1, 2, 0)])
     def test_a_quad_that_is_a_triangle(self, read, encoding, quad):
         for faces in ([quad, (2, 3, 4, 5)], [(2, 3, 4, 5), quad], [(3, 4, 5), quad, (3, 4, 5)]):
             mesh = read(ply(encoding, vertex(), face(faces)))
@@ -36,7 +36,7 @@ class TestRepairs:
             "3 faces had fewer than 3 different corners: dropped",
         )
 
-    @pytest.mark.parametrize("faces", [[()], [(0, 1)], [(0, 0, 0)], [(0, 1, 1), (2, 2, 3, 3)], [(), (0,)]])
+    @cases("faces", [[()], [(0, 1)], [(0, 0, 0)], [(0, 1, 1), (2, 2, 3, 3)], [(), (0,)]])
     def test_nothing_left(self, refuse, faces):
         assert "no face has three different corners" in refuse(ply("binary_little_endian", vertex(), face(faces)))
 
@@ -51,8 +51,8 @@ class TestRepairs:
                 expected.append(kept)
         assert polygons(read(ply("binary_big_endian", vertex(), face(faces)))) == expected
 
-    @pytest.mark.parametrize("encoding", ENCODINGS)
-    @pytest.mark.parametrize("tail", [b"\n\n", b"0 1 2 3", b"\x00\x01\xff", b"the end"])
+    @cases("encoding", ENCODINGS)
+    @cases("tail", [b"\n\n", b"0 1 2 3", b"\x00\x01\xff", b"the end"])
     def test_what_follows_the_data(self, read, encoding, tail):
         mesh = read(ply(encoding, vertex(), face(MIXED)) + tail)
         if encoding == "ascii" and not tail.strip():
@@ -65,8 +65,8 @@ class TestPrecision:
     FAR = ((10000.0, 0.0, 0.0), (10001.0, 0.0, 0.0), (10001.0, 1.0, 0.0))
     NOTE = "coordinates near 10001 m are stored as float32, 0.98 mm apart: finer shape is lost in the file itself"
 
-    @pytest.mark.parametrize("encoding", BINARY)
-    @pytest.mark.parametrize("sign", [1, -1])
+    @cases("encoding", BINARY)
+    @cases("sign", [1, -1])
     def test_far_floats_are_noted(self, read, encoding, sign):
         points = [tuple(sign * c for c in p) for p in self.FAR]
         rows = [(*p, 1, 2, 3) for p in points]
@@ -80,9 +80,7 @@ class TestPrecision:
             mesh = read(ply("binary_little_endian", vertex(XYZ + RGB, rows), face([(0, 1, 2)])))
             assert bool(mesh.notes) == noted
 
-    @pytest.mark.parametrize(
-        ("encoding", "kind"), [("binary_little_endian", "double"), ("ascii", "double"), ("ascii", "float")]
-    )
+    @cases(("encoding", "kind"), [("binary_little_endian", "double"), ("ascii", "double"), ("ascii", "float")])
     def test_doubles_and_decimals_are_not(self, read, encoding, kind):
         declarations = tuple(f"{kind} {axis}" for axis in "xyz") + RGB
         rows = [(x + 1 / 3, y, z, 1, 2, 3) for x, y, z in self.FAR]

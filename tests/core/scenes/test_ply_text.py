@@ -2,7 +2,7 @@
 """The numbers of text files: every form, every place, and the words that are none."""
 
 import numpy as np
-import pytest
+from cases import cases
 from ply_files import MIXED, QUADS, TRIANGLES, XYZ, assert_is, face, ply, polygons, vertex
 
 
@@ -26,7 +26,7 @@ class TestText:
             got = self.coordinates(read, [word, "7.25", "-3"] * 3)
             np.testing.assert_array_equal(got, [float(word), 7.25, -3.0] * 3, err_msg=word)
 
-    @pytest.mark.parametrize("form", ["%.6f", "%.3f", "%g", "%.9g", "%.17g", "%.18e", "%d", "%.1e", "%.20f"])
+    @cases("form", ["%.6f", "%.3f", "%g", "%.9g", "%.17g", "%.18e", "%d", "%.1e", "%.20f"])
     def test_each_number_is_the_nearest_double(self, read, form):
         numbers = np.random.default_rng(3)
         values = numbers.normal(size=3000) * 10.0 ** numbers.integers(-6, 7, 3000)
@@ -54,7 +54,7 @@ class TestText:
         assert len(mesh.notes) == 1
         assert "no line end" in mesh.notes[0]
 
-    @pytest.mark.parametrize(
+    @cases(
         "word",
         [
             "abc",
@@ -78,7 +78,7 @@ class TestText:
     def test_garbage_is_named(self, refuse, word):
         self.refused(refuse, word, 1)
 
-    @pytest.mark.parametrize("place", [0, 3000, 16000])  # the last lies in the second block
+    @cases("place", [0, 3000, 16000])  # the last lies in the second block
     def test_garbage_names_its_line(self, refuse, place):
         self.refused(refuse, "1.5.2", place)
 
@@ -91,13 +91,13 @@ class TestText:
         message = refuse("\n".join(lines).encode())
         assert message.startswith(f"line {first + place + 1}: '{word}' is not a number")
 
-    @pytest.mark.parametrize("junk", [b"\x00", b"\xff\xfe", b"\x1c", b"1\x002", "½".encode()])
+    @cases("junk", [b"\x00", b"\xff\xfe", b"\x1c", b"1\x002", "½".encode()])
     def test_binary_garbage(self, refuse, junk):
         data = ply("ascii", vertex(), face(MIXED)).replace(b"\n0.5 0.5", b"\n" + junk + b" 0.5")
         assert "is not a number" in refuse(data)
 
-    @pytest.mark.parametrize("length", ["3.5", "nan", "inf", "1e300", "-1", "-inf"])
-    @pytest.mark.parametrize("row", [0, 1])
+    @cases("length", ["3.5", "nan", "inf", "1e300", "-1", "-inf"])
+    @cases("row", [0, 1])
     def test_odd_list_lengths(self, refuse, length, row):
         data = ply("ascii", vertex(), face(TRIANGLES)).decode()
         lines = data.split("\n")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import cases
 from ply_files import BYTES, MIXED, NORMAL, POINTS, QUADS, RGB, TRIANGLES, XYZ, assert_is, face, ply, polygons, vertex
 
 from noisy_world.core.errors import StorageError
@@ -65,7 +66,7 @@ class TestWrite:
         assert [row[6:] for row in rows] == BYTES
         assert faces == MIXED
 
-    @pytest.mark.parametrize("faces", [TRIANGLES, QUADS, MIXED])
+    @cases("faces", [TRIANGLES, QUADS, MIXED])
     def test_read_back(self, tmp_path, faces):
         write_ply(tmp_path / "out.ply", make_mesh(POINTS, faces, BYTES))
         assert_is(read_ply(tmp_path / "out.ply"), faces)
@@ -103,7 +104,7 @@ class TestWrite:
         write_ply(tmp_path / "out.ply", mesh, triangulate=True)
         assert take_apart(tmp_path / "out.ply")[0][-2] == "property list uchar int vertex_indices"
 
-    @pytest.mark.parametrize("triangulate", [False, True])
+    @cases("triangulate", [False, True])
     def test_vertices_alone(self, tmp_path, triangulate):
         write_ply(tmp_path / "out.ply", make_mesh(POINTS, [], BYTES), triangulate=triangulate)
         _, rows, faces = take_apart(tmp_path / "out.ply")
@@ -128,7 +129,7 @@ class TestWrite:
         np.testing.assert_allclose(normals[2], (0, 0, -1), atol=1e-6)
         np.testing.assert_array_equal(normals[7], (0, 0, 0))
 
-    @pytest.mark.parametrize("shift_m", [0.0, 1e6])
+    @cases("shift_m", [0.0, 1e6])
     def test_normals_against_a_loop(self, tmp_path, shift_m):
         numbers = np.random.default_rng(9)
         points = numbers.normal(size=(40, 3))
@@ -166,7 +167,7 @@ class TestAtomicWrite:
         (tmp_path / "plain").touch()
         assert (tmp_path / "out.ply").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
-    @pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt(), MemoryError()])
+    @cases("failure", [OSError(28, "No space left on device"), KeyboardInterrupt(), MemoryError()])
     def test_failure_keeps_the_old_file(self, tmp_path, monkeypatch, failure):
         path = tmp_path / "out.ply"
         path.write_bytes(b"old")

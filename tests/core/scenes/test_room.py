@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.room import INTERIOR_MAX_M, INTERIOR_MIN_M, build_room
+from noisy_world.core.scenes.room import INTERIOR_MAX_M, INTERIOR_MIN_M
 
 ADDON = Path(__file__).resolve().parents[3] / "addon"
 DIGEST_IN_ANOTHER_PROCESS = """
@@ -38,11 +38,6 @@ def other_process():
 
 
 @pytest.fixture(scope="module")
-def room(other_process):
-    return build_room()
-
-
-@pytest.fixture(scope="module")
 def quads(room):
     return room.corner_vertices.reshape(-1, 4)
 
@@ -54,7 +49,7 @@ def areas_m2(room, quads):
     return 0.5 * np.linalg.norm(np.cross(c - a, d - b), axis=1)
 
 
-def test_two_builds_are_equal_to_the_byte(room, other_process):
+def test_two_builds_are_equal_to_the_byte(other_process, room):
     out, _ = other_process.communicate(timeout=60)
     assert out.strip() == digest(room)
 

@@ -2,7 +2,7 @@
 """The self-check is silent on what is right, and speaks up when something is wrong."""
 
 import numpy as np
-import pytest
+from cases import cases
 from analytic import box_depth, look_at
 
 from noisy_world.core.geometry import Intrinsics
@@ -31,7 +31,7 @@ def test_silent_on_the_truth():
     assert reprojection_problem(dense_box(), EYE, CAMERA, depth) is None
 
 
-@pytest.mark.parametrize("wrong", ["axes", "transposed", "principal point", "ray distance", "scale", "shifted"])
+@cases("wrong", ["axes", "transposed", "principal point", "ray distance", "scale", "shifted"])
 def test_speaks_up(wrong):
     eye, camera = EYE.copy(), CAMERA
     depth, _ = box_depth(CAMERA, EYE, LOW, HIGH)

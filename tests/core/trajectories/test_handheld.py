@@ -2,10 +2,10 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import rotation_angle_rad, rotation_error
@@ -143,10 +143,10 @@ def test_looks_toward_open_space_rather_than_at_near_walls():
 
 def test_same_seed_same_bytes_in_another_process():
     script = (
-        "import sys; sys.path[:0] = [{tests!r}, {addon!r}]\n"
+        f"import sys; sys.path[:0] = {sys.path!r}\n"
         "from test_handheld import *\n"
         "sys.stdout.write(handheld_path(boxes(ROOM, PILLAR), seed=3, frames=300).c2w.tobytes().hex())"
-    ).format(tests=str(Path(__file__).parent), addon=str(Path(__file__).parents[3] / "addon"))
+    )
     environment = {**os.environ, "PYTHONHASHSEED": "12345"}
     other = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert handheld_path(boxes(ROOM, PILLAR), seed=3, frames=300).c2w.tobytes().hex() == other.stdout
@@ -258,7 +258,7 @@ def test_low_ceiling_moves_the_camera_down():
         assert at_m[:, 2].min() >= 1.2
 
 
-@pytest.mark.parametrize("rate_hz", [5.0, 30.0, 100.0])
+@cases("rate_hz", [5.0, 30.0, 100.0])
 def test_rates(rate_hz):
     path = handheld_path(boxes(ROOM), seed=0, frames=300, rate_hz=rate_hz)
     np.testing.assert_array_equal(path.stamps_s, np.arange(300) / rate_hz)
@@ -285,7 +285,7 @@ def test_small_room_is_enough():
     assert np.minimum(at_m[:, :2], np.array([1.9, 1.7]) - at_m[:, :2]).min() >= 0.45
 
 
-@pytest.mark.parametrize(
+@cases(
     ("given", "says"),
     [
         ({"clearance_m": 2.5}, "largest free space is 0.00 m2; lower clearance_m"),
@@ -309,7 +309,7 @@ def test_mesh_without_vertices_or_faces():
         handheld_path(dust, seed=0, frames=10)
 
 
-@pytest.mark.parametrize(
+@cases(
     "given",
     [
         {"frames": 0}, {"rate_hz": 0.0}, {"speed_m_s": 0.0}, {"clearance_m": -0.1}, {"eye_height_m": (1.7, 1.2)},

@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
 from noisy_world.core.trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
@@ -27,7 +28,7 @@ def test_sensor_ahead_and_above_looks_where_the_robot_faces():
     np.testing.assert_array_equal(moved.stamps_s, [0.5, 0.75])
 
 
-@pytest.mark.parametrize(
+@cases(
     "rotation",
     [
         # The optical frame of a camera that faces forward, as robot descriptions (ROS) write it.
@@ -36,7 +37,6 @@ def test_sensor_ahead_and_above_looks_where_the_robot_faces():
         {"matrix": [[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]]},
         {},
     ],
-    ids=lambda r: next(iter(r), "none"),
 )
 def test_forward_camera_in_robot_axes(rotation):
     np.testing.assert_allclose(sensor_from_extrinsics(**rotation).robot_from_sensor, np.eye(4), atol=1e-15)
@@ -87,7 +87,7 @@ def test_rounded_rotations_are_mended():
     np.testing.assert_allclose(mended, rounded, atol=1e-4)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("given", "says"),
     [
         ({"quat_wxyz": [1, 0, 0, 0], "rotation_euler_deg": [0, 0, 0]}, "one rotation"),

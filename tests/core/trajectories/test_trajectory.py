@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import cases
 
 from noisy_world.core.geometry import pose, rotation_angle_rad, rotation_error, rotation_from_euler_deg
 from noisy_world.core.trajectories.trajectory import Trajectory, convert_convention, evenly_stamped, resample, subsample
@@ -37,7 +38,7 @@ def test_trajectory_is_a_copy_that_cannot_be_written():
             array[0] = 1.0
 
 
-@pytest.mark.parametrize(
+@cases(
     ("c2w", "stamps_s", "says"),
     [
         (np.zeros((0, 4, 4)), [], "N >= 1"),
@@ -64,9 +65,7 @@ def test_subsample_keeps_stamps():
     np.testing.assert_array_equal(subsample(trajectory, every=8).stamps_s, [0.0, 0.8])
 
 
-@pytest.mark.parametrize(
-    "choice", [{"start": -1}, {"stop": -1}, {"every": 0}, {"start": 10}, {"stop": 0}, {"start": 5, "stop": 5}]
-)
+@cases("choice", [{"start": -1}, {"stop": -1}, {"every": 0}, {"start": 10}, {"stop": 0}, {"start": 5, "stop": 5}])
 def test_subsample_of_nothing(choice):
     with pytest.raises(ValueError, match=r"no frame is left|must be"):
         subsample(evenly_stamped(turning(np.arange(10.0))), **choice)
@@ -122,7 +121,7 @@ def test_one_pose_can_be_resampled_and_subsampled():
         np.testing.assert_array_equal(same.stamps_s, [7.0])
 
 
-@pytest.mark.parametrize("rate_hz", [0.0, -20.0, math.nan, math.inf])
+@cases("rate_hz", [0.0, -20.0, math.nan, math.inf])
 def test_no_rate(rate_hz):
     trajectory = evenly_stamped(turning([0, 1]))
     with pytest.raises(ValueError, match="hertz"):
@@ -142,7 +141,7 @@ LOOKING_ALONG_Y = {
 }
 
 
-@pytest.mark.parametrize(("direction", "axes"), LOOKING_ALONG_Y)
+@cases(("direction", "axes"), LOOKING_ALONG_Y)
 def test_conventions(direction, axes):
     expected = np.vstack([LOOKING_ALONG_Y["c2w", "opencv"], [0, 0, 0, 1]])
     given = np.vstack([LOOKING_ALONG_Y[direction, axes], [0, 0, 0, 1]])

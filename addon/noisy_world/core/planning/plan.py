@@ -195,7 +195,8 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
         if names.count(scene.name) > 1:
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
-            raise scene.place.at("sequence").error("is a recording, which cannot be seen by a rig", "leave rig out")
+            problem = "is a recording, which has no other poses for a rig"
+            raise scene.place.at("sequence").error(problem, "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.stamps_s):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
 

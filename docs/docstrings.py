@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""For the docs' site: parameters and attributes that a docstring describes in running text become a list.
+
+The docstrings say `image: (H, W, 3) uint8. seed, frame: name the stream.` where a name is a parameter or an attribute.
+"""
+
+import re
+from typing import Any
+
+import griffe
+
+NAMES = r"\*{0,2}[A-Za-z_]\w*(?:, \*{0,2}[A-Za-z_]\w*)*"
+DESCRIPTION = re.compile(rf"(?:^|(?<=[.;] ))({NAMES}): ")
+
+
+class ListedParameters(griffe.Extension):
+    """Rewrites the docstrings of functions and classes before they are rendered."""
+
+    def on_function_instance(self, *, func: griffe.Function, **_: Any) -> None:
+        """List a function's parameters."""
+        rewrite(func, {parameter.name.lstrip("*") for parameter in func.parameters})
+
+    def on_class_members(self, *, cls: griffe.Class, **_: Any) -> None:
+        """List a class's attributes."""
+        rewrite(cls, set(cls.members))
+
+
+def rewrite(item: griffe.Object, known: set[str]) -> None:
+    """Rewrite an object's docstring, where it has one."""
+    if item.docstring is not None:
+        item.docstring.value = "\n\n".join(
+            listed(paragraph, known)
+            for paragraph in re.sub(r"(?<=[.;])\s+Raises (?=[A-Z])", "\n\nRaises ", item.docstring.value).split("\n\n")
+        )
+
+
+def listed(paragraph: str, known: set[str]) -> str:
+    """Return a paragraph as a list where it describes known names; else as it is."""
+    if paragraph.startswith((" ", "-", "|")):
+        return paragraph
+    text = " ".join(paragraph.split("\n"))
+    starts = [
+        found for found in DESCRIPTION.finditer(text) if all(name.lstrip("*") in known for name in found[1].split(", "))
+    ]
+    if not starts:
+        return paragraph
+    ends = [found.start() for found in starts[1:]] + [len(text)]
+    before = text[: starts[0].start()].strip()
+    items = []
+    for found, end in zip(starts, ends, strict=True):
+        names = ", ".join(f"`{name}`" for name in found[1].split(", "))
+        items.append(f"- {names}: {text[found.end() : end].strip()}")
+    return "\n".join([*([before, ""] if before else []), *items])

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The wheel: what it holds, and the command that it installs, started from another folder."""
+
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+
+import pytest
+from worlds import ROOT, content, write_world
+
+from noisy_world.cli import command
+from noisy_world.cli.shipped import found_preset
+
+VERSION = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
+
+
+def run(words, **options):
+    return subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=300, check=False, **options)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    pytest.importorskip("hatchling", reason="hatchling, which builds the wheel, is not installed")
+    folder = tmp_path_factory.mktemp("wheel")
+    pip = [sys.executable, "-m", "pip", "wheel", "--no-build-isolation", "--no-deps", "--no-index", "-w", folder, ROOT]
+    built = run(pip)
+    assert built.returncode == 0, built.stderr
+    (path,) = folder.glob("*.whl")
+    return path
+
+
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """A folder with the package alone, and the environment of a process that finds it there and nowhere else."""
+    folder = tmp_path_factory.mktemp("site")
+    done = run([sys.executable, "-m", "pip", "install", "--no-deps", "--no-index", "--target", folder, wheel])
+    assert done.returncode == 0, done.stderr
+    return folder, {**os.environ, "PYTHONPATH": str(folder)}
+
+
+def test_what_the_wheel_holds(wheel):
+    assert wheel.name == f"noisy_world-{VERSION}-py3-none-any.whl"
+    with zipfile.ZipFile(wheel) as packed:
+        names = packed.namelist()
+        metadata = packed.read(f"noisy_world-{VERSION}.dist-info/METADATA").decode()
+        entry = packed.read(f"noisy_world-{VERSION}.dist-info/entry_points.txt").decode()
+    held = {f"noisy_world/{name}" for name in ("py.typed", "__main__.py", "perturbations/ice/rime.jpg")}
+    shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / "presets").rglob("*.yaml")}
+    assert held | {f"noisy_world/{name}" for name in shipped} <= set(names)
+    assert "noisy-world = noisy_world.cli.command:main" in entry
+    assert "License-Expression: GPL-3.0-or-later" in metadata
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    required = {
+        line.removeprefix("Requires-Dist: ").lower() for line in metadata.splitlines() if "Requires-Dist" in line
+    }
+    assert {text.lower() for text in project["dependencies"]} <= required
+    tops = {name.split("/")[0] for name in names}
+    assert tops == {"noisy_world", f"noisy_world-{VERSION}.dist-info"}
+    assert not [name for name in names if "__pycache__" in name or "/assets/" in name or name.endswith("ruff.toml")]
+
+
+def test_the_installed_command_from_another_folder(installed, tmp_path):
+    site, environment = installed
+    script = site / "bin" / "noisy-world"
+    told = run([sys.executable, script, "--version"], env=environment, cwd=tmp_path)
+    assert told.stdout == f"noisy-world {VERSION}\n", told.stderr
+    told = run([sys.executable, script, "generate", "presets/demo.yaml", "--list"], env=environment, cwd=tmp_path)
+    assert told.returncode == 0, told.stderr
+    assert told.stderr == (
+        "presets/demo.yaml: not in this folder; taking the one that comes with Noisy World, "
+        f"{site / 'noisy_world/presets/demo.yaml'}\n"
+    )
+    assert "clean/" in told.stdout
+    told = run([sys.executable, "-m", "noisy_world", "list", "presets"], env=environment, cwd=tmp_path)
+    assert told.stdout.splitlines() == sorted(
+        path.relative_to(ROOT).as_posix() for path in (ROOT / "presets").rglob("*.yaml")
+    )
+
+
+def test_the_installed_command_and_its_workers_write_what_the_script_writes(installed, tmp_path):
+    _, environment = installed
+    preset = write_world(tmp_path / "world", frames=4)
+    arguments = [preset, "--set", "output.overview=false"]
+    command_ = [sys.executable, "-m", "noisy_world", "generate", *arguments, "--out", tmp_path / "a", "--jobs", 2]
+    made = run(command_, env=environment, cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    made = run([sys.executable, ROOT / "headless/generate.py", *arguments, "--out", tmp_path / "b"])
+    assert made.returncode == 0, made.stderr
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+
+
+def test_a_preset_of_ones_own_comes_before_the_shipped_one(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "presets" / "demo.yaml"
+    own.parent.mkdir()
+    own.write_text("")
+    assert found_preset(own.relative_to(tmp_path)) == own.relative_to(tmp_path)
+    nowhere = own.with_name("nowhere.yaml").relative_to(tmp_path)
+    assert found_preset(nowhere) == nowhere
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        ([], 2, "subcommands:"),
+        (["--help"], 0, "generate"),
+        (["generat"], 2, "noisy-world: 'generat' is no subcommand; there are generate, list, export"),
+        (["generate", "nowhere.yaml"], 1, "noisy-world generate: nowhere.yaml"),
+        (["list", "perturbations"], 0, "gaussian_noise"),
+        (["export", "nowhere.ply", "out.ply"], 1, "noisy-world export: nowhere.ply"),
+    ],
+)
+def test_the_command(words, status, said, capsys):
+    assert command.main(words) == status
+    out, err = capsys.readouterr()
+    assert said in out + err
+
+
+def test_every_subcommand_has_help(capsys):
+    for name in command.SUBCOMMANDS:
+        with pytest.raises(SystemExit) as ended:
+            command.main([name, "--help"])
+        assert ended.value.code == 0
+        assert f"usage: noisy-world {name}" in capsys.readouterr().out
+
+
+def test_list_asks_for_the_preset_that_it_needs(capsys):
+    with pytest.raises(SystemExit):
+        command.main(["list", "settings"])
+    assert "noisy-world list: error: settings: name a preset" in capsys.readouterr().err

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on registered, and a small mesh and path for its panel."""
+
+import bpy
+import numpy as np
+
+from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.scenes.ply_writer import write_ply
+
+
+def settings():
+    return bpy.context.scene.noisy_world
+
+
+def square(path, size_m=1.0):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64) * size_m
+    rgb = np.array([[0, 0, 0], [128, 0, 0], [0, 128, 0], [0, 0, 128]], dtype=np.float32) / 255
+    write_ply(path, Mesh(corners, rgb, np.arange(4, dtype=np.int32), np.zeros(1, dtype=np.int32)))
+    return str(path)
+
+
+def straight(path, count=10):
+    poses = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+    poses[:, 0, 3] = np.arange(count) / 10
+    path.write_text("\n".join(" ".join(f"{value:g}" for value in pose.ravel()) for pose in poses))
+    return str(path), poses
+
+
+def use_files(tmp_path, count=10):
+    item = settings()
+    item.mesh_source = item.trajectory_source = "FILE"
+    item.mesh_path = square(tmp_path / "square.ply")
+    item.trajectory_path, poses = straight(tmp_path / "traj.txt", count)
+    return poses

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pages: links lead somewhere, the reference names modules that exist, the tutorial's files do what it says."""
+
+import importlib.util
+import re
+import sys
+import tomllib
+
+import numpy as np
+import pytest
+import yaml
+from worlds import ROOT, generate, write_world
+
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.planning import make_plan
+
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+sys.path.append(str(ROOT / "docs/examples"))
+
+
+def text_of(page):
+    """A page's text without its code, in which brackets are no links."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    return re.sub(r"`[^`\n]*`", "code", text)
+
+
+def anchors_of(page):
+    """The names of a page's headings, as GitHub and MkDocs make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[\s]+", "-", re.sub(r"[^\w\s-]", "", title.lower()).strip()) for title in titles}
+
+
+def broken_links(page):
+    """The links of a page to files or headings that are not there."""
+    found = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name) if name else page
+        if not file.exists() or (anchor and anchor not in anchors_of(file)):
+            found.append(target)
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_somewhere(page):
+    assert broken_links(page) == []
+
+
+def test_a_broken_link_would_be_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# One two\n\n[a](page.md#one-two) [b](page.md#three) ![c](none.jpg) `[d](code)`\n")
+    assert broken_links(page) == ["page.md#three", "none.jpg"]
+
+
+def test_every_page_is_in_the_sites_contents():
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+
+    def pages(entry):
+        if isinstance(entry, str):
+            yield entry
+        for item in entry.values() if isinstance(entry, dict) else entry if isinstance(entry, list) else ():
+            yield from pages(item)
+
+    named = set(pages(config["nav"]))
+    assert named == {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+
+
+def test_the_reference_names_modules_that_exist():
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
+    assert len(named) > 5
+    assert [name for name in named if importlib.util.find_spec(name) is None] == []
+
+
+def test_what_other_programs_read_is_yaml():
+    files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
+    assert len(files) >= 5
+    assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
+
+
+def test_the_citation_is_of_this_version():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+    assert citation["version"] == manifest["version"]
+
+
+# --- the tutorial ---
+
+
+def test_the_tutorials_preset_is_what_the_tutorial_says():
+    plan = make_plan(read_preset(ROOT / "docs/examples/tour.yaml", []), None)
+    assert [sequence.folder for sequence in plan.sequences] == ["clean/room", "noisy/room", "late_depth/room"]
+    assert all(len(sequence.frames) in (116, 120) for sequence in plan.sequences)
+    assert len(plan.renders) == 1
+
+
+def test_the_tutorials_tracker_follows_a_clean_sequence(tmp_path):
+    import odometry
+
+    preset = write_world(tmp_path / "world", frames=180, size=(160, 120), output={"layout": "tum", "image": "png"})
+    generate(preset, "--out", tmp_path / "out", "--frames", "0:8")
+    tracked_m, true_m, lost = odometry.track(tmp_path / "out/clean/box", 80.0, 80.0, 79.5, 59.5)
+    assert (len(true_m), lost) == (8, 0)
+    walked_m = np.linalg.norm(np.diff(true_m, axis=0), axis=1).sum()
+    assert odometry.absolute_error_m(tracked_m, true_m) < 0.02 * walked_m
+
+
+def test_the_tutorials_error_is_that_of_an_aligned_path():
+    import odometry
+
+    rng = np.random.default_rng(4)
+    path = rng.normal(size=(50, 3))
+    rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    rotation *= np.sign(np.linalg.det(rotation))
+    moved = path @ rotation.T + [3.0, -1.0, 2.0]
+    assert odometry.absolute_error_m(moved, path) == pytest.approx(0, abs=1e-12)
+    # A mirrored path is no rotation of it, and one that is twice as large stays so.
+    assert odometry.absolute_error_m(path * [1, 1, -1], path) > 0.1
+    centred = path - path.mean(axis=0)
+    assert odometry.absolute_error_m(2 * path, path) == pytest.approx(np.sqrt((centred**2).sum(axis=1).mean()))
