@@ -41,6 +41,7 @@ from noisy_world.core.trajectories.trajectory import evenly_stamped
 CAMERA = CAMERAS["fx above fy"]
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
 REPLICA_SCALE, TUM_SCALE = 6553.5, 5000.0  # steps per metre
+# The room that several cases render, and a view into it; chosen so that no face is parallel to the image.
 LOW, HIGH = np.array([-1.5, -2.0, -1.0]), np.array([3.5, 2.5, 1.5])
 EYE = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
 UP = np.array([0.0, 0.0, 1.0])

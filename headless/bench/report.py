@@ -37,10 +37,10 @@ from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world.core.scenes.room import build_room
 from noisy_world.core.trajectories.handheld import handheld_path
 
-CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)
-PATH_FRAMES = 24
+CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)  # Replica's
+PATH_FRAMES = 24  # of the path that turns go around; chosen
 ERROR_FRAMES = [16]  # a reference takes as long as 256 frames
-REFERENCE_SAMPLES = 256
+REFERENCE_SAMPLES = 256  # chosen: the colours' noise is then a sixteenth of that of one sample
 
 TURN_S = 2.0  # of work before the next contestant's turn; chosen: some frames each, within the machine's fluctuations
 STEADY_FRAMES = (20, 200)  # memory is compared between these frames

@@ -50,7 +50,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         nargs="?",
         const="sequences",
         choices=[*KNOWN, *HELD],
-        help="list keys (all that a preset may say), layouts (of the files), perturbations (with their parameters and "
+        help="list keys (all that a preset may have), layouts (of the files), perturbations (with their parameters and "
         "severities), presets (those shipped), or this preset's scenes, settings or sequences (default); then end",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")

@@ -10,7 +10,7 @@ from .listing import HELD, KNOWN
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(prog=entry.name, description="List what there is to say, or what a preset holds.")
+    parser = argparse.ArgumentParser(prog=entry.name, description="List the keys of presets, or what a preset holds.")
     parser.add_argument(
         "what",
         metavar="WHAT",

@@ -204,7 +204,7 @@ class _MoveStep(_OnStep):
         if not super().poll(context):
             return False
         if not may_move(panel_of(context.scene), cls.by):
-            cls.poll_message_set("The order is that in which an image comes about; only equals may change places")
+            cls.poll_message_set("The order is that of propagation; only perturbations of the same name can swap")
             return False
         return True
 

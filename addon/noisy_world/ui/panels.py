@@ -138,7 +138,7 @@ def short_label(perturbation: Perturbation) -> str:
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):
-    """The perturbations in the order in which an image comes about"""
+    """The perturbations in the order of propagation: motion, colour, depth, pairing"""
 
     def draw_item(
         self,
