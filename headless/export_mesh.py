@@ -4,14 +4,14 @@
     python headless/export_mesh.py embedded:room room.ply
     python headless/export_mesh.py scan.ply triangles.ply --triangulate
 
-Quads and other polygons break many readers; --triangulate serves those.
+Many readers cannot read quads and other polygons; --triangulate is for those.
 """
 
 import sys
 from pathlib import Path
 
 SCRIPT = Path(__file__).resolve()
-# A Blender program does not look beside the script.
+# A Blender program does not import modules from the script's folder by itself.
 sys.path.insert(0, str(SCRIPT.parent))
 
 from installation import end_with, entry, prepare_imports
@@ -20,7 +20,7 @@ from installation import end_with, entry, prepare_imports
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     prepare_imports()
-    from noisy_world.cli import export_mesh  # noqa: PLC0415 - found just now
+    from noisy_world.cli import export_mesh  # noqa: PLC0415 - importable only now
 
     return export_mesh.main(arguments, entry(SCRIPT))
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 SCRIPT = Path(__file__).resolve()
-# A Blender program does not look beside the script.
+# A Blender program does not import modules from the script's folder by itself.
 sys.path.insert(0, str(SCRIPT.parent))
 
 from installation import end_with, entry, prepare_imports
@@ -20,7 +20,7 @@ from installation import end_with, entry, prepare_imports
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     prepare_imports()
-    from noisy_world.cli import generate  # noqa: PLC0415 - found just now
+    from noisy_world.cli import generate  # noqa: PLC0415 - importable only now
 
     return generate.main(arguments, entry(SCRIPT))
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the scripts run, in a checkout or in the installed extension, and how each finds the add-on's package there.
+"""How the scripts find the add-on's package, in a checkout or in the installed extension.
 
 A checkout has the package in addon/. In the extension the package is the folder above the scripts, which Blender may
-have loaded as bl_ext.<repository>.noisy_world: the scripts' name for it then leads to the modules that are there.
-The scripts start and end here as well: in a Blender program both differ from a plain Python.
+have loaded as bl_ext.<repository>.noisy_world: the scripts' import of noisy_world then gives these loaded modules.
+The module also reads the scripts' arguments and ends them, since a Blender program does both in its own way.
 """
 
 import importlib
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from noisy_world.cli.entry import Entry
 
 PACKAGE = "noisy_world"
-INTERRUPTED = 130  # as shells have it
+INTERRUPTED = 130  # 128 + SIGINT (2), as shells report it
 BUG = 70  # EX_SOFTWARE of sysexits.h
 SCRIPTS = Path(__file__).resolve().parent
 ROOT = SCRIPTS.parent
@@ -30,14 +30,14 @@ def prepare_imports() -> None:
     """Make the package importable and, in a Blender program, the packages that `make blender-env` installed for it."""
     if INSTALLED:
         use_extension(ROOT)
-        # Where Blender unpacks extensions' wheels; with --factory-startup it does not look there.
+        # Blender unpacks extensions' wheels here, but does not import from here with --factory-startup.
         unpacked = ROOT.parents[1] / f".local/lib/python{sys.version_info.major}.{sys.version_info.minor}/site-packages"
         if unpacked.is_dir() and str(unpacked) not in sys.path:
             sys.path.append(str(unpacked))
         return
     sys.path.insert(0, str(ROOT / "addon"))
     side = ROOT / ".blender-env" / str(sys.implementation.cache_tag)
-    # Last, so that what Blender brings (numpy above all) stays its own.
+    # Last on the path, so that Blender's own packages, numpy above all, come first.
     if inside_blender() and side.is_dir():
         sys.path.append(str(side))
 
@@ -56,8 +56,8 @@ def script_arguments() -> list[str]:
 
 
 def entry(script: Path) -> "Entry":
-    """Return how a script was started; `prepare_imports` comes first."""
-    from noisy_world.cli.entry import Entry  # noqa: PLC0415 - found just now
+    """Return how a script was started; call `prepare_imports` first."""
+    from noisy_world.cli.entry import Entry  # noqa: PLC0415 - importable only now
     from noisy_world.core.requirements import install_remedy  # noqa: PLC0415
 
     binary = sys.modules["bpy"].app.binary_path if inside_blender() else ""
@@ -72,7 +72,7 @@ def entry(script: Path) -> "Entry":
 
 
 def end_with(main: Callable[[list[str]], int]) -> NoReturn:
-    """Run a script's command line and end the process with its status: Blender would go on after an exception."""
+    """Run a script's command line and end the process with its status: Blender would continue after an exception."""
     try:
         status = main(script_arguments())
     except KeyboardInterrupt:
@@ -84,7 +84,7 @@ def end_with(main: Callable[[list[str]], int]) -> NoReturn:
 
 
 def use_extension(folder: Path) -> None:
-    """Let PACKAGE be the package in that folder: the one that Blender loaded or, where it has not, itself."""
+    """Make PACKAGE the package in this folder: the one that Blender has loaded, if it has, else imported anew."""
     if PACKAGE in sys.modules:
         return
     entry = folder / "__init__.py"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Processes that wait for orders in JSON lines, so that several can be measured in turns."""
+"""Processes that wait for orders in lines of JSON, so that several can be measured in turns."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class ContestantError(Exception):
-    """A process ended before it answered; the message holds its last words."""
+    """A process ended before it answered; the message holds its last line."""
 
 
 class Contestant:
@@ -18,7 +18,7 @@ class Contestant:
 
     def __init__(self, name: str, command: Sequence[str | Path]) -> None:
         self.name = name
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115 - kept as long as the process
         self._process = subprocess.Popen(
             [str(part) for part in command],
             stdin=subprocess.PIPE,
@@ -33,7 +33,7 @@ class Contestant:
         self.turns: list[float] = []
 
     def answer(self) -> dict[str, Any]:
-        """Wait for the next answer. Raises ContestantError where none comes."""
+        """Wait for the next answer. Raises ContestantError if none comes."""
         for line in self._answers:
             if line.startswith("@"):
                 return json.loads(line[1:])
@@ -53,7 +53,7 @@ class Contestant:
         return self.answer()
 
     def take_turn(self, frames: list[int]) -> dict[str, Any]:
-        """Let it work; remember how long a frame took."""
+        """Let it make these frames, and keep the time per frame."""
         answer = self.ask(do="time", frames=frames)
         self.turns.append(answer["frame_s"])
         return answer

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""imagecorruptions, in a Python of its own: what others corrupt images with, and scikit-image's metrics.
+"""imagecorruptions and scikit-image's metrics, in their own Python: the library that others corrupt images with.
 
     .venv-corruptions/bin/python headless/bench/corruptions_peer.py FRAMES.npy
 

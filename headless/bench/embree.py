@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Embree, through Open3D, in a Python of its own: what casting the bare rays costs, and what each ray truly hits.
+"""Embree, through Open3D, in its own Python: the time of casting rays alone, and what each ray truly hits.
 
     .venv-peer/bin/python headless/bench/embree.py MESH.ply TRAJ.txt W H FX FY CX CY
 
 Reads JSON lines {"do": "time", "frames": [...]} or {"do": "truth", "frames": [...], "to": FOLDER}, answers `@{...}`.
-Embree itself computes in float32. For the truth it says only which triangle is seen; where the ray meets that
-triangle's plane is computed here in float64.
+Embree itself computes in float32. For the truth it gives only the triangle that is seen; the point where the ray meets
+that triangle's plane is computed here in float64.
 """
 
 import json
@@ -31,17 +31,17 @@ def main(mesh_path: str, poses_path: str, *numbers: str) -> None:
     local = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.shape)], axis=-1)
 
     def rays(frame: int) -> np.ndarray:
-        directions = local @ poses[frame][:3, :3].T  # component 1 along the axis, so that t is planar depth
+        directions = local @ poses[frame][:3, :3].T  # of component 1 along the optical axis, so t is planar depth
         return np.concatenate([np.broadcast_to(poses[frame][:3, 3], directions.shape), directions], axis=-1)
 
-    scene.cast_rays(o3d.core.Tensor(rays(0).astype(np.float32)))  # builds
+    scene.cast_rays(o3d.core.Tensor(rays(0).astype(np.float32)))  # the first call builds the tree
     print("@" + json.dumps({"loading_s": time.perf_counter() - start_s, "open3d": o3d.__version__}), flush=True)
     ready: dict[int, o3d.core.Tensor] = {}
     for line in sys.stdin:
         order = json.loads(line)
         frames = [frame % len(poses) for frame in order["frames"]]
         if order["do"] == "time":
-            for frame in frames:  # rays are made before the clock runs
+            for frame in frames:  # rays are made before the time is taken
                 if frame not in ready:
                     ready[frame] = o3d.core.Tensor(rays(frame).astype(np.float32))
             start_s = time.perf_counter()

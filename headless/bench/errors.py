@@ -9,16 +9,17 @@ from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
 
-EDGE_JUMP = 0.05  # of the nearer depth, between neighbours
-EDGE_REACH_PX = 2
-WRONG_SURFACE = 0.01  # of the depth: at an edge, what is farther off shows another surface
+# Chosen. docs/speed_against_error.md states the first two with the results.
+EDGE_JUMP = 0.05  # of the nearer depth: a larger jump between neighbours is an edge
+EDGE_REACH_PX = 2  # pixels as near as this to an edge are counted apart
+WRONG_SURFACE = 0.01  # of the depth: at an edge, a larger error means that another surface is shown
 
 
 def rgb_errors(folder: Path, reference: Path, frames: list[int]) -> dict[str, float]:
     """Return mean PSNR (dB) and SSIM of 8-bit colours against the reference's."""
     psnr, ssim = [], []
     for frame in frames:
-        mine, other = (rgb_bytes(np.load(place / f"{frame}.npz")["rgb"]) for place in (folder, reference))
+        mine, other = (rgb_bytes(np.load(side / f"{frame}.npz")["rgb"]) for side in (folder, reference))
         psnr.append(cv2.PSNR(mine, other))
         ssim_of = cv2.quality.QualitySSIM_compute  # pyright: ignore[reportAttributeAccessIssue]  not in OpenCV's stubs
         similarity, _ = ssim_of(mine, other)
@@ -27,7 +28,9 @@ def rgb_errors(folder: Path, reference: Path, frames: list[int]) -> dict[str, fl
 
 
 def cast_errors(folder: Path, truth: Path, frames: list[int]) -> dict[str, float]:
-    """Return relative errors of depth against the rays' (off edges: largest, 99.9 %; at edges: wrong surfaces)."""
+    """Return relative errors of depth against cast rays: off edges the largest and the 99.9 % quantile, at edges the
+    share of wrong surfaces.
+    """
     off, at, void = [], [], []
     share = []
     for frame in frames:
@@ -53,7 +56,7 @@ def cast_errors(folder: Path, truth: Path, frames: list[int]) -> dict[str, float
 
 
 def edges(depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mark (H, W) what lies within EDGE_REACH_PX of a jump of depth or a border of void."""
+    """Return a mask (H, W) of the pixels within EDGE_REACH_PX of a jump of depth or a border of void."""
     jump = np.zeros(depth_m.shape, bool)
     for axis in (0, 1):
         a, b = np.moveaxis(depth_m, axis, 0)[:-1], np.moveaxis(depth_m, axis, 0)[1:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where rendering and poses lose digits, as numbers: each case is a table of the error against what makes it hard.
+"""Where rendering and poses lose digits: each case is a table of the error against what makes it hard.
 
     python headless/bench/hard_cases.py         prints one line `@[...]` of tables
 
@@ -40,7 +40,8 @@ from noisy_world.core.trajectories.trajectory import evenly_stamped
 
 CAMERA = CAMERAS["fx above fy"]
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
-REPLICA_SCALE, TUM_SCALE = 6553.5, 5000.0  # steps a metre
+REPLICA_SCALE, TUM_SCALE = 6553.5, 5000.0  # steps per metre
+# The room that several cases render, and a view into it; chosen so that no face is parallel to the image.
 LOW, HIGH = np.array([-1.5, -2.0, -1.0]), np.array([3.5, 2.5, 1.5])
 EYE = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
 UP = np.array([0.0, 0.0, 1.0])
@@ -48,7 +49,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class Table:
-    """A case: what it is, its columns, its rows (texts and numbers) and what they tell, in a sentence."""
+    """A case: its title, its columns, its rows (texts and numbers) and a sentence on what they show."""
 
     title: str
     columns: tuple[str, ...]
@@ -57,7 +58,7 @@ class Table:
 
 
 def main() -> None:
-    """Work all cases out and print them."""
+    """Compute all cases and print them."""
     cases: list[Callable[[], Table]] = [
         far_from_the_origin,
         grazing_angles,
@@ -92,7 +93,7 @@ def render(mesh: Mesh, c2w: np.ndarray, options: RenderOptions = OPTIONS, camera
 
 
 def worst(depth_m: np.ndarray, true_m: np.ndarray, where: np.ndarray) -> float:
-    """Return the largest relative error; 1 where a surface was missed altogether."""
+    """Return the largest relative error; 1 where a surface was missed."""
     return float(np.abs(depth_m[where] / true_m[where] - 1).max())
 
 
@@ -130,7 +131,7 @@ def far_from_the_origin() -> Table:
 def grazing_angles() -> Table:
     """A floor seen at ever smaller angles: a ray's own rounding moves the hit by more and more."""
     eye = look_at([0.0, 0.0, 1.5], [1.0, 0.0, 1.5 - np.tan(np.radians(0.15))])
-    # Strips that grow with the distance, so that it is the angle that is looked at and not the size of a triangle.
+    # Strips that grow with the distance, so that the angle decides the error and not the size of a triangle.
     x_m = np.geomspace(0.5, 5e3, 80)
     strips = [[[a, -a, 0.0], [b, -b, 0.0], [b, b, 0.0], [a, a, 0.0]] for a, b in pairwise(x_m)]
     floor = quads_mesh(strips)
@@ -143,7 +144,7 @@ def grazing_angles() -> Table:
     for limit_deg in (10.0, 3.0, 1.0, 0.3, 0.1):
         ring = (angle_deg > 0.9 * limit_deg) & (angle_deg < 1.1 * limit_deg) & (true_m < 4e3)
         error = np.abs(depth_m[ring] / true_m[ring] - 1)
-        # One pixel down changes the depth by about depth / (f sin(angle)): the yardstick of any camera.
+        # One pixel down changes the depth by about depth / (f sin(angle)), which is what errors are measured in.
         pixel = 1 / (camera.fy_px * np.sin(np.radians(limit_deg)))
         rows.append((limit_deg, float(np.median(error)), float(error.max()), float(error.max() / pixel)))
     return Table(
@@ -203,7 +204,7 @@ def grid_mesh(x_m: float, half_m: float, columns: int, lines: int) -> Mesh:
 
 
 def near_and_far() -> Table:
-    """A wall square to the camera, at the ends of several ranges; a z-buffer shares its digits out, rays do not."""
+    """A wall square to the camera at the ends of several ranges: a z-buffer divides its digits over the range."""
     rows = []
     for near_m, far_m in ((1e-3, 1e3), (1e-2, 1e3), (1e-1, 1e2), (1.0, 1e5)):
         for distance_m in (1.05 * near_m, np.sqrt(near_m * far_m), 0.95 * far_m):
@@ -234,7 +235,7 @@ def thin_structures(samples: Sequence[int] = (1, 16, 64)) -> Table:
     eye = look_at([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
     rows = []
     for width_px in (2.0, 1.0, 0.5, 0.25, 0.1):
-        # Rods 2 m away, about 16 pixels apart, at random places under the pixel.
+        # Rods 2 m away, about 16 pixels apart, at random positions within their pixels.
         centres = 2.0 * (np.arange(-18, 19) * 16 + rng.uniform(-0.5, 0.5, 37)) / camera.fx_px
         half_m = width_px / camera.fx_px
         rods = quads_mesh(
@@ -269,7 +270,7 @@ def thin_structures(samples: Sequence[int] = (1, 16, 64)) -> Table:
 
 
 def coincident_faces() -> Table:
-    """Two walls of different colour in the very same place: which one is seen, and is it the same one every time."""
+    """Two walls of different colours in the same plane: which one is seen, and whether it is the same every time."""
     eye = look_at([0.0, 0.0, 0.0], [1.0, 0.3, -0.2])
     rows = []
     for gap_m in (0.0, 1e-7, 1e-6, 1e-5, 1e-4):
@@ -371,7 +372,7 @@ def half_turns() -> Table:
         quats = slerp(quat_wxyz_from_rotation(start), quat_wxyz_from_rotation(end), u)
         turned = rotation_from_quat_wxyz(quats)
         errors = []
-        for sign in (1.0, -1.0):  # a half turn has two shortest ways
+        for sign in (1.0, -1.0):  # at a half turn both arcs are equally short
             way = np.radians(angle_deg if sign > 0 else angle_deg - 360.0) * u / 2
             way_quats = np.concatenate([np.cos(way)[:, None], np.sin(way)[:, None] * axis], axis=-1)
             errors.append(float(np.abs(turned - start @ rotation_from_quat_wxyz(way_quats)).max()))

@@ -23,7 +23,7 @@ from noisy_world.perturbations import registry
 from . import tables
 
 SEED = 3
-TURNS = 5
+TURNS = 5  # chosen: the median of five is little disturbed by other load on the machine
 EXACT = (
     "brightness",
     "contrast",
@@ -34,7 +34,7 @@ EXACT = (
     "fog_depth",
     "defocus_depth",
 )
-GIVEN = {"motion_blur": {"max_angle_deg": 0.0, "angle_deg": 30.0}}  # so that nothing is random
+GIVEN = {"motion_blur": {"max_angle_deg": 0.0, "angle_deg": 30.0}}  # a fixed angle, so that nothing is random
 
 
 def step_of(name: str, severity: float) -> Step:
@@ -53,7 +53,7 @@ def slope(size_px: tuple[int, int]) -> NDArray[np.float32]:
 def composited(
     frames: NDArray[np.uint8], steps: Mapping[str, Sequence[Step]], *, seed: int = SEED
 ) -> dict[str, list[NDArray[np.uint8]]]:
-    """Perturb (N, H, W, 3) frames by chains: by their names, a picture for each frame."""
+    """Perturb (N, H, W, 3) frames by chains; return by the chains' names an image for each frame."""
     size_px = frames.shape[2], frames.shape[1]
     made: dict[str, list[NDArray[np.uint8]]] = {name: [] for name in steps}
     with Compositor(size_px, steps, size_px[0]) as compositor:
@@ -65,7 +65,7 @@ def composited(
 
 
 def errors(frames: NDArray[np.uint8]) -> str:
-    """Compare what is not random, in float values, with the reference on a frame."""
+    """Compare the groups without randomness with the reference on a frame, in float values."""
     rgb = as_float(frames[0])
     size_px = rgb.shape[1], rgb.shape[0]
     depth_m = slope(size_px)
@@ -94,7 +94,7 @@ def evaluated(compositor: Compositor, rgb: NDArray[np.float32], depth_m: NDArray
 
 
 def times(names: Sequence[str], frames: NDArray[np.uint8], reference_ms: Mapping[str, float]) -> str:
-    """Time every group alone beyond a pass-through, in turns with it, and all of severity 3 in one call."""
+    """Time every group, less the time of a pass-through taken in turns, and all groups of severity 3 in one call."""
     size_px = frames.shape[2], frames.shape[1]
     rgb, depth_m = as_float(frames[0]), slope(size_px)
     rows, nets = [], []
@@ -118,7 +118,7 @@ def times(names: Sequence[str], frames: NDArray[np.uint8], reference_ms: Mapping
 
 
 def building(names: Sequence[str]) -> str:
-    """Time describing and making every group in an empty file."""
+    """Time describing every group and making it in an empty file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     start_s = time.perf_counter()
     for name in names:
@@ -173,7 +173,7 @@ def previews(names: Sequence[str], frames: NDArray[np.uint8]) -> str:
 
 
 def similarity(whole: NDArray[np.float32], small: NDArray[np.float32], size_px: tuple[int, int]) -> float:
-    """Return the SSIM of a frame and of a small picture, scaled up, as bytes, the mean of the channels."""
+    """Return the SSIM (mean of the channels) of a frame and a small picture scaled up, both as bytes."""
     large = np.asarray(cv2.resize(small, size_px, interpolation=cv2.INTER_LINEAR), np.float32)
     ssim_of = cv2.quality.QualitySSIM_compute  # pyright: ignore[reportAttributeAccessIssue]  not in OpenCV's stubs
     values, _ = ssim_of(rgb_bytes(whole), rgb_bytes(large))

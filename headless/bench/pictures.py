@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The report's plot: time of a frame against the errors of colour and depth, with the best trade-offs joined."""
+"""The report's plot: the time of a frame against the errors of colour and depth; a line joins the best trade-offs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ MARKS = {"cycles": "o", "eevee": "s", "workbench": "^"}
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return, by rising first coordinate, the points that no other beats in both coordinates (less is better)."""
+    """Return the points that no other beats in both coordinates (less is better), by rising first coordinate."""
     best = float("inf")
     front = []
     for index in sorted(range(len(points)), key=lambda k: points[k]):
@@ -22,7 +22,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 def draw(results: Results, path: Path) -> None:
     """Draw and save."""
-    import matplotlib as mpl  # noqa: PLC0415 - slow, and needed at the end
+    import matplotlib as mpl  # noqa: PLC0415 - slow, and needed only at the end
 
     mpl.use("Agg")
     from matplotlib import pyplot  # noqa: PLC0415

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""pyrender on software GL, in a Python of its own: what many a researcher would pick instead.
+"""pyrender on software GL, in its own Python: what many researchers would use instead.
 
     .venv-peer/bin/python headless/bench/pyrender_peer.py MESH.ply TRAJ.txt W H FX FY CX CY
 
@@ -21,7 +21,7 @@ import numpy as np
 import pyrender
 import trimesh
 
-DEPTH_SCALE_PER_M = 6553.5
+DEPTH_SCALE_PER_M = 6553.5  # Replica's
 
 
 def main(mesh_path: str, poses_path: str, *numbers: str) -> None:

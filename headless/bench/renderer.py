@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One preset's renderer in a process of its own, which does on a line's notice what the report wants measured.
+"""One preset's renderer in its own process, which carries out the report's orders.
 
     python headless/bench/renderer.py PRESET.yaml OUT [--all-on]
 
 Reads JSON lines {"do": ..., ...} and answers each with a line `@{...}`. Several such processes wait side by side, and
-the report lets them work in turns, so that the machine's moods reach all alike.
+the report lets them work in turns, so that other load on the machine slows all alike.
 """
 
 import json
@@ -17,7 +17,7 @@ STARTED_S = time.perf_counter()
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
-FARTHEST_M = 10.0  # what 16-bit depth holds; the hard cases look beyond
+FARTHEST_M = 10.0  # what 16-bit depth holds at Replica's scale; the hard cases go beyond
 LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 
 
@@ -82,7 +82,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
 
 
 def answer(**content: Any) -> None:
-    """Answer the report."""
+    """Send an answer to the report."""
     print("@" + json.dumps(content), flush=True)
 
 
@@ -95,7 +95,7 @@ def memory() -> dict[str, float]:
 
 
 def inventory() -> dict[str, Any]:
-    """Tell what the scene asks of Blender and what this process has imported."""
+    """Return what the scene needs of Blender and what this process has imported."""
     import bpy  # noqa: PLC0415
 
     from noisy_world.blender.typed import cycles  # noqa: PLC0415
@@ -115,7 +115,7 @@ def inventory() -> dict[str, Any]:
 
 
 def switch_everything_on() -> None:
-    """Make of the scene what a general-purpose set-up has: every geometry pass, a lamp, emission as light, bounces."""
+    """Give the scene what a general-purpose set-up has: every geometry pass, a lamp, emission as light, bounces."""
     import bpy  # noqa: PLC0415
 
     from noisy_world.blender.typed import cycles  # noqa: PLC0415

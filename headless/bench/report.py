@@ -3,9 +3,9 @@
 
     python headless/bench/report.py [--out DIR] [--rounds N]
 
-Writes report.md, report.json and speed_against_error.png. Each contestant is a process of its own that has loaded its
-scene and waits; in every round each does a few frames in turn, so ratios are taken between neighbours in time. A
-figure is the median of the rounds, and its spread the distance between the least and the largest over the median.
+Writes report.md, report.json and speed_against_error.png. Each contestant is a process that has loaded its scene and
+waits. In every round each makes a few frames in turn, so ratios compare neighbours in time. A figure is the median of
+the rounds; its spread is the distance between the least and the largest, divided by the median.
 """
 
 import argparse
@@ -37,12 +37,12 @@ from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world.core.scenes.room import build_room
 from noisy_world.core.trajectories.handheld import handheld_path
 
-CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)
-PATH_FRAMES = 24
+CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)  # Replica's
+PATH_FRAMES = 24  # of the path that turns go around; chosen
 ERROR_FRAMES = [16]  # a reference takes as long as 256 frames
-REFERENCE_SAMPLES = 256
+REFERENCE_SAMPLES = 256  # chosen: the colours' noise is then a sixteenth of that of one sample
 
-TURN_S = 2.0  # a contestant works about as long before the next one does
+TURN_S = 2.0  # of work before the next contestant's turn; chosen: some frames each, within the machine's fluctuations
 STEADY_FRAMES = (20, 200)  # memory is compared between these frames
 CONFIGURATIONS = (
     ("cycles", 1),
@@ -87,7 +87,7 @@ def main(arguments: list[str]) -> int:
 
 
 def tell(what: str) -> None:
-    """Say what goes on."""
+    """Print what is being measured."""
     print(f"[{time.strftime('%H:%M:%S')}] {what}", file=sys.stderr, flush=True)
 
 
@@ -117,7 +117,7 @@ def _cpuinfo() -> Iterable[str]:
 
 
 def write_room(work: Path) -> None:
-    """Write the embedded room as triangles, which every program cuts alike, and a path through it."""
+    """Write the embedded room as triangles (programs triangulate quads differently), and a path through it."""
     room = build_room()
     write_ply(work / "room.ply", room, triangulate=True)
     path = handheld_path(room, seed=1, frames=PATH_FRAMES, rate_hz=2.0)
@@ -125,7 +125,7 @@ def write_room(work: Path) -> None:
 
 
 def write_million(work: Path) -> None:
-    """Write a wavy floor of a million quads with a colour of its own at every vertex, and a path over it."""
+    """Write a wavy floor of a million quads with another colour at every vertex, and a path over it."""
     count = 1000
     grid_m = np.linspace(-3.0, 3.0, count + 1)
     x, y = np.meshgrid(grid_m, grid_m)
@@ -159,7 +159,7 @@ def peer(script: str, work: Path, scene: str) -> Contestant:
 
 
 def peers(work: Path, scene: str, results: Results) -> dict[str, Contestant]:
-    """Start the peers that can be had here; note those that cannot."""
+    """Start the peers that are available here; note those that are not."""
     there: dict[str, Contestant] = {}
     for script in ("embree", "pyrender_peer"):
         if not PEER_PYTHON.exists():
@@ -176,9 +176,9 @@ def peers(work: Path, scene: str, results: Results) -> dict[str, Contestant]:
 
 
 def take_turns(contestants: Sequence[Contestant], rounds: int) -> None:
-    """Let each work for about TURN_S, one after another, round after round."""
+    """Let each work for about TURN_S, one after another, for so many rounds."""
     frames = {item.name: 1 for item in contestants}
-    for item in contestants:  # how many frames make a turn; what is slow at its first one needs no other to tell
+    for item in contestants:  # find how many frames make a turn; where the first one takes as long, it is one
         if item.start.get("first_frame_s", 0.0) < TURN_S:
             frames[item.name] = max(1, round(TURN_S / item.ask(do="time", frames=[0])["frame_s"]))
     for turn in range(rounds):
@@ -188,13 +188,13 @@ def take_turns(contestants: Sequence[Contestant], rounds: int) -> None:
 
 
 def million_quads(work: Path, results: Results, rounds: int) -> None:
-    """Time one sample on a million quads, beside bare rays; watch the memory; try two processes of a thread each."""
+    """Time one sample on a million quads beside casting rays alone; measure memory; try two processes of one thread."""
     tell("a million quads")
     ours = renderer(work, "million", "million")
     embree = peers(work, "million", results).pop("embree", None)
     resident: dict[int, int] = {}
     answer: dict[str, Any] = {}
-    done = 1  # what it has rendered by itself
+    done = 1  # frames that the process has rendered by itself
     turns = max(8, 2 * rounds)
     each = -(-(STEADY_FRAMES[1] - done) // turns)
     for _ in range(turns):
@@ -221,7 +221,7 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
 
 
 def two_processes(work: Path, alone: Contestant, rounds: int) -> Spread:
-    """Return the time of a frame from two processes with a thread each, over that of one with two."""
+    """Return the time of a frame by two processes of one thread each, divided by that of one process of two."""
     pair = [renderer(work, "million", f"million{k}", "--one-thread") for k in range(2)]
     frames = list(range(8))
     ratios = []
@@ -302,7 +302,7 @@ def save_reference(work: Path) -> Path:
 
 
 def needs(work: Path, results: Results, rounds: int) -> None:
-    """Compare presets that ask for less with one that has everything on."""
+    """Compare presets that ask for less with one that switches everything on."""
     tell("only what a scene needs")
     contestants = {
         "clean: colour and depth": renderer(work, "room", "clean"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the report measured, and a figure's spread over several turns."""
+"""The report's measurements, and the spread of a figure over several turns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,14 +10,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """A figure from several turns: their median, and the distance from the least to the largest over it."""
+    """A figure from several turns: the median, and the distance from the least to the largest divided by it."""
 
     median: float
     relative: float
     turns: int
 
     def text(self, unit: str = "") -> str:
-        """As `0.283 s ± 4 %`."""
+        """Return the figure as text: `0.283 s ± 4 %`."""
         return "-" if not self.turns else f"{self.median:.3g}{unit} ± {100 * self.relative:.0f} %"
 
 
@@ -36,7 +36,7 @@ def spread_of_ratios(values: Sequence[float], others: Sequence[float]) -> Spread
 
 @dataclass
 class Row:
-    """What the table says of one engine at one number of samples; times in seconds, memory in bytes."""
+    """A row of the table, for one engine at one number of samples; times in seconds, memory in bytes."""
 
     engine: str
     samples: int
@@ -52,7 +52,7 @@ class Row:
 
 @dataclass
 class Results:
-    """Everything measured; report.json holds it whole."""
+    """Everything measured; report.json holds all of it."""
 
     machine: dict[str, Any]
     rows: list[Row] = field(default_factory=list)

@@ -30,8 +30,8 @@ from tools.showcase import demo_frame, perturbed, shown_perturbations
 FILE = "noisy_world_assets.blend"
 CATALOGS = "blender_assets.cats.txt"
 CATALOG_NAMES = {"environment": "Environment", "lens": "Lens", "sensor": "Sensor", "post": "Post-processing"}
-PREVIEW_SEVERITY = 4
-PREVIEW_PX = 256
+PREVIEW_SEVERITY = 4  # chosen: strong enough to be recognised in a small picture
+PREVIEW_PX = 256  # the size that Blender stores previews in
 
 
 def main(arguments: list[str]) -> int:
@@ -72,7 +72,7 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     asset.catalog_id = catalog_id(perturbation.stage)
     for tag in graph.tags:
         asset.tags.new(tag)
-    # A square from the middle, upright: Blender's rows go up.
+    # A square from the middle; Blender stores rows from the bottom up.
     side = min(picture.shape[:2])
     top, left = (picture.shape[0] - side) // 2, (picture.shape[1] - side) // 2
     square = np.ascontiguousarray(picture[top : top + side, left : left + side])
@@ -87,7 +87,7 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
 
 
 def catalog_id(stage: str) -> str:
-    """Return a catalogue's identifier, always the same."""
+    """Return a catalogue's identifier, which never changes."""
     return str(uuid.uuid5(uuid.NAMESPACE_URL, f"noisy-world/{stage}"))
 
 

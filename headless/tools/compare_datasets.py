@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Compare datasets file by file, for who changes the code and means to change no pixel.
+"""Compare datasets file by file, to see that a change of the code changes no pixel.
 
     python headless/tools/compare_datasets.py BEFORE AFTER [BEFORE AFTER ...]
 
@@ -11,7 +11,7 @@ import json
 import sys
 from pathlib import Path
 
-FREE = ("run.json", "manifest.json")
+FREE = ("run.json", "manifest.json")  # files that may differ
 
 
 def main(arguments: list[str]) -> int:
@@ -30,7 +30,7 @@ def main(arguments: list[str]) -> int:
 
 
 def differences(before: Path, after: Path) -> tuple[list[str], int]:
-    """Return what differs, a line a file, and how many files there are."""
+    """Return the differences, one line for each file, and the number of files."""
     names = sorted({name for folder in (before, after) for name in _files(folder)})
     problems = []
     for name in names:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw the pictures of ice that the frost perturbation looks through, from seeded random numbers.
+"""Draw the pictures of ice that the frost perturbation puts over a frame, from seeded random numbers.
 
     python headless/tools/draw_ice.py
 
@@ -20,13 +20,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 from noisy_world.core.streams import stream
 from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file
 
-JPEG_QUALITY = 95
+JPEG_QUALITY = 95  # chosen: the loss is far below what frost shows, and the four files stay small
 
 type Field = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
 
 
 def main() -> int:
-    """Draw every picture anew and return the exit status."""
+    """Draw every picture and return the exit status."""
     for name in PICTURES:
         path = picture_file(name)
         path.parent.mkdir(exist_ok=True)
@@ -36,7 +36,7 @@ def main() -> int:
 
 
 def draw(name: str) -> NDArray[np.uint8]:
-    """Return a picture's grey, (HEIGHT_PX, WIDTH_PX) uint8, always the same."""
+    """Return a grey picture, (HEIGHT_PX, WIDTH_PX) uint8, the same on every call."""
     paint, number, mean, std = PICTURES[name]
     grey = paint(stream("ice", number))
     grey = (grey - grey.mean()) * np.float32(std / float(grey.std())) + np.float32(mean)
@@ -59,7 +59,7 @@ def _clouds(generator: np.random.Generator, largest_px: float, smallest_px: floa
 
 
 def _lit(height: Field, angle_deg: float, softness_px: float = 0.0) -> Field:
-    """Return a relief lit from the side: its slope along a direction, of standard deviation 1, glints cut off."""
+    """Return a relief lit from the side: its slope along a direction, of standard deviation 1, glints clipped."""
     if softness_px:
         height = np.asarray(cv2.GaussianBlur(height, (0, 0), softness_px), height.dtype)
     angle = np.radians(angle_deg)
@@ -206,8 +206,8 @@ def _sheet(generator: np.random.Generator) -> Field:
     return _lit(ridges, 235, 0.5) * patches + 0.75 * broad + 0.35 * _clouds(generator, 3, 1.5, 0.8)
 
 
-# How each is drawn, its stream's number, mean and standard deviation in 0..255: those of the photographs that
-# ImageNet-C draws from.
+# For each picture: the function that draws it, the number of its stream, and the mean and standard deviation (0 to 255)
+# that it is scaled to, which are those of the photographs that ImageNet-C picks from.
 PICTURES: dict[str, tuple[Callable[[np.random.Generator], Field], int, float, float]] = {
     "sheet": (_sheet, 0, 131, 18),
     "needles": (_needles, 1, 207, 22),

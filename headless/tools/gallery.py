@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw every perturbation of colour at severities 1, 3 and 5 on a frame of the demo, as the compositor makes it.
 
-The environment's are shown on the whole frame, the others on a part of it, pixel for pixel.
+Those of the environment are shown on the whole frame, the others on a part of it, pixel for pixel.
 
 python headless/tools/gallery.py docs/gallery.jpg
 """
@@ -22,7 +22,7 @@ from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.perturbing.kinds import Stage
 from tools.showcase import demo_frame, perturbed, shown_perturbations
 
-SEVERITIES = (1, 3, 5)
+SEVERITIES = (1, 3, 5)  # as in the paper; the sizes below are chosen, for a picture 1,860 pixels wide
 TILE_PX = (300, 170)
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 GAP_PX = 6
@@ -53,28 +53,28 @@ def main(arguments: list[str]) -> int:
 
 
 def view(stage: Stage) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
-    """Return what is shown of a frame."""
+    """Return the function that gives the part of a frame to show."""
     return whole if stage == "environment" else detail
 
 
 def whole(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the frame, as small as a tile."""
+    """Return the whole frame in the size of a tile."""
     return np.asarray(cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a part of the frame as large as a tile."""
+    """Return a part of the frame that is as large as a tile."""
     left, top = DETAIL_PX
     return image[top : top + TILE_PX[1], left : left + TILE_PX[0]]
 
 
 def strip(label: str, tiles: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Return the tiles beside each other under their name, always as wide."""
+    """Return the tiles beside each other under their name; all strips are equally wide."""
     width = len(SEVERITIES) * (TILE_PX[0] + GAP_PX) + 2 * GAP_PX
     canvas = np.full((LABEL_PX + TILE_PX[1] + GAP_PX, width, 3), GROUND, dtype=np.uint8)
     cv2.putText(canvas, label, (GAP_PX, LABEL_PX - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
-    for place, tile in enumerate(tiles):
-        left = GAP_PX + place * (TILE_PX[0] + GAP_PX)
+    for column, tile in enumerate(tiles):
+        left = GAP_PX + column * (TILE_PX[0] + GAP_PX)
         canvas[LABEL_PX : LABEL_PX + TILE_PX[1], left : left + TILE_PX[0]] = tile
     return canvas
 

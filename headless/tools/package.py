@@ -3,10 +3,10 @@
 
     python headless/tools/package.py [--out FOLDER] [--blender BLENDER]
 
-A zip holds all that the extension needs where it runs: the package, the scripts that Generate starts, the presets, the
-asset library, and wheels of the packages that Blender lacks, as requirements.lock pins them; never numpy, which is
-Blender's own. Blender's own tool builds it: that of the bpy package or, where one is named, of a Blender program. The
-same sources give the same bytes.
+A zip holds everything that the extension needs: the package, the scripts that Generate starts, the presets, the asset
+library, and wheels of the packages that Blender lacks, as requirements.lock pins them; never numpy, which is Blender's
+own. Blender's own tool builds it: that of the bpy package or, with --blender, of a Blender program. Equal sources give
+equal bytes.
 """
 
 import argparse
@@ -30,7 +30,7 @@ sys.path.insert(0, str(ROOT / "headless"))
 from tools.blender_env import PACKAGES, pinned_requirements
 
 PYTHONS = ("3.13", "3.14")  # Blender's own builds, and distributions'
-# The newest system that pip may ask of each of Blender's platforms; older builds are taken too.
+# The newest system that a wheel may require on each of Blender's platforms; wheels for older systems are taken too.
 PLATFORMS = {
     "linux-x64": "manylinux_2_28_x86_64",
     "linux-arm64": "manylinux_2_28_aarch64",
@@ -43,16 +43,16 @@ PACKAGE_FILES = (".py", ".jpg")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"
 LIBRARY_SCRIPTS = ("tools/assets.py", "tools/showcase.py")
-EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can tell
+EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 
 class PackageError(Exception):
-    """Why there is no zip, in one line."""
+    """The reason, in one line, why no zip was built."""
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """A wheel, and what its name says of it."""
+    """A wheel, and what its file name says about it."""
 
     path: Path
     package: str
@@ -61,7 +61,7 @@ class Wheel:
     abi: str
 
     def serves(self, python: str) -> bool:
-        """Tell whether it is for that Python, "3.13" for instance."""
+        """Tell whether it is for this Python, such as "3.13"."""
         minor = int(python.removeprefix("3."))
         if self.abi == "abi3":
             return any(int(tag.removeprefix("cp3")) <= minor for tag in self.pythons)
@@ -92,7 +92,7 @@ def main(arguments: list[str]) -> int:
 def build(out: Path, cache: Path, platforms: Iterable[str], tool: list[str]) -> list[Path]:
     """Build and validate the zips of some platforms; return them.
 
-    Raises PackageError where a wheel cannot be had or is not what the lock says, or the tool refuses the zip.
+    Raises PackageError where a wheel cannot be fetched or differs from the lock, or the tool refuses the zip.
     """
     pins = pinned_hashes((ROOT / "requirements.lock").read_text(encoding="utf-8"))
     wheels = {platform: fetch(platform, cache / platform, pins) for platform in platforms}
@@ -102,7 +102,7 @@ def build(out: Path, cache: Path, platforms: Iterable[str], tool: list[str]) -> 
 
 
 def build_one(out: Path, platform: str, wheels: Collection[Path], tool: list[str]) -> Path:
-    """Build and validate a platform's zip; its bytes do not depend on which others are built."""
+    """Build and validate a platform's zip; its bytes do not depend on the other platforms built."""
     with tempfile.TemporaryDirectory(dir=out, prefix=".package.") as folder:
         staged, built = Path(folder, "staged"), Path(folder, "built")
         stage(staged, platform, wheels)
@@ -119,9 +119,9 @@ def build_one(out: Path, platform: str, wheels: Collection[Path], tool: list[str
 
 
 def fetch(platform: str, folder: Path, pins: Mapping[str, frozenset[str]]) -> list[Path]:
-    """Return the wheels of a platform, for every Python, fetched where the folder lacks them.
+    """Return the wheels of a platform for every Python; those that the folder lacks are fetched.
 
-    pins: the SHA-256 of each package's files, in the lock.
+    pins: the SHA-256 of each package's files, from the lock.
     """
     for python in PYTHONS:
         with contextlib.suppress(PackageError):
@@ -154,7 +154,7 @@ def choose(folder: Path, python: str, pins: Mapping[str, frozenset[str]]) -> lis
 def parse_wheel(path: Path) -> Wheel:
     """Read a wheel's name, NAME-VERSION[-BUILD]-PYTHONS-ABI-PLATFORMS.whl.
 
-    Raises PackageError where it is none.
+    Raises PackageError where the name is not like this.
     """
     found = re.fullmatch(r"([^-]+)-([^-]+)(?:-\d[^-]*)?-((?:cp3|py)\d+(?:\.py3)?)-([^-]+)-([^-]+)\.whl", path.name)
     if found is None:
@@ -166,7 +166,7 @@ def parse_wheel(path: Path) -> Wheel:
 def download(platform: str, python: str, folder: Path) -> None:
     """Fetch a platform's wheels for a Python, hashes checked by pip.
 
-    Raises PackageError where there are none or the registry cannot be reached.
+    Raises PackageError where there are none, or the registry cannot be reached.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w", suffix=".txt", encoding="utf-8") as wanted:
@@ -187,18 +187,18 @@ def pinned_hashes(lock: str) -> dict[str, frozenset[str]]:
     return {name: frozenset(re.findall(r"--hash=sha256:([0-9a-f]{64})", entries[name])) for name in PACKAGES}
 
 
-# --- what goes into the zip ---
+# --- the zip's content ---
 
 
 def stage(folder: Path, platform: str, wheels: Collection[Path]) -> None:
-    """Lay out in a new folder what a platform's zip holds, its wheels among it."""
+    """Put the content of a platform's zip, wheels included, into a new folder."""
     folder.mkdir(parents=True)
     for source, target in staged_files():
         (folder / target).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source, folder / target)
     (folder / "wheels").mkdir()
     for path in wheels:
-        # Linked where that can be: they are tens of megabytes.
+        # Hard links where possible: wheels are tens of megabytes.
         try:
             (folder / "wheels" / path.name).hardlink_to(path)
         except OSError:
@@ -208,7 +208,7 @@ def stage(folder: Path, platform: str, wheels: Collection[Path]) -> None:
 
 
 def staged_files() -> Iterator[tuple[Path, str]]:
-    """Yield the files of every zip, and their names there."""
+    """Yield the files that every zip holds, and their names in it."""
     package = ROOT / "addon/noisy_world"
     for path in sorted(package.rglob("*")):
         inside = path.relative_to(package)
@@ -234,7 +234,7 @@ def manifest(text: str, platform: str, wheels: Iterable[str]) -> str:
 
 
 def make_library() -> None:
-    """Write the asset library anew where it is missing or older than the definitions of its groups."""
+    """Write the asset library if it is missing or older than the definitions of its groups."""
     folder = ROOT / "addon/noisy_world/assets"
     stamp = ROOT / "dist/assets.sha256"
     now = definitions_hash()
@@ -248,7 +248,7 @@ def make_library() -> None:
 
 
 def definitions_hash() -> str:
-    """Return a hash of all that decides the asset library's content."""
+    """Return a hash of everything that decides the asset library's content."""
     package = ROOT / "addon/noisy_world"
     sources = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
     sources += [package / "blender/nodes.py", *(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
@@ -264,9 +264,9 @@ def definitions_hash() -> str:
 def bpy_tool() -> Path:
     """Return Blender's tool for extensions in the bpy package.
 
-    Raises PackageError where that package is not here.
+    Raises PackageError where that package is not installed.
     """
-    spec = importlib.util.find_spec("bpy")  # not imported: that takes a second
+    spec = importlib.util.find_spec("bpy")  # not imported, as that takes a second
     folder = Path(spec.origin).parent if spec is not None and spec.origin else None
     found = sorted(folder.glob("*/scripts/addons_core/bl_pkg/cli/blender_ext.py")) if folder else []
     if not found:
@@ -277,7 +277,7 @@ def bpy_tool() -> Path:
 def run_tool(command: list[str]) -> None:
     """Run the tool.
 
-    Raises PackageError with what it says where it fails.
+    Raises PackageError with the tool's last lines where it fails.
     """
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode != 0:
@@ -286,7 +286,7 @@ def run_tool(command: list[str]) -> None:
 
 
 def repack(path: Path, target: Path) -> None:
-    """Write a zip's files again in the order of their names, with one time for all, so that only content counts."""
+    """Write a zip's files again, sorted by name and with one time for all, so that its bytes depend on content only."""
     with zipfile.ZipFile(path) as source, zipfile.ZipFile(target, "w", compresslevel=9) as packed:
         for item in sorted(source.infolist(), key=lambda item: (item.filename != MANIFEST, item.filename)):
             entry = zipfile.ZipInfo(item.filename, EPOCH)

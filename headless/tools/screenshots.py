@@ -7,8 +7,7 @@ Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the vi
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
 beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
 before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
-written, beside the sliders. With names, "groups" or "add_on", only
-those.
+written, beside the sliders. With names, which are "groups" and "add_on", only those.
 """
 
 import itertools
@@ -47,8 +46,8 @@ CHAIN = (("fog", 1), ("motion_blur", 3), ("gaussian_noise", 1))
 OPENED = "fog_depth"
 PREVIEWED = (("fog", 2), ("gaussian_noise", 1))
 PATH = {"handheld_frames": 160, "handheld_speed_m_s": 1.0}
-SETTLE_S = 1.5
-LIMIT_S = 180.0
+SETTLE_S = 1.5  # after a change, for Blender to draw; chosen for software GL
+LIMIT_S = 180.0  # for shaders to compile; chosen for software GL
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
@@ -66,7 +65,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
 
 
 def photograph_groups(folder: Path) -> Iterator[float]:
-    """Prepare each picture of the groups, wait, take it; yields the seconds to wait."""
+    """Prepare each picture of the groups, wait, and take it; yields the seconds to wait."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     yield SETTLE_S
     scene = prepare_scene()
@@ -89,7 +88,7 @@ def photograph_groups(folder: Path) -> Iterator[float]:
 
 
 def photograph_add_on(folder: Path) -> Iterator[float]:
-    """Prepare each picture of the add-on, wait, take it; yields the seconds to wait."""
+    """Prepare each picture of the add-on, wait, and take it; yields the seconds to wait."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     noisy_world.register()
     yield SETTLE_S
@@ -111,7 +110,7 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     yield SETTLE_S
     show_camera(view)
     yield from until_drawn()
-    yield from scroll_to_end(view)  # only now does the tab say all that it has to
+    yield from scroll_to_end(view)  # only now, when the tab has all its lines
     yield from until_drawn()
     photograph(folder / "add_on_preview.jpg", part_of(view))
     shading_of(space_of(view)).type = "SOLID"
@@ -197,7 +196,7 @@ def open_chain(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
 
 
 def frame_selected(editor: bpy.types.Area) -> Iterator[float]:
-    """Look at the selected nodes from some way off, and deselect them; yields the seconds to wait."""
+    """Zoom to the selected nodes with some margin, and deselect them; yields the seconds to wait."""
     in_area(editor, bpy.ops.node.view_selected)
     yield SETTLE_S
     for _ in range(3):
@@ -239,7 +238,7 @@ def prepare_scene() -> bpy.types.Scene:
 
 
 def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
-    """Chain the groups behind the render, as a person would drag them in."""
+    """Chain the groups behind the render, as if they had been dragged in."""
     tree = new_tree("Compositor")
     new_socket(tree, "Image", "NodeSocketColor", output=True)
     node = tree.nodes.new("CompositorNodeRLayers")
@@ -307,12 +306,12 @@ def largest(kind: str) -> bpy.types.Area:
 
 
 def part_of(area: bpy.types.Area) -> str:
-    """Return what part of the display an area takes, for photograph."""
+    """Return the part of the display that an area takes, as `photograph` expects it."""
     return f"{area.width}x{area.height}+{area.x}+{window().height - area.y - area.height}"
 
 
 def split_window() -> tuple[bpy.types.Area, bpy.types.Area]:
-    """Turn the 3D view into one above and a compositor below."""
+    """Split the 3D view into one above and a compositor below."""
     view = next(area for area in window().screen.areas if area.type == "VIEW_3D")
     before = set(window().screen.areas)
     in_area(view, lambda: bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.5))
@@ -350,7 +349,7 @@ def in_area(area: bpy.types.Area, operator: Callable[[], object]) -> None:
 
 
 def photograph(path: Path, part: str = "1600x900+0+0") -> None:
-    """Write what the display shows, or a part of it: width x height + left + top."""
+    """Write a picture of the display, or of a part of it: width x height + left + top."""
     words = ["import", "-window", "root", "-crop", part, "+repage", "-quality", "85", str(path)]
     subprocess.run(words, check=True)
     print(f"wrote {path}")

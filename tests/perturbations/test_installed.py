@@ -215,7 +215,7 @@ def test_colour_is_rendered_for_depth_that_needs_it_and_only_from_the_same_place
     preset = write_world(tmp_path / "c", rig=rig, scenes=scenes, **given)
     result = generate(preset, "--dry-run", env=with_site(site), check=False)
     assert result.returncode == 1
-    assert "grazing: needs the colour that the depth sensor sees, but rig.depth is another place" in result.stderr
+    assert "grazing: needs the colour that the depth sensor sees, but rig.depth has another pose" in result.stderr
 
 
 def test_the_list_tells_kind_stage_order_and_where_it_is_from(site):

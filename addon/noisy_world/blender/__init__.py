@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that touches bpy, apart from the windows."""
+"""All code that uses bpy, apart from the add-on's windows."""

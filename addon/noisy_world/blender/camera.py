@@ -17,12 +17,12 @@ from ..core.geometry import (
 from .scene import get_origin
 from .typed import action_of, camera_of, interpolation, new_action
 
-SENSOR_WIDTH_MM = 36.0
-SMALLEST_PX = 4  # Blender renders no image that is narrower or lower
+SENSOR_WIDTH_MM = 36.0  # Blender's default; only its ratio to the focal length matters
+SMALLEST_PX = 4  # the smallest width and height that Blender renders
 
 
 def add_camera(scene: bpy.types.Scene, name: str) -> bpy.types.Object:
-    """Link a camera that turns by quaternions, and make it the scene's if the scene has none."""
+    """Link a camera whose rotation is a quaternion, and make it the scene's if the scene has none."""
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     camera.rotation_mode = "QUATERNION"
     scene.collection.objects.link(camera)
@@ -40,12 +40,12 @@ def set_intrinsics(
     far_m: float,
     sample_offset_px: float = 0.0,
 ) -> None:
-    """Give the camera and the scene's image the intrinsics; what lies outside [near_m, far_m] is void.
+    """Give the camera and the scene's image the intrinsics; depth outside [near_m, far_m] is void.
 
-    Blender's shift is measured from the image's centre, in widths; the image's centre is at pixel (width - 1) / 2 where
-    integer coordinates name pixel centres. fx != fy is a pixel aspect, which Blender takes from 1 up. An image smaller
-    than Blender's smallest is rendered larger, to the right and below. sample_offset_px: how far right and up of the
-    pixel's centre the renderer's rays go, which the shift takes back.
+    Blender measures its shift from the image's centre, in image widths; with integer coordinates at pixel centres, the
+    image's centre is (width - 1) / 2. fx != fy becomes a pixel aspect, which Blender allows from 1 up. An image smaller
+    than Blender's smallest is rendered larger, to the right and below. sample_offset_px: by how much the renderer's
+    rays miss the pixel's centre, to the right and up; the shift compensates it.
     """
     width_px = max(intrinsics.width_px, SMALLEST_PX)
     height_px = max(intrinsics.height_px, SMALLEST_PX)
@@ -71,7 +71,7 @@ def set_intrinsics(
 
 
 def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64]) -> None:
-    """Put a camera at a pose (4, 4), camera-to-world with OpenCV axes, metres."""
+    """Set a camera's pose (4, 4), camera-to-world with OpenCV axes, metres."""
     blender_c2w = blender_from_opencv_c2w(c2w)
     camera.location = (blender_c2w[:3, 3] - get_origin(scene)).tolist()
     camera.rotation_quaternion = quat_wxyz_from_rotation(blender_c2w[:3, :3]).tolist()
@@ -80,9 +80,9 @@ def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[
 def key_trajectory(
     scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64], *, first_frame: int = 0
 ) -> None:
-    """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, on consecutive frames.
+    """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, at consecutive scene frames.
 
-    Quaternion signs are continuous, so that Blender's interpolation between two keys takes the short way.
+    Quaternion signs are continuous, so that Blender interpolates between two keys along the shorter arc.
     """
     blender_c2w = blender_from_opencv_c2w(c2w)
     location_m = blender_c2w[:, :3, 3] - get_origin(scene)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A chain where a person sees it: keyed on the timeline, and put behind what a scene renders or before an image."""
+"""Showing a chain in Blender: keyed on the timeline, after a scene's render or after an image."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -42,10 +42,9 @@ def make_chain(
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
-    A scene at frame k then shows what the generator writes as frame index_of(k), by default k, of the sequence that
-    `identifiers` names.
-    A chain that is there stays where it is used; where it has the same groups only its sockets change, which is quick.
-    now: the frame that the scene stands at, by default the first.
+    At scene frame k the chain then shows what the generator writes as frame index_of(k), by default k, of the sequence
+    with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
+    only its sockets are changed, which is quick. now: the current scene frame, by default the first.
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
     children = [] if old is None else _groups_in(old)
@@ -64,7 +63,7 @@ def _values(
     identifiers: Identifiers,
     index_of: Callable[[int], int] | None,
 ) -> Iterator[tuple[int, Any]]:
-    """Yield frame of the scene and socket values: each frame's, or the first one's where all are alike."""
+    """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
     for k in frames if step.levels is not None or index_of is not None else frames[:1]:
         index = k if index_of is None else index_of(k)
@@ -85,11 +84,11 @@ def _set_step(
     each = list(values)
     for name in dict.fromkeys(name for _, sockets in each for name in sockets):
         socket = node.inputs[name]
-        # Where a step does nothing its parameters stay as they were.
+        # At frames where a step does nothing, its parameters keep their values.
         known = [(k, sockets[name]) for k, sockets in each if name in sockets]
         past = [value for k, value in known if now is not None and k <= now]
         value = past[-1] if past else known[0][1]
-        # Each assignment makes Blender look at all that uses the group.
+        # Only values that change are assigned: each assignment makes Blender update everything that uses the group.
         if get_value(socket) != (np.float32(value) if isinstance(value, float) else value):
             set_value(socket, value)
         if len({value for _, value in known}) > 1:
@@ -104,7 +103,7 @@ def _clear_keys(tree: bpy.types.NodeTree) -> None:
 
 
 def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
-    """Key a socket: each value holds until the next key."""
+    """Key a socket with constant interpolation: each value holds until the next key."""
     if tree.animation_data is None or tree.animation_data.action is None:
         new_action(tree, f"{tree.name} severity")
     path = socket.path_from_id("default_value")
@@ -136,11 +135,11 @@ def show_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
 ) -> bpy.types.NodeTree:
-    """Let a scene's compositor show a chain, behind its render or before an image; `hide_chain` takes it back.
+    """Make a scene's compositor show a chain, after its render or after an image; `hide_chain` undoes this.
 
-    What the scene composites by itself stays in effect, before the chain; not so before an image. encoded: what comes
-    in is sRGB-encoded and is to stay so. reference_width_px: by default the scene's full width. split: how much of the
-    picture, from the left, shows what it was before.
+    After the render, the scene's own compositing stays in effect, before the chain; after an image it does not.
+    encoded: the input is sRGB-encoded and the output too. reference_width_px: by default the scene's full width. split:
+    the share of the picture, from the left, that shows the chain's input.
     """
     own = None if image is not None else own_compositing(scene)
     tree = new_tree(f"Preview of {scene.name}")
@@ -169,7 +168,7 @@ def show_chain(
     _set_depth_pass(scene, needed=needs_depth)
     if needs_depth:
         tree.links.new(source.outputs["Depth"], group.inputs["Depth"])
-    _remove_left()  # only now: the chain that goes may be this one
+    _remove_left()  # only now, as the chain to be removed may be this one
     return tree
 
 
@@ -184,7 +183,7 @@ def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene, image: bpy.types.I
 
 
 def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Put the scene's own compositing between the render and the chain; return its picture, if it has one."""
+    """Put the scene's own compositing between the render and the chain; return its output or, without one, `image`."""
     assert isinstance(own, bpy.types.CompositorNodeTree)
     node = new_node(tree, bpy.types.CompositorNodeGroup)
     node.name, node.node_tree, node.width = OWN, own, 240
@@ -196,7 +195,7 @@ def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.
 
 
 def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
-    """Show this much of the picture, from the left, as it comes to the chain."""
+    """Set the share of the picture, from the left, that shows the chain's input."""
     node, group = tree.nodes.get(SPLIT), tree.nodes[GROUP]
     end = next(item for item in tree.nodes if item.bl_idname == "NodeGroupOutput")
     end.location = (300 if split <= 0 else 500, 0)
@@ -225,7 +224,7 @@ def _linked_to(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
 
 
 def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
-    """Have the scene render depth; where it is not needed any more, only if it did before."""
+    """Make the scene render depth; when it is no longer needed, restore the scene's own choice."""
     layer = scene.view_layers[0]
     if needed and not layer.use_pass_z:
         layer.use_pass_z = True
@@ -240,13 +239,13 @@ def _remove_left() -> None:
 
 
 def own_compositing(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """Return what a scene composites by itself, whether or not a chain is shown behind it."""
+    """Return the scene's own compositing, whether or not a chain is shown after it."""
     tree = scene.compositing_node_group
     return scene.get(PREVIOUS) if tree is not None and SHOWN in tree else tree
 
 
 def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
-    """Return the chain that is shown in a scene; None where none is, or only that of the scene it was copied from."""
+    """Return the chain that a scene shows; None if it shows none, or only that of the scene it was copied from."""
     tree = scene.compositing_node_group
     if tree is None or SHOWN not in tree or not {SOURCE, GROUP} <= {node.name for node in tree.nodes}:
         return None
@@ -255,9 +254,9 @@ def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
 
 
 def hide_chain(scene: bpy.types.Scene) -> None:
-    """Give a scene back the compositing that it had before `show_chain`; a chain that nothing else uses goes too.
+    """Restore the compositing that a scene had before `show_chain`; remove a chain that nothing else uses.
 
-    Another compositing that the scene was given meanwhile stays.
+    If the scene was given another compositing meanwhile, that is kept.
     """
     if PREVIOUS not in scene:
         return
@@ -278,9 +277,9 @@ def refresh_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
 ) -> bpy.types.NodeTree:
-    """Let a scene's compositor show steps of colour behind its render, by as few changes as it takes; return the chain.
+    """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
-    index_of: the frame of the sequence that a frame of the scene shows; by default they have the same numbers.
+    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers.
     """
     chain = shown_chain(scene)
     name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")

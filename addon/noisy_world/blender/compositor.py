@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups evaluated on arrays: one upload of a frame, one evaluation, a picture for each setting."""
+"""Evaluating node groups on arrays: one upload of a frame, one evaluation, an image for each setting."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,15 +19,15 @@ from .render import muted_output, scratch_folder
 from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
 
 SCENE = "Noisy World compositor"
-FILES_PER_CALL = 16  # of float colour, so that memory does not grow with the number of settings
-BYTES_PER_PIXEL = 12
+FILES_PER_CALL = 16  # images of float colour; chosen, so that memory does not grow with the number of settings
+BYTES_PER_PIXEL = 12  # three channels of float32
 LAYER = "s"
 
 
 class Compositor:
-    """Evaluates chains of node groups on frames that it is given, in a scene of its own that renders nothing.
+    """Evaluates chains of node groups on given frames, in a separate scene that renders nothing.
 
-    The user's scenes and their colour management are left alone: what is stored leaves the compositor as float values.
+    The user's scenes and their colour management are not touched: results leave the compositor as float values.
     """
 
     def __init__(
@@ -38,10 +38,11 @@ class Compositor:
     ) -> None:
         """Build the chains.
 
-        size_px: width, height of the frames. chains: steps of colour by the name of what they make.
-        reference_width_px: the width that sizes in pixels are meant at.
+        size_px: width, height of the frames. chains: steps of colour by the chain's name.
+        reference_width_px: the width to which parameters in pixels refer.
         """
-        # One pixel alone is a single value to Blender, for which it writes no file: it goes as two equal ones.
+        # Blender treats an image of one pixel as a single value and writes no file for it, so two equal pixels are
+        # used.
         self._one_pixel = size_px == (1, 1)
         self._size_px = size_px = (2, 1) if self._one_pixel else size_px
         self._chains = {name: tuple(steps) for name, steps in chains.items()}
@@ -70,11 +71,11 @@ class Compositor:
         render.compositor_precision = "FULL"
 
     def _wire(self, reference_width_px: int) -> None:
-        """Link the frame through every chain to a file of its own: an unlinked layer would be written all the same."""
+        """Link the frame through every chain to its own file output; a shared one would write unlinked layers too."""
         tree = self._tree
         frame = _image_node(tree, self._image)
         depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
-        for place, (name, steps) in enumerate(self._chains.items()):
+        for number, (name, steps) in enumerate(self._chains.items()):
             node = new_node(tree, bpy.types.CompositorNodeGroup)
             node.node_tree = ensure_group(build_chain(f"NW chain {name}", steps))
             set_value(node.inputs["Reference Width"], reference_width_px)
@@ -82,7 +83,7 @@ class Compositor:
             tree.links.new(frame.outputs["Image"], node.inputs["Image"])
             if depth is not None and "Depth" in node.inputs:
                 tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
-            file = _file_node(tree, self._folder, f"{place}")
+            file = _file_node(tree, self._folder, f"{number}")
             tree.links.new(node.outputs["Image"], inputs(file)[0])
             self._nodes[name] = node
             self._files[name] = file
@@ -96,7 +97,7 @@ class Compositor:
         """Perturb a frame for every setting that shows it, and round once at the end.
 
         rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
-        and what names its streams. depth_m: (H, W), for chains that ask for it.
+        and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it.
 
         Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done.
         """
@@ -156,15 +157,15 @@ class Compositor:
             file.mute = name not in names
         problem = ""
         try:
-            # Not by the operator's own argument: that would move the scene to the active scene's frame.
+            # Not by the operator's own argument, which would set the scene to the active scene's frame.
             with muted_output(), override(scene=self._scene):
                 bpy.ops.render.render()
-        except RuntimeError as error:  # how Blender reports that it could not write
+        except RuntimeError as error:  # Blender reports in this way that it could not write
             problem = str(error).strip().splitlines()[-1]
         return {name: self._take(self._folder / f"{self._files[name].file_name}.exr", problem) for name in names}
 
     def _take(self, path: Path, problem: str) -> NDArray[np.float32]:
-        """Read a picture and remove its file."""
+        """Read an image and remove its file."""
         import cv2
         import OpenEXR
 
@@ -178,7 +179,7 @@ class Compositor:
         return image[:, :1] if self._one_pixel else image
 
     def close(self) -> None:
-        """Remove everything that was made."""
+        """Remove everything that was added to the file."""
         for node in self._nodes.values():
             tree = group_of(node)
             node.node_tree = None
@@ -211,7 +212,7 @@ def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.N
 
 
 def _file_node(tree: bpy.types.NodeTree, folder: Path, name: str) -> bpy.types.CompositorNodeOutputFile:
-    """Add a node that writes an image as it is: float, no colour management, no compression."""
+    """Add a node that writes an image unchanged: float, without colour management or compression."""
     file = new_node(tree, bpy.types.CompositorNodeOutputFile)
     file.directory = str(folder)
     file.file_name = name

@@ -16,12 +16,13 @@ type Device = Literal["cpu", "gpu"]
 
 GPU_KINDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")  # OptiX before CUDA: both drive the same cards, OptiX faster
 
-AVERAGING_FILTER_PX = 1.5
-CENTRE_FILTER_PX = 0.01
+AVERAGING_FILTER_PX = 1.5  # Blender's default
+CENTRE_FILTER_PX = 0.01  # the smallest width that Blender allows
 # Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks the middle up in a
-# table of 1024 entries that is symmetric about entry 511, not 511.5: half a step off, to the right and up. A step there
-# is the integral of the Blackman-Harris filter, a0, over 511, of half its width, which is twice what is set. With the
-# averaging filter that is 5e-4 px, and depth along a wall would be wrong by up to 1e-4 of itself.
+# table of 1024 entries that is symmetric about entry 511, not 511.5, so it is half a step off, to the right and up. In
+# units of half the filter's width (which is the width set), a step there is the integral of the Blackman-Harris filter,
+# its coefficient a0 = 0.35875, divided by 511. With the averaging filter that is 5e-4 px, and depth along a wall would
+# be wrong by up to 1e-4 of itself.
 FILTER_MIDDLE = 0.5 * 0.35875 / 511
 
 
@@ -30,10 +31,11 @@ class Engine:
     """What differs between engines.
 
     configure: sets a scene up for a seed and the number of samples that colours get.
-    set_samples: sets the samples a pixel of the next render, which is cheap to change from render to render.
-    shades: whether the material's nodes are seen; Workbench shows the colour attribute itself.
-    centre_depth: whether depth is the pixel centre's at any number of samples; else it is rendered apart, with one.
-    sample_offset_px: how far right of and above a pixel's centre its first sample goes.
+    set_samples: sets the samples per pixel of the next render, which can be changed at no cost.
+    shades: whether the material's nodes are evaluated; Workbench shows the colour attribute itself.
+    centre_depth: whether depth is that of the pixel's centre at any number of samples; if not, it is rendered
+    separately, with one sample.
+    sample_offset_px: how far to the right of and above a pixel's centre its first sample is.
     """
 
     configure: Callable[[bpy.types.Scene, int, int], None]
@@ -46,9 +48,9 @@ class Engine:
 def configure(
     scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int, threads: int, device: Device = "cpu"
 ) -> None:
-    """Set a scene up for an engine. samples: rays a pixel of colour. threads 0: all there are.
+    """Set a scene up for an engine. samples: rays per pixel, for colour. threads: 0 for all.
 
-    Raises MissingDependencyError where a GPU is asked for and none is there.
+    Raises MissingDependencyError where a GPU is asked for and none is found.
     """
     render = scene.render
     render.use_persistent_data = True
@@ -60,7 +62,7 @@ def configure(
     render.threads_mode = "FIXED" if threads else "AUTO"
     if threads:
         render.threads = threads
-    # The scene has no world, which is black: void shows nothing.
+    # Without a world the background is black, which is the colour of void.
     scene.world = None
     engine.configure(scene, seed, samples)
     if device == "gpu":
@@ -69,14 +71,14 @@ def configure(
 
 
 def enable_gpu() -> str:
-    """Let Cycles use the graphics cards of the first kind that is here, and nothing else; return kind and names.
+    """Make Cycles use all graphics cards of the first of GPU_KINDS that is found, and nothing else.
 
-    Raises MissingDependencyError where there is none.
+    Returns the kind and the cards' names. Raises MissingDependencyError where none is found.
     """
     preferences = bpy.context.preferences.addons["cycles"].preferences
     built_in = {kind for kind, *_ in preferences.get_device_types(bpy.context)}
     for kind in filter(built_in.__contains__, GPU_KINDS):
-        with muted_output():  # drivers that are not here are told of at length
+        with muted_output():  # Blender prints many lines on drivers that it does not find
             cards = [card for card in preferences.get_devices_for_type(kind) if card.type == kind]
         if cards:
             preferences.compute_device_type = kind
@@ -91,7 +93,7 @@ def enable_gpu() -> str:
 
 
 def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
-    """No light, no bounce, no denoiser, no tile."""
+    """Configure Cycles without lights, bounces, denoiser and tiles."""
     _set_engine(scene, "CYCLES")
     cycles = cycles_of(scene)
     cycles.device = "CPU"
@@ -110,7 +112,7 @@ def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
 
 
 def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
-    """No light, no shadow, no ray tracing; its samples follow a fixed pattern."""
+    """Configure EEVEE without lights, shadows and ray tracing; its samples follow a fixed pattern."""
     _set_engine(scene, "BLENDER_EEVEE")
     scene.render.filter_size = AVERAGING_FILTER_PX if samples > 1 else 0.0
     eevee = _eevee(scene)
@@ -121,7 +123,7 @@ def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
 
 
 def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> None:
-    """Flat colours of the attribute; nothing is random."""
+    """Configure Workbench to show the colour attribute, flat; nothing is random."""
     _set_engine(scene, "BLENDER_WORKBENCH")
     shading = _display(scene).shading
     assert shading is not None
@@ -165,7 +167,7 @@ def _display(scene: bpy.types.Scene) -> bpy.types.SceneDisplay:
 
 
 def filter_width_px(samples: int) -> float:
-    """Return the width of Cycles' pixel filter: none for a single sample, which shows the pixel's centre."""
+    """Return the width of Cycles' pixel filter: the least for a single sample, which shows the pixel's centre."""
     return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
 
 

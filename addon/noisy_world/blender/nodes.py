@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups out of descriptions: made whole or not at all, found again where nothing changed, laid out to be read."""
+"""Making node groups from descriptions: completely or not at all, reused if nothing changed, laid out to be read."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -16,7 +16,7 @@ from .typed import new_node, new_socket, new_tree, set_pixels, set_value, use_as
 
 STAMP = "noisy_world_stamp"
 PICTURE_VERSION = "noisy_world_version"
-GROUP_WIDTH_PX = 180.0  # so that names and values of parameters are not cut off
+GROUP_WIDTH_PX = 180.0  # chosen: wide enough for the names and values of parameters
 _SOCKET_TYPES = {
     "float": "NodeSocketFloat",
     "int": "NodeSocketInt",
@@ -29,7 +29,7 @@ _SOCKET_TYPES = {
 def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     """Return the node group of a description: the one in the file where it is the same, a new one in its place if not.
 
-    What uses the old group uses the new one afterwards. Whatever fails, the file is left as it was.
+    A new group replaces the old one wherever this is used. If anything fails, the file is left as it was.
     """
     old = _local(bpy.data.node_groups, graph.name)
     if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp:
@@ -48,11 +48,11 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
 
 
 def remove_group(tree: bpy.types.NodeTree) -> None:
-    """Remove a group with the groups, images and actions that only it used."""
+    """Remove a group, and the groups, images and actions that only this one used."""
     used = _used_by(tree)
     bpy.data.node_groups.remove(tree)
     for item in used:
-        with suppress(ReferenceError):  # a group within a group may have gone with it
+        with suppress(ReferenceError):  # a group inside another one may have been removed with it
             if item.users == 0:
                 remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.batch_remove([item])
 
@@ -92,7 +92,7 @@ def _build(graph: Graph) -> bpy.types.CompositorNodeTree:
     made = {number: _add_node(tree, graph.nodes[number], children.get(number)) for number in plan.positions}
     entries = _entries(tree, plan, frames)
     for number, node in made.items():
-        _place(node, plan.positions[number], frames.get(graph.nodes[number].section))
+        _put_at(node, plan.positions[number], frames.get(graph.nodes[number].section))
         for name, value in graph.nodes[number].inputs.items():
             target = _input(node, name)
             if isinstance(value, Socket):
@@ -154,22 +154,22 @@ def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | 
 def _entries(
     tree: bpy.types.NodeTree, plan: Arrangement, frames: Mapping[str, bpy.types.Node]
 ) -> dict[str, bpy.types.Node]:
-    """Give each section that uses the group's inputs a Group Input of its own: short links are read more easily."""
+    """Add a Group Input for each section that uses the group's inputs: short links are easier to read."""
     entries = {}
-    for section, place in plan.entries.items():
+    for section, position in plan.entries.items():
         entry = tree.nodes.new("NodeGroupInput")
-        _place(entry, place, frames.get(section))
+        _put_at(entry, position, frames.get(section))
         entries[section] = entry
     return entries
 
 
-def _place(node: bpy.types.Node, place: tuple[float, float], frame: bpy.types.Node | None) -> None:
+def _put_at(node: bpy.types.Node, position: tuple[float, float], frame: bpy.types.Node | None) -> None:
     node.parent = frame
-    node.location = place
+    node.location = position
 
 
 def _input(node: bpy.types.Node, name: str) -> bpy.types.NodeSocket:
-    """Return a node's input: by identifier, a group's by name."""
+    """Return a node's input by its identifier or, of a group node, by its name."""
     if node.bl_idname == "CompositorNodeGroup":
         return node.inputs[name]
     found = next((item for item in node.inputs if item.identifier == name), None)
@@ -197,7 +197,7 @@ def _source(
 
 
 def _tidy(tree: bpy.types.NodeTree) -> None:
-    """Show of each Group Input what is linked, and of each node no output that nothing asks for."""
+    """Hide the unlinked sockets of Group Inputs and the unused outputs of all nodes."""
     for node in tree.nodes:
         node.select = False
         for socket in node.outputs:
@@ -209,7 +209,7 @@ def _tidy(tree: bpy.types.NodeTree) -> None:
 
 
 def ensure_picture(picture: Picture) -> bpy.types.Image:
-    """Return the image of a picture, packed into the file; made anew where it is of another version."""
+    """Return the image of a picture, packed into the file; it is made again if its version differs."""
     old = _local(bpy.data.images, picture.name)
     if old is not None and old.get(PICTURE_VERSION) == picture.version:
         return old
@@ -227,7 +227,7 @@ def _packed_file(path: Path) -> bpy.types.Image:
     image = bpy.data.images.load(str(path))
     use_as_data(image)
     image.pack()
-    image.filepath_raw = f"//{path.name}"  # the file's own place is nobody's business
+    image.filepath_raw = f"//{path.name}"  # the name alone: no path of this machine goes into the user's file
     return image
 
 

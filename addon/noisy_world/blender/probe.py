@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether GL can be had here, asked in a process of its own: where it cannot, Blender may end without a word."""
+"""Testing whether GL works here, in another process: where it does not, Blender may end without a message."""
 
 import json
 import subprocess
@@ -10,7 +10,7 @@ import bpy
 from ..core.errors import MissingDependencyError
 
 MARK = "@gl "
-TIMEOUT_S = 180
+TIMEOUT_S = 180  # chosen: far longer than software GL takes to start
 ASK = f"""
 import bpy, gpu, json
 bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -25,9 +25,9 @@ print({MARK!r} + json.dumps([gpu.platform.renderer_get(), gpu.platform.version_g
 
 
 def gl_version() -> str:
-    """Render a few pixels with GL in another process; return the renderer and the version of GL.
+    """Render a few pixels with GL in another process; return GL's renderer and version.
 
-    Raises MissingDependencyError naming Debian's packages where that fails.
+    Raises MissingDependencyError, which names Debian's packages, where that fails.
     """
     command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", ASK]
     if not bpy.app.binary_path:

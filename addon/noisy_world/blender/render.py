@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames out of Blender as float arrays: colour and planar depth, each only where it is asked for."""
+"""Rendering frames in Blender into float arrays: colour and planar depth, each only if asked for."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import StorageError
 from .typed import camera_of
 
-FAR_PLANE_TOLERANCE = 1e-4  # of a z-buffer
+FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
 SCRATCH_PREFIX = "noisy-world-"
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
@@ -27,23 +27,23 @@ SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in 
 class RenderedFrame:
     """One rendered frame.
 
-    rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None where it was not asked for. Void is black.
-    depth_m: (H, W) float32, planar depth of the pixel's centre in metres, 0 = void; None where it was not asked for.
+    rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
+    depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
     """
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
 
     def file_as(self, modality: Modality, written: OutputFormat) -> None:
-        """Return nothing: what was rendered lies in no file yet."""
+        """Return None: a rendered image is in no file yet."""
 
 
 class FrameRenderer:
     """Renders a scene into arrays, through a scratch file in memory.
 
-    A render result cannot be read from Python in background mode; an uncompressed float EXR can, in 7 ms. Passes and
-    camera are set once: setting them, even to what they are, makes Cycles take the whole scene over again, which costs
-    as much as a frame. Moving the camera and another number of samples cost nothing.
+    In background mode Python cannot read a render result, but it can read an uncompressed float EXR, in 7 ms. Passes
+    and camera are set once: setting them, even to equal values, makes Cycles load the whole scene again, which takes as
+    long as a frame. Moving the camera and changing the number of samples cost nothing.
     """
 
     def __init__(
@@ -79,23 +79,23 @@ class FrameRenderer:
         self._scratch.cleanup()
 
     def render(self) -> RenderedFrame:
-        """Render the scene as it stands.
+        """Render the scene in its current state.
 
-        Raises StorageError where the scratch file could not be written, a full disk for instance.
+        Raises StorageError where the scratch file could not be written, for instance on a full disk.
         """
         self._path.unlink(missing_ok=True)
         problem = ""
         try:
             with muted_output():
                 bpy.ops.render.render(write_still=True)
-        except RuntimeError as error:  # how Blender reports that it could not write
+        except RuntimeError as error:  # Blender reports in this way that it could not write
             problem = str(error).strip().splitlines()[-1]
         if problem or not self._path.exists():
             raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
         return self._read()
 
     def _read(self) -> RenderedFrame:
-        import OpenEXR  # only who renders needs it
+        import OpenEXR  # needed only for rendering
 
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
             channels = {name.split(".", 1)[-1]: item.pixels[self._crop] for name, item in file.channels().items()}
@@ -107,14 +107,14 @@ class FrameRenderer:
         depth_m = None
         if self._depth:
             depth_m = channels["Depth.Z"]
-            # What hits nothing is at the far plane or, with Cycles, at 1e10.
+            # Where nothing is hit, depth is the far plane's or, with Cycles, 1e10.
             far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
             depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
         return RenderedFrame(colours, depth_m)
 
 
 def scratch_folder(bytes_needed: int) -> tempfile.TemporaryDirectory[str]:
-    """Make a folder in memory or, where there is too little, on the disk; remove those that killed processes left."""
+    """Make a folder in memory or, if that is too small, on the disk; remove those that killed processes left."""
     folder = None
     if SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK):
         for left in SHARED_MEMORY.glob(f"{SCRATCH_PREFIX}*"):
@@ -136,9 +136,9 @@ def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 @contextlib.contextmanager
 def muted_output() -> Iterator[None]:
-    """Keep the lines that Blender and its GL print for each frame off the program's output and its messages.
+    """Hide the lines that Blender and its GL print for each frame.
 
-    They come from C, so it is the file descriptors that are turned away; whoever prints meanwhile uses a copy of one.
+    They are printed by C code, so the file descriptors are redirected; code that prints meanwhile needs copies of them.
     """
     saved = [(descriptor, os.dup(descriptor)) for descriptor in (1, 2)]
     null = os.open(os.devnull, os.O_WRONLY)

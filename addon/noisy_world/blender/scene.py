@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh with vertex colours as a Blender object that shows exactly those colours, unlit."""
+"""A mesh with vertex colours as a Blender object that shows exactly these colours, unlit."""
 
 from typing import Literal
 
@@ -14,28 +14,28 @@ COLOUR_ATTRIBUTE = "Col"
 MATERIAL = "Noisy World vertex colours"
 ORIGIN_PROPERTY = "noisy_world_origin_m"
 type Decoding = Literal["none", "shader", "attribute"]
-"""Where display-encoded colours become linear light: nowhere, in the material's nodes, or before they are stored."""
+"""Where display-encoded colours are converted to linear light: nowhere, in the material, or before they are stored."""
 
 type _Operation = Literal["POWER", "MULTIPLY_ADD", "MULTIPLY", "CEIL", "SUBTRACT"]
 
-NEUTRAL_GREY = 128 / 255  # display-encoded; what a mesh without colours shows
+NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
 
 
 def empty_scene() -> bpy.types.Scene:
-    """Start from Blender's own startup file with nothing in it, so that nothing of the user's reaches a pixel."""
-    # Factory settings would disable the extensions too, whose packages Blender then deletes from the user's profile.
+    """Start from Blender's own startup file with nothing in it, so that no setting of the user affects a pixel."""
+    # Not read_factory_settings: it disables extensions too, and Blender then deletes their packages from the profile.
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
-    # Vertex colours are meant for a display as they are: no filmic curve over them.
+    # Vertex colours are display values already, so no filmic curve may change them.
     scene.view_settings.view_transform = "Standard"
     scene.render.dither_intensity = 0.0
     return scene
 
 
 def set_origin(scene: bpy.types.Scene, origin_m: NDArray[np.float64]) -> None:
-    """Remember which point of the world (3,) float64, metres, lies at Blender's origin.
+    """Store which point of the world (3,) float64, metres, is at Blender's origin.
 
-    Blender computes in float32, whose spacing is 1 mm at 10 km: a scene far away is rendered around this point instead.
+    Blender computes in float32, whose spacing is 1 mm at 10 km, so a scene far away is rendered around this point.
     Custom properties are float64.
     """
     scene[ORIGIN_PROPERTY] = [float(value) for value in origin_m]
@@ -50,8 +50,8 @@ def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decodin
     """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's."""
     data = bpy.data.meshes.new(name)
     vertices_m = (mesh.vertices_m - get_origin(scene)).astype(np.float32)
-    # An attribute takes an array of its own type as a whole; the vertices' "co" and the loops' "vertex_index" take a
-    # value after the other, a second for a million.
+    # Attributes copy an array of their own type at once; the vertices' "co" and the loops' "vertex_index" take it value
+    # by value, a second for a million.
     data.vertices.add(len(vertices_m))
     _set_attribute(data.attributes["position"], "vector", vertices_m.ravel())
     data.loops.add(len(mesh.corner_vertices))
@@ -72,8 +72,8 @@ def _add_colours(data: bpy.types.Mesh, mesh: Mesh, *, decoded: bool) -> None:
     if decoded:
         low = rgba[:, :3] <= 0.04045
         rgba[:, :3] = np.where(low, rgba[:, :3] / 12.92, ((rgba[:, :3] + 0.055) / 1.055) ** 2.4)
-    # FLOAT_COLOR keeps the display-encoded values untouched; BYTE_COLOR would be decoded before it is interpolated,
-    # and colours between vertices would differ from what every viewer of such files shows.
+    # FLOAT_COLOR keeps the display-encoded values. BYTE_COLOR would be decoded before it is interpolated, and colours
+    # between vertices would differ from what other viewers of such files show.
     attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", "POINT")
     _set_attribute(attribute, "color", rgba.ravel())
     data.color_attributes.active_color = attribute
@@ -89,8 +89,8 @@ def _set_attribute(attribute: bpy.types.Attribute, field: str, values: NDArray[n
 def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:
     """Build the unlit material: the colour attribute, interpolated as stored, as emission.
 
-    decode_colours True emits linear light (IEC 61966-2-1), which is what a view transform and the averaging of several
-    samples need. False emits the display-encoded values themselves: exact for a single sample, and a fifth faster.
+    decode_colours: True emits linear light (IEC 61966-2-1), which a view transform and the averaging of several samples
+    need. False emits the display-encoded values themselves, which is exact for a single sample and a fifth faster.
     """
     name = MATERIAL if decode_colours else f"{MATERIAL} (encoded)"
     material = bpy.data.materials.new(name)
@@ -106,13 +106,13 @@ def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:
     tree.links.new(colour, emission.inputs["Color"])
     tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
     _spread(tree)
-    # Two million emissive triangles as lights cost seconds, and nothing here is lit by anything.
+    # Nothing is lit here, and preparing two million emissive triangles as lights takes seconds.
     cycles(material).emission_sampling = "NONE"
     return material
 
 
 def _linear_from_srgb(tree: bpy.types.NodeTree, encoded: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Add the nodes of the sRGB decoding, a channel a component: a line below 0.04045, a power above."""
+    """Add the nodes that decode sRGB (IEC 61966-2-1), by component: linear up to 0.04045, a power above."""
 
     def vector_math(operation: _Operation, *operands: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
         node = new_node(tree, bpy.types.ShaderNodeVectorMath)
@@ -126,7 +126,7 @@ def _linear_from_srgb(tree: bpy.types.NodeTree, encoded: bpy.types.NodeSocket) -
 
     power = vector_math("POWER", vector_math("MULTIPLY_ADD", encoded, 1 / 1.055, 0.055 / 1.055), 2.4)
     line = vector_math("MULTIPLY", encoded, 1 / 12.92)
-    # Colours lie in [0, 1], so the ceiling of the difference is 0 up to the threshold and 1 above.
+    # Colours are in [0, 1], so the ceiling of the difference is 0 up to the threshold and 1 above it.
     above = vector_math("CEIL", vector_math("SUBTRACT", encoded, 0.04045))
     return vector_math("MULTIPLY_ADD", vector_math("SUBTRACT", power, line), above, line)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh in Blender, ready to be rendered from anywhere: what the generator renders from."""
+"""A mesh in Blender, ready to be rendered from any pose; the generator renders from it."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from .probe import gl_version
 from .render import FrameRenderer, RenderedFrame
 from .scene import Decoding, add_mesh, empty_scene, set_origin
 
-# Up to here float32 resolves 1e-6 m, and a scene keeps its own coordinates, as an artist would find them.
+# Up to this distance from the origin float32 resolves 1e-6 m, and a scene keeps its own coordinates for the artist.
 RECENTRE_BEYOND_M = 16.0
 
 
@@ -28,7 +28,7 @@ def blender_version() -> dict[str, str]:
 
 
 def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, str]:
-    """Return the versions of what renders: Blender and, where they are used, GL or the graphics cards.
+    """Return the versions that decide rendered bytes: of Blender and, where they are used, GL or the graphics cards.
 
     Raises MissingDependencyError where the engine cannot run here.
     """
@@ -41,7 +41,7 @@ def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, s
 def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
     """Return the point (3,) float64, metres, to render around: whole metres in the middle of the path, if far away.
 
-    Near the camera is where precision counts, so it is the path that decides and not the mesh.
+    The path decides, not the mesh, since precision matters near the camera.
     """
     positions_m = trajectory.c2w[:, :3, 3]
     middle_m = np.rint((positions_m.min(axis=0) + positions_m.max(axis=0)) / 2)
@@ -50,7 +50,7 @@ def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Shot:
-    """One render of a frame: whether from the depth sensor's pose, with how many samples, and what it is for."""
+    """One render of a frame: from which sensor's pose, with how many samples, and for which images."""
 
     from_depth_sensor: bool
     samples: int
@@ -59,18 +59,18 @@ class Shot:
 
 
 class Session:
-    """One mesh in Blender, from its first frame to its last. Blender holds one scene, so use one after another."""
+    """One mesh in Blender, from its first frame to its last. It replaces Blender's file, so use one at a time."""
 
     def __init__(
         self, mesh: Mesh, name: str, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions
     ) -> None:
-        """Build the scene. paths: where the sensors will be; what is rendered precisely is what is near them."""
+        """Build the scene. paths: of the sensors; the scene is recentred so that what is near them is precise."""
         self._scene = scene = empty_scene()
         self._engine = ENGINES[options.engine]
         self._options = options
         self.origin_m = recentring_m(paths.rgb)
         set_origin(scene, self.origin_m)
-        # A single sample is averaged with nothing, so its colour need not become light and colour again.
+        # A single sample is not averaged, so its colour need not be converted to light and back.
         linear_light = options.samples > 1
         decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
         add_mesh(scene, mesh, name, decoding=decoding)
@@ -83,8 +83,7 @@ class Session:
             device=options.device,
         )
         self._shots = self._plan_shots(two_places=paths.depth is not None)
-        # Two sensors are seen through one camera that stands in for each in turn: another scene camera costs a frame's
-        # time, another pose nothing.
+        # Both sensors use one camera in turn: changing the scene's camera takes as long as a frame, moving it nothing.
         self._camera = add_camera(scene, "Noisy World camera")
         set_intrinsics(
             scene,
@@ -103,7 +102,7 @@ class Session:
         )
 
     def _plan_shots(self, *, two_places: bool) -> list["Shot"]:
-        """Colour and depth in one render where they come from one place and the engine's depth allows it."""
+        """Plan one render for colour and depth if they share a pose and the engine's depth allows it, else two."""
         options = self._options
         together = not two_places and (options.samples == 1 or self._engine.centre_depth)
         if options.rgb and options.depth and together:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Single frames of a scene that somebody works on, as the generator would render them; the scene stays as it is."""
+"""Single frames of the user's scene, rendered as the generator would; the scene itself is not changed."""
 
 from collections.abc import Sequence
 
@@ -13,10 +13,10 @@ SCENE = "Noisy World still"
 
 
 def render_stills(scene: bpy.types.Scene, frames: Sequence[int]) -> list[RenderedFrame]:
-    """Render colour and depth of frames of a scene through its camera, with Cycles and one sample.
+    """Render colour and depth of scene frames through the scene's camera, with Cycles and one sample.
 
-    Settings are changed in a copy of the scene only, which shares its objects and goes again. Raises StorageError where
-    no scratch file can be written.
+    Render options are changed only in a copy of the scene, which shares its objects and is removed afterwards. Raises
+    StorageError where no scratch file can be written.
     """
     stand_in = scene.copy()
     stand_in.name = SCENE
@@ -44,7 +44,7 @@ def _configure(scene: bpy.types.Scene) -> None:
 
 
 def _render(renderer: FrameRenderer, scene: bpy.types.Scene, frame: int) -> RenderedFrame:
-    # By the operator's own argument it would be rendered at the active scene's frame.
+    # Not by the operator's own argument, which would render the active scene's frame.
     with override(scene=scene, view_layer=scene.view_layers[0]):
         scene.frame_set(frame)
         return renderer.render()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's objects as the classes that they are, where Blender's own functions promise only a base class or nothing.
+"""Typed access to Blender's objects, where Blender's own functions return a base class or None by their types.
 
-What the type stubs of Blender have wrong is written down here too, once, each beside its reason.
+Errors in Blender's type stubs are worked around here too, once, each with its reason beside it.
 """
 
 from contextlib import AbstractContextManager
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 
 def new_tree(name: str) -> bpy.types.CompositorNodeTree:
-    """Make an empty node group of the compositor."""
+    """Add an empty node group of the compositor to the file."""
     tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
     assert isinstance(tree, bpy.types.CompositorNodeTree)
     return tree
 
 
 def new_node[T: bpy.types.Node](tree: bpy.types.NodeTree, kind: type[T]) -> T:
-    """Add a node of a class of Blender's own."""
+    """Add a node of one of Blender's classes."""
     node = tree.nodes.new(kind.__name__)
     assert isinstance(node, kind)
     return node
@@ -34,12 +34,12 @@ def get_node[T: bpy.types.Node](tree: bpy.types.NodeTree, name: str, kind: type[
 
 
 def inputs(node: bpy.types.Node) -> bpy.types.NodeInputs:
-    """Return a node's inputs, which the stubs hold to be None in many subclasses."""
+    """Return a node's inputs, which the stubs declare as None in many subclasses."""
     return node.inputs
 
 
 def outputs(node: bpy.types.Node) -> bpy.types.NodeOutputs:
-    """Return a node's outputs, which the stubs hold to be None in many subclasses."""
+    """Return a node's outputs, which the stubs declare as None in many subclasses."""
     return node.outputs
 
 
@@ -56,13 +56,13 @@ def node_tree(material: bpy.types.Material) -> bpy.types.NodeTree:
 
 
 def interface(tree: bpy.types.NodeTree) -> bpy.types.NodeTreeInterface:
-    """Return the sockets of a group, seen from outside."""
+    """Return the interface of a group, which is its inputs and outputs."""
     assert tree.interface is not None
     return tree.interface
 
 
 def new_socket(tree: bpy.types.NodeTree, name: str, kind: str, *, output: bool) -> bpy.types.NodeTreeInterfaceSocket:
-    """Add an input or output to a group. kind: as Blender names it, NodeSocketColor for instance."""
+    """Add an input or output to a group. kind: Blender's name, such as NodeSocketColor."""
     return interface(tree).new_socket(
         name,
         in_out="OUTPUT" if output else "INPUT",
@@ -71,12 +71,12 @@ def new_socket(tree: bpy.types.NodeTree, name: str, kind: str, *, output: bool) 
 
 
 def set_value(socket: bpy.types.NodeSocket, value: Any) -> None:
-    """Set what an unlinked socket says."""
+    """Set the value of an unlinked socket."""
     socket.default_value = value  # pyright: ignore[reportAttributeAccessIssue]  each subclass has it, of its own type
 
 
 def get_value(socket: bpy.types.NodeSocket) -> Any:
-    """Return what an unlinked socket says."""
+    """Return the value of an unlinked socket."""
     return socket.default_value  # pyright: ignore[reportAttributeAccessIssue]  each subclass has it, of its own type
 
 
@@ -94,7 +94,7 @@ def mesh_of(item: bpy.types.Object) -> bpy.types.Mesh:
 
 
 def action_of(item: bpy.types.ID) -> bpy.types.Action:
-    """Return the keyframes of an object or a node group, which has some."""
+    """Return the action (the keyframes) of an object or a node group that has one."""
     data = item.animation_data  # pyright: ignore[reportAttributeAccessIssue]  each subclass that is animated has it
     assert data is not None
     assert data.action is not None
@@ -102,7 +102,7 @@ def action_of(item: bpy.types.ID) -> bpy.types.Action:
 
 
 def new_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
-    """Give an object or a node group keyframes of its own."""
+    """Give an object or a node group a new action for its keyframes."""
     data = item.animation_data_create()
     assert data is not None
     action = bpy.data.actions.new(name)
@@ -118,12 +118,12 @@ def interpolation(name: str) -> int:
 
 
 def cycles(item: bpy.types.Scene | bpy.types.Material) -> Any:
-    """Return what Cycles, an add-on of its own with no stubs, keeps in a scene or a material."""
+    """Return Cycles' properties of a scene or a material; Cycles is an add-on without stubs."""
     return item.cycles
 
 
 def use_as_data(image: bpy.types.Image) -> None:
-    """Take an image's values as they are, without colour management."""
+    """Make Blender use an image's values as they are, without colour management."""
     assert image.colorspace_settings is not None
     name: Any = "Non-Color"  # the names come from the OpenColorIO configuration
     image.colorspace_settings.name = name
@@ -142,11 +142,11 @@ def size_px(image: bpy.types.Image) -> tuple[int, int]:
 
 
 def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header) -> bpy.types.UILayout:
-    """Return what a panel, a menu or a header draws into."""
+    """Return the layout that a panel, a menu or a header draws into."""
     assert item.layout is not None
     return item.layout
 
 
 def override(**members: Any) -> AbstractContextManager[object]:
-    """Let operators see other members of the context than the user's for the while of a `with`."""
+    """Override members of the context for operators that are called inside the `with`."""
     return bpy.context.temp_override(**members)  # pyright: ignore[reportReturnType]  the stubs lack __enter__, __exit__

@@ -10,7 +10,7 @@ from .shipped import found_preset
 
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exits with a usage line where it is wrong."""
+    """Parse the command line; exit with a usage line if it is wrong."""
     parser = argparse.ArgumentParser(
         prog=entry.name,
         description="Make the RGB-D dataset that a preset describes.",
@@ -50,7 +50,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         nargs="?",
         const="sequences",
         choices=[*KNOWN, *HELD],
-        help="list keys (all that a preset may say), layouts (of the files), perturbations (with their parameters and "
+        help="list keys (all that a preset may have), layouts (of the files), perturbations (with their parameters and "
         "severities), presets (those shipped), or this preset's scenes, settings or sequences (default); then end",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
@@ -58,14 +58,14 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "--progress",
         choices=["text", "json"],
         default="text",
-        help="how a run tells that it goes on: text on standard error for people (default), or for programs lines of "
-        "JSON on standard output, each behind '@noisy-world '",
+        help="how a run reports its progress: text on standard error for people (default), or for programs lines of "
+        "JSON on standard output, each after '@noisy-world '",
     )
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
-        options.preset = Path(options.overrides.pop())  # a preset behind --set is no override
+        options.preset = Path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
     if options.preset is None and options.list not in KNOWN and not options.worker:
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
@@ -82,12 +82,12 @@ def frame_slice(text: str) -> slice:
 
 
 def positive(text: str) -> int:
-    """Parse a number from 1 up."""
+    """Parse a whole number of at least 1."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} has to be a whole number from 1 up")
     return int(text)
 
 
 def out_folder(options: argparse.Namespace) -> Path:
-    """Return where the dataset goes."""
+    """Return the dataset's folder."""
     return options.out if options.out is not None else Path("out") / options.preset.stem

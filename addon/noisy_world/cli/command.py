@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The installed command `noisy-world`, also `python -m noisy_world`: a subcommand's name, then its own arguments.
 
-A subcommand is a module of this package with `main(arguments, entry)`, which returns the exit status, and a line in
-SUBCOMMANDS. It is imported when it is asked for.
+A subcommand is a module of this package with `main(arguments, entry)`, which returns the exit status, and an entry in
+SUBCOMMANDS. It is imported only when it is used.
 """
 
 import importlib
@@ -16,7 +16,7 @@ COMMAND = "noisy-world"
 
 @dataclass(frozen=True)
 class Subcommand:
-    """A subcommand: the module that holds it, and what `noisy-world --help` says of it."""
+    """A subcommand: its module, and its description in `noisy-world --help`."""
 
     module: str
     meaning: str
@@ -30,7 +30,7 @@ SUBCOMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line and return the exit status. arguments: the process's own where None."""
+    """Run the command line and return the exit status. arguments: by default the process's own."""
     words = sys.argv[1:] if arguments is None else arguments
     if not words or words[0] in ("-h", "--help"):
         print(help_text())
@@ -52,7 +52,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def own_entry(subcommand: str) -> Entry:
-    """Return how a subcommand is started again: with this Python, whose folder of commands may not be on the path."""
+    """Return how to start a subcommand again: by this Python, as its folder of commands may not be on the path."""
     return Entry(
         f"{COMMAND} {subcommand}",
         (sys.executable, "-m", "noisy_world", subcommand),

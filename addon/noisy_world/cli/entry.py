@@ -6,16 +6,16 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-INTERRUPTED = 130  # the exit status that shells give a program that Ctrl-C ended
+INTERRUPTED = 130  # 128 + SIGINT (2): the exit status that shells give a program ended by Ctrl-C
 
 
 @dataclass(frozen=True)
 class Entry:
     """What differs between the ways to start a subcommand.
 
-    name: what its messages begin with, "generate.py" for instance.
+    name: the beginning of its messages, such as "generate.py".
     words: the command that starts it again, without the subcommand's arguments.
-    whose_python: what has this Python, "this Blender's " for instance; empty where it is a plain one.
+    whose_python: whose Python this is, such as "this Blender's "; empty for a plain Python.
     remedy: what to do where packages are missing.
     """
 
@@ -29,14 +29,14 @@ class Entry:
         return [*self.words, *arguments]
 
     def pasteable(self, arguments: Sequence[str]) -> str:
-        """Return the command as a person pastes it into a shell."""
+        """Return the command as text to paste into a shell."""
         return shlex.join(self.command(arguments))
 
     def complain(self, text: str) -> None:
-        """Say in a line what is wrong."""
+        """Print a line on what is wrong."""
         say(f"{self.name}: {text}")
 
 
 def say(text: str) -> None:
-    """Print a line for a person, apart from what the command prints as its result."""
+    """Print a line for the user on standard error; standard output is for the command's result."""
     print(text, file=sys.stderr, flush=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`export`: write a mesh as PLY in Replica's layout: the embedded room, or any PLY that Noisy World reads.
 
-Quads and other polygons break many readers; --triangulate serves those.
+Many readers cannot read quads and other polygons; --triangulate is for those.
 """
 
 import argparse

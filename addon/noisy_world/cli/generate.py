@@ -35,7 +35,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
-    """Do what the command line asks."""
+    """Carry out the options."""
     from ..core.presets.preset import read_preset
     from ..planning import make_plan
 
@@ -52,7 +52,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
 
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
-    """Make the dataset, and say what came of it."""
+    """Make the dataset, and print the outcome."""
     from ..pipeline.run import Run
     from .running import listener, machine_listener
     from .workers import orders_for, run_workers
@@ -85,7 +85,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
 
 
 def work() -> int:
-    """Carry out the order on standard input, for the process that started this one."""
+    """Carry out a worker's order from standard input, for the process that started this one."""
     from .running import stop_on_signal
     from .workers import Order, Parent, carry_out
 
@@ -93,7 +93,7 @@ def work() -> int:
 
 
 def figures(report: "Report") -> str:
-    """Say the figures of a run in a line."""
+    """Return the figures of a run in one line."""
     parts = [f"{report.frames_rendered} frames rendered"]
     if report.frames_kept:
         parts.append(f"{report.frames_kept} kept")
@@ -107,7 +107,7 @@ def figures(report: "Report") -> str:
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:
-    """Return the arguments that do the same again."""
+    """Return the arguments that repeat this run."""
     words = [str(options.preset), "--out", str(out_folder(options))]
     if options.overrides:
         words += ["--set", *options.overrides]
@@ -121,7 +121,7 @@ def own_arguments(options: argparse.Namespace) -> list[str]:
 
 
 def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:
-    """Say what is wrong; return the exit status of a user's error."""
+    """Report what is wrong; return the exit status of a user's error."""
     entry.complain(text)
     if options.progress == "json":
         from .running import machine_listener

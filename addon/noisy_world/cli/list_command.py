@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`list`: what presets may say and what is shipped, or what a preset holds; the same as `generate --list`."""
+"""`list`: the keys of presets and what is shipped, or what a preset holds; the same as `generate --list`."""
 
 import argparse
 
@@ -10,7 +10,7 @@ from .listing import HELD, KNOWN
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(prog=entry.name, description="List what there is to say, or what a preset holds.")
+    parser = argparse.ArgumentParser(prog=entry.name, description="List the keys of presets, or what a preset holds.")
     parser.add_argument(
         "what",
         metavar="WHAT",

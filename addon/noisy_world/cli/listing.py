@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be listed: keys, layouts, perturbations, presets; and what a preset holds."""
+"""Listing keys, layouts, perturbations and presets, and what a preset holds."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ def list_known(what: str) -> int:
 
 
 def list_layouts() -> int:
-    """List every layout with its images, colours (of both the default first) and depth scale."""
+    """List every layout with its image kinds, its colours (the default of each first) and its depth scale."""
     from ..core.datasets.layouts import LAYOUTS
     from ..core.presets.output import OutputSpec
 
@@ -47,9 +47,9 @@ def list_layouts() -> int:
 
 
 def list_perturbations() -> int:
-    """List every perturbation in the order of propagation: its kind, its place, and its parameters.
+    """List every perturbation in the order of propagation, with its kind, stage, order and parameters.
 
-    Parameters come with their ranges and their values at severities 1 to 5.
+    Parameters are listed with their ranges and their values at severities 1 to 5.
     """
     from ..core.perturbing.kinds import kind_name
     from ..core.schema import list_keys
@@ -98,7 +98,7 @@ def print_plan(plan: "Plan", out: Path) -> int:
 
 
 def duration(seconds: float) -> str:
-    """Say a time as a person would."""
+    """Return a time in seconds, minutes or hours, as text."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     minutes = seconds / 60

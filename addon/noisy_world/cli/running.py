@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a command that runs for long tells that it goes on, and what stops it."""
+"""The progress of a command that runs for long, and what stops it."""
 
 import os
 import signal
@@ -13,14 +13,14 @@ from ..core.progress import JsonProgress, PlainProgress, Progress, TerminalProgr
 
 
 def listener(form: str) -> tuple[Progress, threading.Event]:
-    """Return the listener to how a run goes on, and what stops the run.
+    """Return the listener for a run's progress, and the event that stops the run.
 
     form: "text" for people, "json" for programs.
     """
     if form == "json":
         stop = stop_on_signal(None)
         return machine_listener(stop.set), stop
-    # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
+    # A copy of the stream, as the original descriptors are redirected while Blender renders, to hide its output.
     stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
     # A terminal that does not know its size shows no bar.
     watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
@@ -28,13 +28,13 @@ def listener(form: str) -> tuple[Progress, threading.Event]:
 
 
 def machine_listener(lost: Callable[[], object] = lambda: None) -> JsonProgress:
-    """Return the program that started this one, as a listener; `lost` is called when it is gone."""
+    """Return a listener for the program that started this one; `lost` is called when that program is gone."""
     sys.stdout.flush()
     return JsonProgress(os.fdopen(os.dup(1), "w", buffering=1), lost=lost)
 
 
 def stop_on_signal(stream: IO[str] | None) -> threading.Event:
-    """Let Ctrl-C and a batch system's SIGTERM end the run after the frame in hand; a second Ctrl-C ends it at once."""
+    """Let Ctrl-C and a batch system's SIGTERM end the run after the current frame; a second Ctrl-C ends it at once."""
     stop = threading.Event()
 
     def handle(number: int, _: FrameType | None) -> None:

@@ -7,7 +7,7 @@ from .entry import say
 
 
 def shipped_presets() -> dict[str, Path]:
-    """Return the shipped presets by the names that `--list presets` gives them, presets/demo.yaml for instance."""
+    """Return the shipped presets by their names in `--list presets`, such as presets/demo.yaml."""
     package = Path(__file__).resolve().parents[1]
     for folder in (package, package.parents[1]):  # installed, or in a checkout
         presets = folder / "presets"

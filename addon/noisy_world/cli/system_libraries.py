@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the system libraries that the bpy package needs and this machine lacks; as root on Debian, install them.
+"""Find the system libraries that the bpy package needs and this machine lacks; install them if root on Debian.
 
     python -m noisy_world.cli.system_libraries
 
-Rendering with Cycles needs no display, but the library is linked against X and GL all the same.
+Rendering with Cycles needs no display, but the package is linked against X and GL all the same.
 """
 
 import importlib.util
@@ -14,6 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+# What bpy 5.2 links against, by Debian's package names.
 DEBIAN_PACKAGES = {
     "libX11.so.6": "libx11-6",
     "libXrender.so.1": "libxrender1",
@@ -31,7 +32,7 @@ DEBIAN_PACKAGES = {
 
 
 def main() -> int:
-    """Install or name what is missing; return the exit status."""
+    """Install the missing libraries, or print their names; return the exit status."""
     names = missing_libraries()
     if not names:
         return 0
@@ -49,18 +50,18 @@ def main() -> int:
 
 
 def advice(names: list[str]) -> str:
-    """Say in a line what is missing and how to get it."""
+    """Return one line on what is missing and how to get it."""
     packages = " ".join(debian_packages(names))
     return f"bpy needs system libraries that are missing here: {', '.join(names)}; run: apt-get install {packages}"
 
 
 def debian_packages(names: list[str]) -> list[str]:
-    """Return the Debian packages of the libraries; a library that is not known stands for itself."""
+    """Return the Debian packages of the libraries; for an unknown library, its own name."""
     return sorted({DEBIAN_PACKAGES.get(name, name) for name in names})
 
 
 def missing_libraries() -> list[str]:
-    """Return the libraries that the dynamic linker does not find for bpy; none where it cannot be asked."""
+    """Return the libraries that the dynamic linker does not find for bpy; [] where there is no ldd."""
     spec = importlib.util.find_spec("bpy")
     if spec is None or spec.origin is None or not sys.platform.startswith("linux") or not shutil.which("ldd"):
         return []
@@ -70,7 +71,7 @@ def missing_libraries() -> list[str]:
 
 
 def parse_ldd(text: str) -> list[str]:
-    """Return the names that ldd says are not found."""
+    """Return the names of the libraries that ldd reports as not found."""
     return sorted(set(re.findall(r"^\s*(\S+) => not found", text, re.MULTILINE)))
 
 

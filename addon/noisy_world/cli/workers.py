@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several processes for one dataset, each handed the plan and a share of its frames.
+"""Several processes for one dataset: each is given the plan and a share of its frames.
 
-A worker gets its order on standard input, as JSON: the preset as it was read, with what was changed in it, and not the
-words of a command line. On standard output it tells, in lines of JSON behind a mark, what it does; whatever else comes
-there (Blender talks) is passed over.
+A worker reads its order from standard input, as JSON: the preset as it was read, overrides included, rather than the
+arguments of a command line. On standard output it reports progress in lines of JSON, each after a mark; other output
+there, such as Blender's, is skipped.
 """
 
 import contextlib
@@ -29,11 +29,11 @@ from .entry import INTERRUPTED
 
 @dataclass(frozen=True)
 class Order:
-    """What a worker is to do.
+    """What a worker has to do.
 
-    number: the worker's. preset, document: the preset's file and what stands in it, changes included. chosen: start and
-    stop of the frames of each sequence, where not all are made. out: the dataset's folder, which a run has opened.
-    jobs: how many share the machine. work: the source frames that are this worker's.
+    number: the worker's. preset, document: the preset's file and its content, overrides included. chosen: start and
+    stop of the frames of each sequence, if not all are made. out: the dataset's folder, which a run has opened.
+    jobs: how many workers share the machine. work: this worker's source frames.
     """
 
     number: int
@@ -62,7 +62,7 @@ def orders_for(plan: Plan, out: Path, jobs: int, pieces: list[Work]) -> list[Ord
 
 
 def run_workers(command: list[str], orders: list[Order], progress: Progress, stop: threading.Event) -> Report:
-    """Start the command in a process of its own for each order, and gather what they tell.
+    """Start the command in a process for each order, and merge their reports.
 
     Raises NoisyWorldError with the first worker's error, InterruptedRunError where `stop` was set.
     """
@@ -96,7 +96,7 @@ def run_workers(command: list[str], orders: list[Order], progress: Progress, sto
 
 
 def hear(message: dict[str, Any], progress: Progress, total: Report, errors: list[str]) -> None:
-    """Take in what a worker tells while it lives."""
+    """Process a worker's message."""
     match message:
         case {"advance": count}:
             progress.advance(count)
@@ -109,17 +109,17 @@ def hear(message: dict[str, Any], progress: Progress, total: Report, errors: lis
 
 
 def start_worker(command: list[str], order: Order, messages: queue.Queue[dict[str, Any]]) -> subprocess.Popen[str]:
-    """Start a worker on an order, and a thread that puts what it tells into the queue."""
+    """Start a worker on an order, and a thread that puts the worker's messages into the queue."""
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     threading.Thread(target=listen, args=(process, order, messages), daemon=True).start()
     return process
 
 
 def listen(process: subprocess.Popen[str], order: Order, messages: queue.Queue[dict[str, Any]]) -> None:
-    """Hand a worker its order and pass on what it tells until it ends."""
+    """Give a worker its order, and pass on its messages until it ends."""
     assert process.stdin is not None
     assert process.stdout is not None
-    with contextlib.suppress(BrokenPipeError):  # its end, below, tells that it died
+    with contextlib.suppress(BrokenPipeError):  # the worker died; its exit status, below, is reported
         process.stdin.write(json.dumps(asdict(order)))
         process.stdin.close()
     for line in process.stdout:
@@ -129,21 +129,21 @@ def listen(process: subprocess.Popen[str], order: Order, messages: queue.Queue[d
 
 
 class Parent(JsonProgress):
-    """The process that started this one, as a listener to progress; without it this process ends."""
+    """A listener that reports to the process that started this one; if that is gone, this process ends."""
 
     def __init__(self) -> None:
-        # A copy of the stream: Blender's own lines are turned away from the descriptor 1 while it renders.
+        # A copy of the stream, as descriptor 1 is redirected while Blender renders, to hide its output.
         super().__init__(os.fdopen(os.dup(1), "w", buffering=1), lost=lambda: os._exit(INTERRUPTED))
 
     def start(self, label: str, total: int, done: int = 0) -> None:
-        """Say nothing: the parent has a bar for all."""
+        """Send nothing: the parent shows one bar for all workers."""
 
     def finish(self) -> None:
-        """Say nothing."""
+        """Send nothing."""
 
 
 def carry_out(order: Order, parent: Parent, stop: threading.Event) -> int:
-    """Render a worker's share of the frames and tell the parent; return the exit status."""
+    """Render a worker's share of the frames and report to the parent; return the exit status."""
     try:
         report = order.run(parent, stop).take_part(order.work, order.number)
     except InterruptedRunError:

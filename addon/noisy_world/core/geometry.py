@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 type Float64 = NDArray[np.float64]
 
+# From the axes in the module's docstring.
 OPENCV_FROM_BLENDER: Float64 = np.diag([1.0, -1.0, -1.0])
 OPENCV_FROM_ROBOT: Float64 = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 OPENCV_FROM_BLENDER.setflags(write=False)

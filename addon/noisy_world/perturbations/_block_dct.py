@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 
-SIZE = 8
+SIZE = 8  # of JPEG's blocks (ITU-T T.81, A.1.1)
 RUN = range(SIZE)
 # sqrt(2) cos((2k + 1) u pi / 16) in 8192ths, as sums of libjpeg's 13-bit constants (jfdctint.c) give it, which differs
 # from the rounded cosine by 1 at times. A row for each frequency u, k from 0 to 3.
@@ -88,6 +88,7 @@ def cosines() -> Graph:
     return graph
 
 
+# A socket carries three numbers, so seven cosines take three sockets; the name of each, and its coefficients.
 BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
 
 

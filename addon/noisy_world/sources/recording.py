@@ -54,12 +54,12 @@ class Recording:
         """Return the intrinsics asked for. Raises InputError where the recording's own are known and differ."""
         wide, high = self.stored.size_px
         if (wide, high) != (asked.width_px, asked.height_px):
-            remedy = f"say so in camera, which has {asked.width_px} x {asked.height_px}"
+            remedy = f"set camera to that; it has {asked.width_px} x {asked.height_px}"
             raise self.place.at("sequence").error(f"its images are {wide} x {high}", remedy)
         told = self.stored.camera
         if told is not None and np.abs(_intrinsics_px(told) - _intrinsics_px(asked)).max() > INTRINSICS_TOLERANCE_PX:
             values = f"fx {told.fx_px:g}, fy {told.fy_px:g}, cx {told.cx_px:g}, cy {told.cy_px:g}"
-            raise self.place.at("sequence").error(f"its camera has {values}", "say so in camera, which has others")
+            raise self.place.at("sequence").error(f"its camera has {values}", "set camera to these; it has others")
         return asked
 
     def trajectory(self) -> Trajectory:

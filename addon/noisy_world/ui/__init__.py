@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's windows: thin, over the functions that the generator calls."""
+"""The add-on's windows: a thin layer over the functions that the generator calls."""
 
 import importlib
 from contextlib import ExitStack
@@ -20,10 +20,10 @@ def register() -> None:
         for module in modules():
             module.register()
             registered.callback(module.unregister)
-        registered.pop_all()  # all went well: they stay
+        registered.pop_all()  # without an error, nothing is unregistered again
 
 
 def unregister() -> None:
-    """Take back everything, the last first."""
+    """Unregister everything, in reverse order."""
     for module in reversed(modules()):
         module.unregister()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups among Blender's asset libraries: added and taken back by a button, gone with the add-on."""
+"""The node groups as one of Blender's asset libraries: a button adds or removes it; disabling the add-on removes it."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ import bpy
 
 from .operators import CANCELLED, DONE
 
-PACKAGE = (__package__ or "").rpartition(".")[0]  # the extension's, or that of a checkout
+PACKAGE = (__package__ or "").rpartition(".")[0]  # bl_ext.<repository>.noisy_world, or noisy_world in a checkout
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 NAME = "Noisy World"
 
@@ -24,12 +24,12 @@ def libraries() -> bpy.types.AssetLibraryCollection:
 
 
 def entry() -> bpy.types.UserAssetLibrary | None:
-    """Return the library's entry in the preferences, whatever it is called and whoever made it."""
+    """Return the library's entry in the preferences, also if a user added or renamed it."""
     return next((item for item in libraries() if item.path and Path(item.path).resolve() == FOLDER), None)
 
 
 def _kept() -> Any | None:
-    """Return the add-on's preferences; registered from a checkout it has none."""
+    """Return the add-on's preferences; None if it is registered from a checkout."""
     found = bpy.context.preferences.addons.get(PACKAGE)
     return None if found is None else found.preferences
 
@@ -54,7 +54,7 @@ class NoisyWorldAddAssetLibrary(bpy.types.Operator):
 
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Add them."""
-        # Blender's own operator has shelves and menus loaded anew; the collection's functions do not.
+        # Blender's own operator reloads shelves and menus; the functions of the collection do not.
         bpy.ops.preferences.asset_library_add(directory=str(FOLDER))
         made = entry()
         if made is None:
@@ -110,7 +110,7 @@ def draw_button(layout: bpy.types.UILayout) -> None:
 
 
 def draw(layout: bpy.types.UILayout, _: bpy.types.Context) -> None:
-    """Draw the button in the tab, until it was pressed."""
+    """Draw the button in the tab, until the library is added."""
     if is_built() and entry() is None:
         layout.operator(NoisyWorldAddAssetLibrary.bl_idname, text="Add Groups to Asset Browser", icon="ASSET_MANAGER")
 
@@ -120,7 +120,7 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLAS
 
 
 def register() -> None:
-    """Register the buttons; a library that went with the add-on, as in an update, comes back."""
+    """Register the buttons, and add the library again if it was removed with the add-on, as in an update."""
     _register_classes()
     if (kept := _kept()) is not None and kept.returns:
         kept.returns = False
@@ -129,9 +129,9 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take it all away; the library that was added too, since its folder may go next."""
+    """Unregister everything, and remove the library that was added, since its folder may be deleted next."""
     found = entry()
-    if found is not None and found.name.startswith(NAME):  # not what a user added by hand
+    if found is not None and found.name.startswith(NAME):  # not an entry that a user added by hand
         if (kept := _kept()) is not None:
             kept.returns = True
         libraries().remove(found)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run of the generator in a process of its own, followed from a window that stays usable. Knows no Blender."""
+"""A run of the generator in another process, followed from a window that stays usable. It does not use Blender."""
 
 import contextlib
 import queue
@@ -13,17 +13,17 @@ from typing import Any, Literal
 
 from ..core.progress import read_message
 
-INTERRUPTED = 130
-NOTES_KEPT = 4
+INTERRUPTED = 130  # 128 + SIGINT (2), the generator's exit status when it was stopped
+NOTES_KEPT = 4  # chosen: as many sentences as the panel can show
 
 type Phase = Literal["starting", "running", "stopping", "finished", "stopped", "failed"]
 
 
 class BackgroundRun:
-    """A generator's process and what it told so far. Everything is called from one thread."""
+    """A generator's process and its messages so far. All methods are called from one thread."""
 
     def __init__(self, command: Sequence[str], *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start the command, which has to talk as `--progress json` makes generate.py talk.
+        """Start the command, which has to send the messages of generate.py's `--progress json`.
 
         Raises OSError where it cannot be started.
         """
@@ -37,7 +37,7 @@ class BackgroundRun:
         self._first = 0
         self._start_s = self._last_s = clock()
         self._messages: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        # A file, not a pipe: nobody has to empty it for the process to go on.
+        # A file, not a pipe, which would block the process if nobody read it.
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed when the process has ended
         try:
             self._process = subprocess.Popen(  # noqa: S603 - this program and the generator beside it
@@ -58,26 +58,26 @@ class BackgroundRun:
 
     @property
     def active(self) -> bool:
-        """Tell whether the process was at work when last looked at."""
+        """Tell whether the process was running at the last poll."""
         return self.phase in ("starting", "running", "stopping")
 
     @property
     def fraction(self) -> float:
-        """How much is done, 0 to 1."""
+        """The share of frames that are done, 0 to 1."""
         return self.done / self.total if self.total else 0.0
 
     @property
     def frames_per_s(self) -> float | None:
-        """Frames a second of this run, loading included; None before the first."""
+        """Frames per second of this run, including loading; None before the first frame."""
         made, elapsed_s = self.done - self._first, self._last_s - self._start_s
         return made / elapsed_s if made > 0 and elapsed_s > 0 else None
 
     def poll(self) -> bool:
-        """Take in what the process told; return whether anything changed."""
+        """Process the messages that have arrived; return whether anything changed."""
         if not self.active:
             return False
         ended = self._process.poll() is not None
-        if ended:  # what it said last may still be on its way
+        if ended:  # its last messages may still be in the pipe
             self._listener.join(timeout=2.0)
         changed = ended
         with contextlib.suppress(queue.Empty):
@@ -126,18 +126,18 @@ class BackgroundRun:
             self._process.stdout.close()
 
     def cancel(self) -> None:
-        """Ask the process to end after the frame in hand; asked again, it ends at once. Either way a run resumes."""
+        """Ask the process to end after the current frame; called again, end it at once. Either way a run can resume."""
         if not self.active:
             return
         if self.phase == "stopping":
             self._process.kill()
         else:
-            # Not SIGINT: a Blender program that still starts up does not hear it.
+            # Not SIGINT, which a Blender program ignores while it starts.
             self._process.terminate()
             self.phase = "stopping"
 
     def close(self, timeout_s: float = 2.0) -> None:
-        """End the process, if need be by force, and leave nothing of it behind."""
+        """End the process, by force if necessary, and release its files."""
         if not self.active:
             return
         self.cancel()
@@ -149,7 +149,7 @@ class BackgroundRun:
         self.poll()
 
     def wait(self) -> None:
-        """Follow the process until it ends."""
+        """Process messages until the process ends."""
         while self.active:
             self.poll()
             with contextlib.suppress(subprocess.TimeoutExpired):

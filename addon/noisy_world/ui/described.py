@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties out of the fields of dataclasses, in Blender's wording, and who is told when one changes."""
+"""Blender properties from the fields of dataclasses, in Blender's wording, and the listeners to their changes."""
 
 import types
 from collections.abc import Callable, Iterator
@@ -12,12 +12,12 @@ import bpy
 from ..core.schema import KeyInfo
 
 type Listener = Callable[[bpy.types.Scene, str], None]
-"""Is told the scene and the name of the property that changed; "steps" for anything inside a perturbation."""
+"""Called with the scene and the name of the changed property; "steps" for everything inside a perturbation."""
 
 LISTENERS: list[Listener] = []
 _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
-LARGEST_INT = 2**31 - 1
-_LEAST_ABOVE = 1e-6
+LARGEST_INT = 2**31 - 1  # of Blender's integer properties, which have 32 bits
+_LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are inclusive; chosen
 _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
 _SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s", "steps/m": "steps/m"}
 _NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
@@ -58,7 +58,7 @@ def title(text: str) -> str:
 
 
 def parameter_label(name: str) -> str:
-    """Return a parameter's name without its unit, which the slider shows; what is short for something, in a word."""
+    """Return a parameter's name in words, abbreviations expanded, without its unit, which the slider shows."""
     if name in _NAMES:
         return _NAMES[name]
     for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
@@ -66,7 +66,7 @@ def parameter_label(name: str) -> str:
     return title(name)
 
 
-# --- properties out of dataclasses ---
+# --- properties from dataclasses ---
 
 
 def described(
@@ -77,10 +77,10 @@ def described(
     update: str | Callable[[Any, bpy.types.Context], None] = "",
     **other: Any,
 ) -> Any:
-    """Make the property of a dataclass's field: its meaning as the tooltip, its range, its unit, its default.
+    """Return a property for a dataclass's field, with the field's meaning as tooltip, its range, unit and default.
 
-    label: instead of the field's name. update: what listeners are told, or the function that tells them. other: stands
-    over what the field says.
+    label: replaces the field's name. update: the name that listeners are called with, or a function that calls them.
+    other: arguments that override the field's.
     """
     item: Field[Any] = next(field for field in fields(cls) if field.name == name)
     info: KeyInfo = item.metadata["key"]
@@ -103,7 +103,7 @@ def described(
 
 
 def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
-    """Return the values that a field chooses from, with label and tooltip; none for any other field."""
+    """Return the choices of a field, with label and tooltip; [] for a field without choices."""
     if info.choices is not None:
         return [(value, choice.label, choice.meaning) for value, choice in info.choices.items()]
     if get_origin(hint) is Literal:
@@ -133,12 +133,12 @@ def _plain(hint: Any) -> Any:
 
 
 def sentence(text: str) -> str:
-    """Return a tooltip: a capital first, no full stop last."""
+    """Return a text as a tooltip: with a capital first letter and no full stop at the end."""
     return text[:1].upper() + text[1:].rstrip(".")
 
 
 def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
-    """Make an update function that tells the listeners what changed in which scene."""
+    """Return an update function that calls the listeners with the scene and this name."""
 
     def update(group: Any, _: bpy.types.Context) -> None:
         if _collected:
@@ -152,7 +152,7 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
 
 @contextmanager
 def told_once() -> Iterator[None]:
-    """Tell the listeners of everything that changes inside at the end, each property once."""
+    """Delay the listeners to the end of this context, and call them once for each changed property."""
     _collected.append({})
     try:
         yield

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Between the panel and a preset: what the panel holds as the document that generate.py reads, and back."""
+"""Converting the panel's content into a preset's document, which generate.py reads, and back."""
 
 import json
 from dataclasses import fields
@@ -23,7 +23,7 @@ from .properties import OVERRIDE, parameters_of, perturbation_of
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
-PANEL = "Noisy World panel"  # stands for a file's name in messages about what the panel holds
+PANEL = "Noisy World panel"  # used like a file's name in messages about the panel's content
 DEVIATION = {"deviation_rotation_deg": "rotation_deg", "deviation_translation_m": "translation_m"}
 OWN_FIELDS = ("motion_deviation", "faster_motion")  # perturbations that the panel has fields for, beside its list
 CAMERA = {
@@ -38,11 +38,11 @@ HANDHELD = {
 TRAJECTORY = {"trajectory_pose": "pose", "trajectory_axes": "axes", "trajectory_rate_hz": "rate_hz"}
 
 
-# --- numbers: Blender's are float32, a preset's are what was typed ---
+# --- numbers: Blender's are float32, a preset has them as typed ---
 
 
 def value_of(group: Any, name: str) -> Any:
-    """Return a property's value as a person would type it: the number remembered, or the shortest decimal."""
+    """Return a property's value as typed: the stored number, or the shortest decimal that gives this float32."""
     value = getattr(group, name)
     if not isinstance(value, float):
         return value
@@ -53,7 +53,7 @@ def value_of(group: Any, name: str) -> Any:
 
 
 def set_value(group: Any, name: str, value: Any) -> None:
-    """Set a property; a number that float32 cannot tell from others is remembered beside it."""
+    """Set a property; a number that float32 does not hold exactly is stored beside it."""
     setattr(group, name, value)
     if isinstance(value, float) and float(str(np.float32(value))) != value:
         group.exact = json.dumps((json.loads(group.exact) if group.exact else {}) | {name: value})
@@ -65,7 +65,7 @@ def set_value(group: Any, name: str, value: Any) -> None:
 def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the preset that the panel describes: one scene, the settings clean and, with perturbations, one more.
 
-    Paths are absolute, or relative to `folder` where they lie in it.
+    Paths are absolute, or relative to `folder` if they are inside it.
     """
     perturb = perturb_of(panel)
     modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
@@ -94,7 +94,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
 
 
 def absolute(path: str) -> str:
-    """Return a path of the panel as an absolute one, with forward slashes; nothing stays nothing."""
+    """Return a path of the panel as an absolute one, with forward slashes; "" stays ""."""
     return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""
 
 
@@ -159,7 +159,7 @@ def values_of(step: Any) -> dict[str, Any]:
             name for name in defaults if name not in by_severity and (name in perturbation.severities or name in given)
         ]
     elif perturbation.severities and not given:
-        given = list(perturbation.severities)  # no key at all would mean severity 3
+        given = list(perturbation.severities)  # at least these, as without any key a preset means severity 3
     values |= {name: value_of(group, name) for name in given}
     if perturbation.temporals and step.temporal != perturbation.temporals[0]:
         values["temporal"] = step.temporal
@@ -172,7 +172,7 @@ def steps_of(panel: Any) -> tuple[Step, ...]:
 
 
 def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
-    """Return what is done to the path, in propagation order, whatever else is right or wrong."""
+    """Return the steps that act on the path, in propagation order, even if other steps are wrong."""
     perturb = _own_motion(panel) + listed_motion(panel)
     return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
 
@@ -183,7 +183,7 @@ def intrinsics_of(panel: Any) -> Intrinsics:
 
 
 def identifiers_of(panel: Any) -> Identifiers:
-    """Return what names the random streams of the panel's sequence, as in the generator."""
+    """Return the identifiers of the random streams of the panel's sequence, as in the generator."""
     return (panel.seed, panel.scene_name, panel.setting_name)
 
 
@@ -196,11 +196,11 @@ def preset_of(panel: Any, path: Path | None = None) -> Preset:
 
 
 def save_preset(panel: Any, path: Path) -> None:
-    """Write the preset that the panel describes. Raises NoisyWorldError; what was there stays then."""
+    """Write the preset that the panel describes. Raises NoisyWorldError; an existing file is then kept."""
     import yaml
 
     preset = preset_of(panel, path)
-    make_plan(preset)  # what cannot be generated is not saved either
+    make_plan(preset)  # raises for a preset that cannot be generated, which is then not saved
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -209,20 +209,20 @@ def save_preset(panel: Any, path: Path) -> None:
     panel.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
 
 
-# --- a document in the panel ---
+# --- a document into the panel ---
 
 
 def open_preset(panel: Any, path: Path, setting: str = "") -> None:
-    """Take a preset's file into the panel: its scene and one of its settings, by default the first that is not clean.
+    """Load a preset's file into the panel: its scene and one of its settings, by default the first that is not clean.
 
-    Raises InputError where it cannot be read, or says what the panel cannot show; the panel then stays as it was.
+    Raises InputError where it cannot be read, or has content that the panel cannot show; the panel is then unchanged.
     """
     _take(panel, read_preset(path), setting)
     panel.preset_path = str(path)
 
 
 def from_document(document: dict[str, Any], panel: Any, *, path: Path, setting: str = "") -> None:
-    """Take a preset's document into the panel, as if it stood in the file `path`: as open_preset."""
+    """Load a preset's document into the panel as open_preset does, as if it were read from the file `path`."""
     _take(panel, check_document(document, path), setting)
 
 
@@ -245,7 +245,7 @@ def _take(panel: Any, preset: Preset, wanted: str) -> None:
 
 
 def _refuse_unshown(preset: Preset) -> None:
-    """Refuse what the panel cannot show: opened and saved again, it would be lost."""
+    """Refuse content that the panel cannot show, as it would be lost when the preset is saved again."""
     spec = preset.spec
     scene = spec.scenes[0]
     trajectory = scene.trajectory
@@ -333,7 +333,7 @@ def take_step(item: Any, step: Step) -> None:
         item.temporal = step.temporal
     for name, value in step.given.items():
         if name in step.perturbation.severities:
-            setattr(group, OVERRIDE + name, True)  # this takes the severity's value, so it comes first
+            setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
         set_value(group, name, value)
 
 
@@ -341,7 +341,7 @@ def take_step(item: Any, step: Step) -> None:
 
 
 def add_step(panel: Any, name: str) -> int:
-    """Add a perturbation where the propagation order has it, behind its equals; return its place in the list."""
+    """Add a perturbation to the list in propagation order, after others of its name; return its index."""
     with told_once():
         item = panel.steps.add()
         item.perturbation = name
@@ -356,7 +356,7 @@ def add_step(panel: Any, name: str) -> int:
 
 
 def may_move(panel: Any, by: int) -> bool:
-    """Tell whether the selected entry may change places with the next in that direction: only with its equals."""
+    """Tell whether the selected entry may swap with its neighbour in this direction: only if their names are equal."""
     here, there = panel.active_step, panel.active_step + by
     if not (0 <= here < len(panel.steps) and 0 <= there < len(panel.steps)):
         return False

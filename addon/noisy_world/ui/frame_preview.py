@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A frame as the generator writes it, in the image editor, following the sliders: its colour, or its depth."""
+"""A frame's colour or depth as the generator writes it, shown in the image editor and following the sliders."""
 
 import time
 from collections import OrderedDict
@@ -32,19 +32,19 @@ from .properties import panel_of
 type Kind = Literal["COLOUR", "DEPTH"]
 
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
-STILLS_KEPT = 4  # of a scene: with desynchronisation sliders go from one to the next
+STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
-_took_s: dict[int, float] = {}  # by scene: how long the pictures took that followed
+_took_s: dict[int, float] = {}  # by scene: how long its pictures took when last drawn
 
 
 # --- what a frame looks like ---
 
 
 def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
-    """Return a clean frame of a scene, rendered the first time that it is asked for."""
+    """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
         (known[frame],) = render_stills(scene, [frame])
@@ -55,14 +55,14 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
 
 
 def forget(scene: bpy.types.Scene) -> None:
-    """Have a scene's frames rendered anew when they are next asked for."""
+    """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
     _stills.pop(scene.session_uid, None)
 
 
 def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
-    """Return the sequence that the panel describes, and which of its frames the scene stands at.
+    """Return the sequence that the panel describes, and which of its frames the current scene frame shows.
 
-    Raises NoisyWorldError where the panel is wrong.
+    Raises NoisyWorldError where a value of the panel is wrong.
     """
     panel = panel_of(scene)
     setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
@@ -72,10 +72,11 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
 
 
 def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
-    """Return a frame's colour (H, W, 3) as the generator perturbs it, and what it shows.
+    """Return a frame's colour (H, W, 3) as the generator perturbs it, and a caption.
 
-    index: of the scene's sequence, by default where the scene stands. Left of the panel's split it is as rendered.
-    Raises NoisyWorldError where the panel is wrong, the frame is left out, or a scratch file cannot be written.
+    index: of the frame in the panel's sequence, by default the current one. Left of the panel's split it is as
+    rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
+    cannot be written.
     """
     sequence, now = sequence_of(scene)
     index = now if index is None else index
@@ -96,18 +97,18 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
 
 
 def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
-    """Return colour (H, W, 3) as its file shows it: of a file in grey, the three channels alike."""
+    """Return colour (H, W, 3) as its file holds it; of a grey file, three equal channels."""
     if colour == "grey":
         return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
     return as_bytes(rgb)
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
-    """Return a frame's depth as the generator perturbs it, in colours (H, W, 3), and what it shows.
+    """Return a frame's depth as the generator perturbs it, as a colour image (H, W, 3), and a caption.
 
-    With desynchronisation (H, 2 W, 3): the frame's clean colour, and the depth that is paired with it beside. index: of
-    the scene's sequence, by default where the scene stands. Raises NoisyWorldError where the panel is wrong, the
-    frame is left out, or a scratch file cannot be written.
+    With desynchronisation (H, 2 W, 3): the frame's clean colour, and beside it the depth that is paired with it. index:
+    of the frame in the panel's sequence, by default the current one. Raises NoisyWorldError where a value of the panel
+    is wrong, the frame is left out, or a scratch file cannot be written.
     """
     sequence, now = sequence_of(scene)
     index = now if index is None else index
@@ -134,7 +135,7 @@ def _shown(sequence: Sequence, index: int) -> Shown:
 
 
 def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
-    """Return a clean frame as the generator has it: not rounded yet; lights of the user's may exceed 1."""
+    """Return a clean frame as the generator has it, not yet rounded, but clipped: the user's lights may exceed 1."""
     still = still_of(scene, source)
     assert still.rgb is not None
     return CleanFrame(source, RenderedFrame(np.clip(still.rgb, 0.0, 1.0), still.depth_m))
@@ -182,7 +183,7 @@ def _shown_in(area: bpy.types.Area) -> bpy.types.SpaceImageEditor:
 
 
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Show an image in an image editor: one that is open or, beside the sliders, half of the 3D view in use."""
+    """Show an image in an open image editor; without one, half of the 3D view in use becomes one."""
     areas = _editors()
     shown = next((area for area in areas if _shown_in(area).image == image), areas[0] if areas else None)
     fresh = shown is None and context.area is not None and context.area.type == "VIEW_3D"
@@ -199,7 +200,7 @@ def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
 
 
 def _split_off(context: bpy.types.Context) -> bpy.types.Area | None:
-    """Make the half of a view that is away from its sidebar an image editor."""
+    """Turn the half of a 3D view that is opposite its sidebar into an image editor."""
     view, known = context.area, {area.as_pointer() for area in context.screen.areas}
     if bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5) != {"FINISHED"}:
         return None
@@ -210,7 +211,7 @@ def _split_off(context: bpy.types.Context) -> bpy.types.Area | None:
 
 
 def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Area]]]:
-    """Return the pictures of a scene that image editors show: kind, frame, and the editors."""
+    """Return the pictures of a scene that image editors show: kind, frame and editors of each."""
     editors, found = _editors(), []
     for kind, index in _followed.get(scene.session_uid, {}).items():
         image = _image(kind)
@@ -221,7 +222,7 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Draw the pictures of a scene anew that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
+    """Redraw a scene's pictures that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
     began_s = time.perf_counter()
     for kind, index, areas in watching(scene):
         make_picture(scene, kind, index)
@@ -237,7 +238,7 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
 
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """A scene in which something was moved, edited or lit otherwise has to be rendered anew."""
+    """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
     if scene.session_uid not in _stills:
         return
     if any(_makes_stale(item, scene) for item in depsgraph.updates):
@@ -247,17 +248,17 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> bool:
     assert update.id is not None
     changed = update.id.original
-    if isinstance(changed, bpy.types.Action):  # those of chains are keyed by sliders
+    if isinstance(changed, bpy.types.Action):  # the sliders key actions of chains, which change no rendered frame
         animation = scene.camera.animation_data if scene.camera is not None else None
         return animation is not None and animation.action == changed
-    # Not collections: they are said to change whenever a scene is copied, as for each still.
+    # Not collections, which are reported as changed whenever a scene is copied, as for each still.
     moved = isinstance(changed, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform)
     return moved or isinstance(changed, CHANGES_PICTURE)
 
 
 @persistent
 def _forget_all(*_: object) -> None:
-    """Another file was opened."""
+    """Drop all rendered frames: another file was opened."""
     for kept in (_stills, _followed, _took_s):
         kept.clear()
 
@@ -273,7 +274,7 @@ class _Preview(OnScene):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Where there is a camera to see through."""
+        """Tell whether there is a camera to render from."""
         if not super().poll(context):
             return False
         if context.scene.camera is None:
@@ -315,13 +316,13 @@ Preview is on it follows the sliders"""
 
 
 def has_depth_steps(panel: Any) -> bool:
-    """Tell whether something is done to depth, or to what it is paired with."""
+    """Tell whether a step acts on depth or on its pairing."""
     kinds = (DepthPerturbation, PairingPerturbation)
     return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons; that of depth where something is done to it."""
+    """Draw the buttons; that of depth only if a step acts on it."""
     column = layout.column(align=True)
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
     if has_depth_steps(panel_of(context.scene)):
@@ -332,14 +333,14 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory((Pre
 
 
 def register() -> None:
-    """Register the operators, and watch for what makes a rendered frame stale."""
+    """Register the operators, and the handlers for changes that make rendered frames out of date."""
     _register_classes()
     bpy.app.handlers.depsgraph_update_post.append(_on_change)
     bpy.app.handlers.load_post.append(_forget_all)
 
 
 def unregister() -> None:
-    """Take them away; the pictures stay the file's."""
+    """Unregister them; the pictures stay in the file."""
     bpy.app.handlers.depsgraph_update_post.remove(_on_change)
     bpy.app.handlers.load_post.remove(_forget_all)
     _unregister_classes()

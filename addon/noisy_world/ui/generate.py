@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Generate: a Blender in the background makes what the panel describes, and the panel follows it."""
+"""Generate: a Blender in the background makes the dataset that the panel describes; the panel shows its progress."""
 
 import contextlib
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, st
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
 
-LOOK_EVERY_S = 0.2
+LOOK_EVERY_S = 0.2  # between polls of the run; chosen: smooth for a progress bar, and cheap
 
 
 class NoisyWorldGenerate(bpy.types.Operator):
@@ -37,7 +37,7 @@ class NoisyWorldGenerate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether a run may start: one at a time."""
+        """Tell whether a run may start: only one runs at a time."""
         if context.scene is None:
             return False
         if active_run() is not None:
@@ -50,7 +50,7 @@ class NoisyWorldGenerate(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Generate and wait for it, for scripts."""
+        """Generate and wait for the end, for scripts."""
         if not self._start(context):
             return {"CANCELLED"}
         assert self._run is not None
@@ -81,7 +81,7 @@ class NoisyWorldGenerate(bpy.types.Operator):
         return {"PASS_THROUGH"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """End the run with the window that it was started from."""
+        """End the run when the window that it was started from closes."""
         if self._run is not None:
             self._run.background.close()
             self._leave(context)
@@ -133,12 +133,12 @@ class NoisyWorldGenerateAnew(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _: bpy.types.Context) -> set[str]:
-        """Generate over what is there."""
+        """Generate and replace the dataset."""
         generate = bpy.ops.noisy_world.generate  # pyright: ignore[reportAttributeAccessIssue]  the operator above
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         try:
             result = generate(how, overwrite=True)
-        except RuntimeError as error:  # how Blender passes on what the operator reported
+        except RuntimeError as error:  # Blender raises what the operator reported as an error
             self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
         return {"CANCELLED"} if result == {"CANCELLED"} else {"FINISHED"}
@@ -194,7 +194,7 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons, and how the scene's run stands."""
+    """Draw the buttons, and the state of the scene's run."""
     column = layout.column()
     run = active_run()
     if run is None:
@@ -234,7 +234,7 @@ def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
 
 
 def redraw(context: bpy.types.Context) -> None:
-    """Have panels and status bar drawn anew."""
+    """Redraw panels and status bar."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -255,7 +255,7 @@ def _leave_file(*_: object) -> None:
 
 
 def register() -> None:
-    """Register the operators, the status bar's part and what ends a run with its file."""
+    """Register the operators, the part in the status bar, and the handlers that end a run when its file is closed."""
     _register_classes()
     bpy.types.STATUSBAR_HT_header.append(DRAWS)
     for handlers in LEAVING:
@@ -263,7 +263,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take all of it back; a run ends."""
+    """Unregister all of it, and end a run."""
     stop_all()
     for handlers in LEAVING:
         handlers.remove(_leave_file)

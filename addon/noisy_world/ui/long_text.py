@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: "IconItems" = "NONE") -> None:
-    """Write a text on as many lines as the region is narrow."""
+    """Write a text on as many lines as the region's width requires."""
     scale = context.preferences.system.ui_scale
     width = 220 * scale if context.region is None else context.region.width
     letters = max(16, int((width / scale - 60) / 6.2))

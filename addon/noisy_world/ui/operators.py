@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel's buttons do: read the properties, call a function, report."""
+"""The panel's buttons: each reads the properties, calls a function and reports."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ FILES = {"mesh": "PLY", "trajectory": "trajectory"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
-    """Do the work and report what it says; a user's mistake is an error in the status bar, and nothing finished."""
+    """Do the work and report its result; a user's mistake becomes an error in the status bar, and cancels."""
     window = bpy.context.window
     if window is not None:
         window.cursor_set("WAIT")
@@ -45,11 +45,11 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
 
 
 class OnScene(_Mixin):
-    """Poll: a scene of this file's own."""
+    """Poll: the scene belongs to this file."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Leave linked scenes alone."""
+        """Refuse linked scenes."""
         if world.is_editable(context.scene):
             return True
         cls.poll_message_set("The scene is linked from another file")
@@ -94,7 +94,7 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
 
 
 def show_colours(context: bpy.types.Context) -> None:
-    """Let the 3D view that is in use show vertex colours as they are, where it is in Solid shading."""
+    """Make the 3D view in use show vertex colours unchanged, if it is in Solid shading."""
     space = context.space_data
     if space is not None and space.type == "VIEW_3D" and space.shading.type == "SOLID":
         space.shading.color_type = "VERTEX"
@@ -194,7 +194,7 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
 
 
 class _MoveStep(_OnStep):
-    """Change places with a neighbour of the same name: all else is ordered by how an image comes about."""
+    """Swap with a neighbour of the same name; the order of all others is that of propagation."""
 
     by = 0
 
@@ -204,7 +204,7 @@ class _MoveStep(_OnStep):
         if not super().poll(context):
             return False
         if not may_move(panel_of(context.scene), cls.by):
-            cls.poll_message_set("The order is that in which an image comes about; only equals may change places")
+            cls.poll_message_set("The order is that of propagation; only perturbations of the same name can swap")
             return False
         return True
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sidebar's tab, section after section in the order of the work."""
+"""The sidebar's tab: its sections in the order of the work."""
 
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
@@ -132,13 +132,13 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
 
 
 def short_label(perturbation: Perturbation) -> str:
-    """Return a perturbation's name where its stage is told beside it."""
+    """Return a perturbation's name for a list that shows its stage beside it."""
     label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
     return title(label[0].upper() + label[1:])
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):
-    """The perturbations in the order in which an image comes about"""
+    """The perturbations in the order of propagation: motion, colour, depth, pairing"""
 
     def draw_item(
         self,
@@ -179,7 +179,7 @@ class NOISYWORLD_MT_add_step(bpy.types.Menu):
 
 
 def addable(stage: Stage) -> list[Perturbation]:
-    """Return what the list can hold of a stage: what has no fields of its own."""
+    """Return a stage's perturbations that the list can hold: those without fields of their own in the panel."""
     return [item for item in registry().values() if item.stage == stage and item.name not in OWN_FIELDS]
 
 
@@ -256,7 +256,7 @@ def _split_row(layout: bpy.types.UILayout) -> tuple[bpy.types.UILayout, bpy.type
 
 
 def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, name: str) -> None:
-    """Draw a parameter: by hand, or the severity's value with the toggle that takes it over."""
+    """Draw a parameter: its own value, or the severity's with the toggle that overrides it."""
     group = parameters_of(step)
     if name not in perturbation.severities or not step.use_severity:
         layout.prop(group, name)

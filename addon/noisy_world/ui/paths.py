@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The clean path and the deviated one in the 3D views, in two colours that differ for every eye."""
+"""The clean path and the deviated one in the 3D views, in two colours that every colour vision tells apart."""
 
 import json
 from dataclasses import dataclass
@@ -25,18 +25,18 @@ CLEAN_C2W = "noisy_world_clean_c2w"
 CLEAN_STAMPS_S = "noisy_world_clean_stamps_s"
 """A camera's custom property: the time stamps (N,) of its clean poses, seconds."""
 
-CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito, told apart with any colour vision
+CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito's palette for every colour vision
 DEVIATED_RGB = (0.90, 0.62, 0.0)
-HIDDEN_ALPHA = 0.75
+HIDDEN_ALPHA = 0.75  # of lines behind walls; this and the next are chosen by eye
 CLEAN_ICON, DEVIATED_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02"
 WIDTH_PX = 3.0
-TICKS = 60  # short lines along the path that show where the camera looks
+TICKS = 60  # at most: short lines along the path that show where the camera looks
 TICK_SHARE = 0.02  # of the path's extent
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is drawn for a scene, and what it was made from."""
+    """The lines drawn for a scene, and the values they were made from."""
 
     made_from: tuple[Any, ...]
     clean: Any
@@ -44,12 +44,12 @@ class Drawn:
 
 
 _drawn: dict[int, Drawn] = {}  # by scene
-_deviated: dict[tuple[Any, ...], NDArray[np.float64]] = {}  # the last: the keys and the lines both ask for it
+_deviated: dict[tuple[Any, ...], NDArray[np.float64]] = {}  # the last result: both the keys and the lines use it
 _handles: list[Any] = []
 
 
 def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Return the camera that has a clean path: the scene's or, if that has none, another one there."""
+    """Return the camera that has a clean path: the scene's active one or, if that has none, another of the scene."""
     if scene.camera is not None and CLEAN_C2W in scene.camera:
         return scene.camera
     return next((item for item in scene.objects if item.type == "CAMERA" and CLEAN_C2W in item), None)
@@ -62,7 +62,7 @@ def path_of(scene: bpy.types.Scene) -> Any | None:
 
 
 def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
-    """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene's own frames."""
+    """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene frames."""
     camera = _camera_of(scene)
     if camera is not None and CLEAN_STAMPS_S in camera:
         return np.array(camera[CLEAN_STAMPS_S], dtype=np.float64)
@@ -106,9 +106,9 @@ def chosen_frames(scene: bpy.types.Scene, count: int) -> NDArray[np.int64] | Non
 
 
 def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the poses (M, 4, 4) of the second line: those that are shown; None where the clean path says it all.
+    """Return the poses (M, 4, 4) of the second line, which are those that the sequence shows; None without that line.
 
-    That is so where only the panel's own speed leaves poses out: the line would be the same. Raises NoisyWorldError
+    There is none where only the panel's own speed leaves poses out, as the lines would be equal. Raises NoisyWorldError
     naming a perturbation that breaks its contract.
     """
     moved = deviated_poses(scene, c2w)
@@ -123,7 +123,7 @@ def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.
 
 
 def path_lines(c2w: NDArray[np.float64], origin_m: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the ends (2 M, 3) of the lines that show a path: between its places, and ticks where the camera looks."""
+    """Return the ends (2 M, 3) of the lines that show a path: between its positions, and ticks along the view."""
     places_m = c2w[:, :3, 3] - origin_m
     along_m = np.repeat(places_m, 2, axis=0)[1:-1]
     chosen = np.unique(np.linspace(0, len(c2w) - 1, min(TICKS, len(c2w))).round().astype(int))
@@ -133,7 +133,7 @@ def path_lines(c2w: NDArray[np.float64], origin_m: NDArray[np.float64]) -> NDArr
 
 
 def _batches(scene: bpy.types.Scene) -> Drawn | None:
-    """Return what is drawn for a scene, made anew only where the path or what is done to it has changed."""
+    """Return the lines for a scene, which are made again only if the path or its perturbations have changed."""
     values = path_of(scene)
     if values is None:
         _drawn.pop(scene.session_uid, None)
@@ -155,7 +155,7 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
         return Drawn(made_from, None, None)
     try:
         second = drawn_poses(scene, c2w)
-    except NoisyWorldError:  # `draw` says it in the panel
+    except NoisyWorldError:  # `draw` shows the message in the panel
         second = None
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
 
@@ -169,7 +169,7 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
 def _draw() -> None:
     context = bpy.context
     space = context.space_data
-    # Through the camera its own path would hide the picture.
+    # In the camera's view its own path would cover the picture.
     if not space.overlay.show_overlays or context.region_data.view_perspective == "CAMERA":
         return
     drawn = _batches(context.scene)
@@ -179,7 +179,7 @@ def _draw() -> None:
     gpu.state.blend_set("ALPHA")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", WIDTH_PX * context.preferences.system.ui_scale)
-    # What walls hide shines through: paths lead through rooms, which are looked at from outside.
+    # Lines behind walls are drawn too, more faintly: paths lead through rooms, which are viewed from outside.
     tests: tuple[tuple[Literal["NONE", "LESS_EQUAL"], float], ...] = (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0))
     for test, alpha in tests:
         gpu.state.depth_test_set(test)
@@ -195,7 +195,7 @@ def _draw() -> None:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the legend, where paths are drawn, and what is wrong with them."""
+    """Draw the legend of the paths that are drawn, and what is wrong with them."""
     scene = context.scene
     c2w = clean_poses(scene)
     if c2w is None:
@@ -212,12 +212,12 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 def register() -> None:
-    """Draw in all 3D views."""
+    """Start drawing in all 3D views."""
     _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Stop drawing."""
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     _drawn.clear()

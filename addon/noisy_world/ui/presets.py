@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets: where they lie, those shipped and one's own where Blender keeps presets; and the section of the tab."""
+"""The section of presets in the tab: those shipped, and the user's own in Blender's folder of presets."""
 
 import re
 from pathlib import Path
@@ -27,12 +27,12 @@ def shipped_folder() -> Path:
 
 
 def own_folder() -> Path:
-    """Return the folder of one's own presets; it need not be there yet."""
+    """Return the folder of the user's own presets, which may not exist yet."""
     return Path(bpy.utils.user_resource("SCRIPTS", path=FOLDER))
 
 
 def own_path(name: str) -> Path:
-    """Return the file of one's own preset of a name. Raises InputError for a name that no file can have."""
+    """Return the file of the user's own preset of this name. Raises InputError for a name that no file can have."""
     name = name.strip()
     if not re.fullmatch(r"[^\W.][\w .()-]*", name):
         raise InputError("Name", f"{name!r} cannot name a file", remedy="use letters, digits, spaces and dashes")
@@ -40,12 +40,12 @@ def own_path(name: str) -> Path:
 
 
 def is_own(path: str) -> bool:
-    """Tell whether a file lies among one's own presets."""
+    """Tell whether a file is one of the user's own presets."""
     return bool(path) and Path(path).parent == own_folder()
 
 
 def listed(folder: Path) -> list[Path]:
-    """Return the presets of a folder by name; none where there is no folder."""
+    """Return the presets of a folder, sorted by name; [] where there is no folder."""
     return sorted((path for path in folder.glob("*.yaml")), key=lambda path: path.stem.lower())
 
 
@@ -108,7 +108,7 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start from the preset in use, unless it is one that is shipped; or from a name that says what is in it."""
+        """Suggest the file of the preset in use unless that is shipped, else a name that describes the content."""
         panel = panel_of(context.scene)
         used = panel.preset_path
         beside = Path(bpy.data.filepath).parent
@@ -164,7 +164,7 @@ class NoisyWorldRemovePreset(OnScene, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Leave the shipped ones alone, and files elsewhere."""
+        """Refuse shipped presets and files elsewhere."""
         if not super().poll(context):
             return False
         if not is_own(panel_of(context.scene).preset_path):
@@ -173,7 +173,7 @@ class NoisyWorldRemovePreset(OnScene, bpy.types.Operator):
         return True
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask whether it is meant."""
+        """Ask for confirmation."""
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -197,7 +197,7 @@ class NOISYWORLD_MT_presets(bpy.types.Menu):
     bl_label = "Presets"
 
     def draw(self, _: bpy.types.Context) -> None:
-        """Draw them: one's own first."""
+        """Draw them, the user's own first."""
         own = listed(own_folder())
         list_presets(layout_of(self), own)
         if own:
@@ -223,7 +223,7 @@ def list_presets(layout: bpy.types.UILayout, paths: list[Path]) -> None:
 
 
 def preset_label(path: Path) -> str:
-    """Return a preset's name as a menu shows it: shipped ones are called as perturbations are."""
+    """Return a preset's name for a menu; shipped ones are named after their perturbations."""
     return title(path.stem) if path.is_relative_to(shipped_folder()) else path.stem
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel says, seen at once: the chain behind the view and the last render, following every slider."""
+"""The preview: the panel's perturbations on the view and on the last render, following every slider."""
 
 import time
 from collections.abc import Iterator
@@ -18,9 +18,10 @@ from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
-COSTLY_S = 0.5
-PAUSE_S = 0.3
-POLL_S = 0.05
+# Chosen by trying: slower pictures make a slider stick, so they wait for a pause.
+COSTLY_S = 0.5  # pictures that take longer wait for a pause
+PAUSE_S = 0.3  # without a change counts as a pause
+POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation_deg", "deviation_translation_m",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
@@ -29,7 +30,7 @@ RENDERED_BY = {
 SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RENDERED_BY
 """What a preview depends on."""
 
-_changed_s: dict[int, float] = {}  # by scene: when it last changed and was not shown yet
+_changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
 _errors: dict[int, str] = {}  # by scene
 
 
@@ -37,9 +38,9 @@ _errors: dict[int, str] = {}  # by scene
 
 
 def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
-    """Have the preview of a scene follow: its chain at once, its pictures in a pause where they are not quick.
+    """Update a scene's preview after a change: its chain at once, its pictures in the next pause if they are slow.
 
-    Blender draws all views anew whatever changes, so a chain that waited would only have them drawn twice.
+    Blender redraws all views on any change, so delaying the chain would only have them drawn twice.
     """
     if not isinstance(scene, bpy.types.Scene) or what not in SHOWN_BY:
         return
@@ -62,7 +63,7 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
 
 
 def _follow() -> float | None:
-    """Apply what is due; run again while something waits."""
+    """Draw what is due; return the seconds to the next call while something waits."""
     now_s = time.perf_counter()
     for scene in bpy.data.scenes:
         changed_s = _changed_s.get(scene.session_uid)
@@ -77,7 +78,7 @@ def _follow() -> float | None:
 
 
 def flush() -> None:
-    """Apply at once what waits."""
+    """Draw at once everything that waits."""
     for scene in bpy.data.scenes:
         if _changed_s.pop(scene.session_uid, None) is not None:
             apply(scene)
@@ -90,7 +91,7 @@ def is_costly(scene: bpy.types.Scene) -> bool:
 
 
 def apply(scene: bpy.types.Scene) -> None:
-    """Make a scene show what the panel says; what is wrong in it is kept for the panel to tell."""
+    """Show or hide a scene's chain as the panel says; keep the message on what is wrong for the panel."""
     if scene.library is not None:
         return
     with _errors_kept(scene):
@@ -103,7 +104,7 @@ def apply(scene: bpy.types.Scene) -> None:
 
 
 def draw_pictures(scene: bpy.types.Scene) -> None:
-    """Draw the pictures of a scene anew that an image editor shows, while it is in preview."""
+    """Redraw a scene's pictures that an image editor shows, while it is in preview."""
     if scene.library is None and panel_of(scene).preview and scene.session_uid not in _errors:
         with _errors_kept(scene):
             frame_preview.follow(scene)
@@ -120,7 +121,7 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def show(scene: bpy.types.Scene) -> None:
-    """Show a scene's perturbations of colour behind its render. Raises NoisyWorldError for what is wrong in it."""
+    """Show the panel's perturbations of colour on a scene's render. Raises NoisyWorldError for wrong values."""
     panel = panel_of(scene)
     sequence, _ = frame_preview.sequence_of(scene)
     refresh_chain(
@@ -134,7 +135,7 @@ def show(scene: bpy.types.Scene) -> None:
 
 
 def hide(scene: bpy.types.Scene) -> None:
-    """Give a scene back what it had before it was shown in preview."""
+    """Restore what a scene had before the preview."""
     hide_chain(scene)
     if scene.pop(DEVICE_CHANGED, False):
         scene.render.compositor_device = "GPU"
@@ -154,7 +155,7 @@ def is_software_gl() -> bool:
 
 @persistent
 def _touch_all(*_: Any) -> None:
-    """After undo and loading, the properties are right and what was made of them may not be."""
+    """Update all scenes: after undo or loading a file, their previews may not match their properties."""
     for scene in bpy.data.scenes:
         touch(scene, "preview")
 
@@ -167,11 +168,11 @@ def _resume() -> None:
     _touch_all()
 
 
-# --- what would falsify it ---
+# --- what would falsify the preview ---
 
 
 def falsified_by(scene: bpy.types.Scene) -> list[str]:
-    """Say what in a scene's colour management makes the preview another picture than the one that is written."""
+    """Return what in a scene's colour management makes the preview differ from the image that is written."""
     (display, view), found = _colour_management(scene), []
     if display.display_device != "sRGB":
         found.append(f"the display is {display.display_device}, not sRGB")
@@ -199,7 +200,7 @@ def _colour_management(
 
 
 def is_working_space_wrong() -> bool:
-    """Tell whether the file's colours are in another space than the groups convert from."""
+    """Tell whether the file's working colour space is not the one that the groups convert from."""
     return bpy.data.colorspace.working_space != "Linear Rec.709"
 
 
@@ -212,7 +213,7 @@ class UseStandardView(OnScene, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Where something is to be mended."""
+        """Tell whether something has to be changed."""
         if not super().poll(context):
             return False
         if not falsified_by(context.scene):
@@ -244,7 +245,7 @@ def use_standard_view(scene: bpy.types.Scene) -> None:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the section: the switch, the split, and what stands in the way of a true picture."""
+    """Draw the section: the switch, the split, and what would falsify the preview."""
     scene = context.scene
     panel = panel_of(scene)
     layout.prop(panel, "preview", toggle=True, icon="HIDE_OFF" if panel.preview else "HIDE_ON")
@@ -264,7 +265,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
         write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
         row = layout.row(align=True)
-        if scene.render.engine != "BLENDER_WORKBENCH":  # for which there is no such shading
+        if scene.render.engine != "BLENDER_WORKBENCH":  # which has no such shading
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
     if problems := falsified_by(scene):
@@ -290,19 +291,19 @@ _HANDLERS = ("undo_post", "redo_post", "load_post")
 
 
 def register() -> None:
-    """Follow the properties, undo and files that are opened."""
+    """Register the listeners to properties, undo and the opening of files."""
     bpy.utils.register_class(UseStandardView)
     views.register(_touch_view)
     frame_preview.register()
     properties.LISTENERS.append(touch)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).append(_touch_all)
-    # Blender's data cannot be seen while add-ons are registered.
+    # Later, as Blender's data cannot be accessed while add-ons are registered.
     bpy.app.timers.register(_resume, first_interval=0.0)
 
 
 def unregister() -> None:
-    """Leave nothing behind: no timer, no handler, and no chain that nobody could switch off."""
+    """Remove timer and handlers, and hide all chains, which could not be switched off any more."""
     for timer in (_follow, _resume):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel holds, as properties of a scene: derived from the dataclasses that presets are checked against."""
+"""The panel's content as properties of a scene, derived from the dataclasses that presets are checked against."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -25,18 +25,18 @@ from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title, told_once
 
-OUTPUT = OutputSpec().format  # what a new scene starts with
+OUTPUT = OutputSpec().format  # the format of a new scene
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import PropertyFlagItems
 
-OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
+OVERRIDE = "override_"  # + a parameter's name: whether its value overrides the severity's
 
 
 # --- perturbations ---
 
 
 def _parameters_class(perturbation: Perturbation) -> type:
-    """Make the group that holds a perturbation's parameters, and which of them stand over the severity's."""
+    """Return the property group of a perturbation's parameters, and of which of them override the severity's."""
     members: dict[str, Any] = {}
     for item in fields(perturbation.parameters):
         label = parameter_label(item.name)
@@ -54,7 +54,7 @@ def _parameters_class(perturbation: Perturbation) -> type:
 
 
 def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any, bpy.types.Context], None]:
-    """Make an update function: a parameter that is set by hand from now on starts at the severity's value."""
+    """Return an update function: a parameter that is to be set by hand starts with the severity's value."""
     told = tell("steps")
 
     def update(group: Any, context: bpy.types.Context) -> None:
@@ -68,7 +68,7 @@ def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any,
 
 
 def _snap_severity(step: Any, context: bpy.types.Context) -> None:
-    """Keep to what a severity may be: 0, 1 to 5; whole in dynamic mode, which draws from 0 to it."""
+    """Round a severity to an allowed value: 0, or 1 to 5; in dynamic mode, which draws from 0 to it, a whole number."""
     severity = step.severity
     if step.mode == "dynamic" or severity < SEVERITIES[0]:
         severity = float(int(severity + 0.5))
@@ -163,7 +163,7 @@ def active_step(panel: Any) -> Any | None:
 
 
 def _take_layout(panel: Any, context: bpy.types.Context) -> None:
-    """Take what the readers of a layout expect: its own images, colour and depth scale."""
+    """Set the layout's own image kind, colour and depth scale, which its readers expect."""
     own = OutputSpec(layout=panel.layout).format
     with told_once():
         if panel.image not in own.layout.images:
@@ -315,7 +315,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take them away; what a file holds stays in it."""
+    """Remove the properties; their values stay in the files."""
     del bpy.types.Scene.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  as above
     _unregister_classes()
     LISTENERS.clear()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of the generator on what a scene's panel describes, one at a time, each in a Blender in the background."""
+"""Runs of the generator on a scene's panel, one at a time, each in a Blender in the background."""
 
 import json
 import os
@@ -53,17 +53,17 @@ def generator_script() -> Path:
 def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
     """Return the command that makes a preset's dataset: with this Blender, or with this Python where it is the wheel's.
 
-    The Blender starts without the user's preferences: other add-ons could change what is rendered, and take their time.
+    That Blender starts without the user's preferences: other add-ons could change what is rendered, and take time.
     """
     words = [str(preset), "--out", str(out), *options]
     if bpy.app.binary_path:
-        # The packages are found all the same: Blender adds their folder first, and lets it be where no extension is on.
+        # The packages are found nevertheless: the generator adds the folder of the extensions' wheels by itself.
         return [bpy.app.binary_path, "-b", "--factory-startup", "-P", str(generator_script()), "--", *words]
     return [sys.executable, str(generator_script()), *words]
 
 
 def output_folder(panel: Any) -> Path:
-    """Return the dataset's folder. Raises InputError where it cannot be told."""
+    """Return the dataset's folder. Raises InputError where the panel names none."""
     text = panel.output_folder.strip()
     if not text:
         raise InputError("Output", "no folder is named", remedy="choose one")
@@ -73,7 +73,7 @@ def output_folder(panel: Any) -> Path:
 
 
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
-    """Start the generator on what a scene's panel describes. Raises NoisyWorldError where that cannot be made."""
+    """Start the generator on a scene's panel. Raises NoisyWorldError where its dataset cannot be made."""
     panel = panel_of(scene)
     out = output_folder(panel)
     preset_of(panel)  # what is wrong is told now, not when another Blender has started
@@ -93,18 +93,18 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
 
 
 def saved_preset(panel: Any) -> Path | None:
-    """Return the preset's file where it says what the panel says: with it the command line goes on with the dataset."""
+    """Return the preset's file if its content is the panel's, so that the command line can continue the dataset."""
     if not panel.preset_path:
         return None
     path = Path(bpy.path.abspath(panel.preset_path)).resolve()
     try:
         return path if _placed(read_preset(path)) == preset_of(panel).spec else None
-    except InputError:  # it was moved or spoilt since
+    except InputError:  # the file was moved or damaged since
         return None
 
 
 def _placed(preset: Preset) -> PresetSpec:
-    """Return what a preset says with whole paths, as the panel has them."""
+    """Return a preset's content with absolute paths, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
         return name if name in (None, EMBEDDED_ROOM) else (preset.path.parent / str(name)).resolve().as_posix()
@@ -119,7 +119,7 @@ def _placed(preset: Preset) -> PresetSpec:
 def temporary_preset(panel: Any, folder: Path) -> Path:
     """Write what the panel describes into a folder; return the file."""
     path = folder / "noisy_world.yaml"
-    # JSON is YAML, and numbers are as they were.
+    # JSON is YAML, and keeps numbers exactly.
     path.write_text(json.dumps(to_document(panel), indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 
@@ -130,12 +130,12 @@ def run_of(scene: bpy.types.Scene) -> SceneRun | None:
 
 
 def active_run() -> SceneRun | None:
-    """Return the run that is at work; there is one at most."""
+    """Return the active run; there is at most one."""
     return next((run for run in _RUNS.values() if run.background.active), None)
 
 
 def stop_all(*_: object) -> None:
-    """End what runs, for good: the file or Blender goes."""
+    """End the active run, as the file or Blender is about to close."""
     for run in _RUNS.values():
         run.background.close()
         run.tidy()
@@ -143,9 +143,9 @@ def stop_all(*_: object) -> None:
 
 
 def command_line(scene: bpy.types.Scene) -> str:
-    """Return the command that generates the same without windows, to be pasted into a shell.
+    """Return the command that generates the same dataset without windows, to paste into a shell.
 
-    Raises InputError where no preset's file says what the panel says.
+    Raises InputError where no preset's file has the panel's content.
     """
     panel = panel_of(scene)
     out = output_folder(panel)
@@ -157,7 +157,7 @@ def command_line(scene: bpy.types.Scene) -> str:
 
 
 def summary(run: SceneRun) -> str:
-    """Say how a run stands, in a few words."""
+    """Return a run's state in a few words."""
     state = run.background
     rate = f", {state.frames_per_s:.2f} frames/s" if state.frames_per_s else ""
     match state.phase:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 3D views that show a scene: their compositor switched on and given back, and how long their pictures take."""
+"""The 3D views that show a scene: switching their compositor on and back, and measuring how long they take to draw."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -12,16 +12,16 @@ from .properties import panel_of
 FORMER = "noisy_world_former_compositor"
 SHADED = ("MATERIAL", "RENDERED")
 
-_took_s: dict[int, float] = {}  # by scene: the last picture through the compositor
+_took_s: dict[int, float] = {}  # by scene: how long the last picture through the compositor took
 _began_s: dict[int, float] = {}  # by region
 _handles: list[Any] = []
 _on_mismatch: list[Callable[[bpy.types.Scene], None]] = []
 
 
 def sync_views() -> None:
-    """Switch the compositor on in the 3D views of windows that show a scene in preview; give back what others had.
+    """Switch the compositor on in the 3D views of windows that show a scene in preview; restore it in the others.
 
-    What a view had is kept in its screen, which undo leaves alone as it does the view.
+    A view's former state is stored in its screen, since undo changes neither.
     """
     for window in bpy.context.window_manager.windows:
         if panel_of(window.scene).preview:
@@ -31,32 +31,32 @@ def sync_views() -> None:
 
 
 def give_back_all() -> None:
-    """Give back what the views of all screens had."""
+    """Restore the former state of the views of all screens."""
     for screen in bpy.data.screens:
         give_back(screen)
 
 
 def switch_on(screen: bpy.types.Screen) -> None:
-    """Show the compositing in a screen's 3D views, once: whoever switches it off by hand is left alone."""
+    """Show the compositing in a screen's 3D views, only once: a user may then switch it off by hand."""
     if FORMER in screen:
         return
-    screen[FORMER] = {place: space.shading.use_compositor for place, space in _views(screen)}
+    screen[FORMER] = {view: space.shading.use_compositor for view, space in _views(screen)}
     for _, space in _views(screen):
         space.shading.use_compositor = "ALWAYS"
 
 
 def give_back(screen: bpy.types.Screen) -> None:
-    """Give a screen's 3D views back what they had."""
+    """Restore the former state of a screen's 3D views."""
     former = screen.pop(FORMER, None)
     if former is None:
         return
-    for place, space in _views(screen):
-        # A view that came since was split off one that is switched on.
-        space.shading.use_compositor = former.get(place, "DISABLED")
+    for view, space in _views(screen):
+        # A view without a stored state is newer: it was split off one that was switched on.
+        space.shading.use_compositor = former.get(view, "DISABLED")
 
 
 def redraw_sidebars() -> None:
-    """Have the tab drawn anew: what it says of the preview came after the slider had moved."""
+    """Redraw the tab, as its text on the preview may change after the slider has moved."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -73,12 +73,12 @@ def _views(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.SpaceView3
 
 
 def is_shaded(space: bpy.types.Space | None) -> bool:
-    """Tell whether a view is shaded in a way that composites."""
+    """Tell whether a view's shading shows the compositor's result."""
     return isinstance(space, bpy.types.SpaceView3D) and space.shading.type in SHADED
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
-    """Return how long the last picture of a scene took in a view that composites; 0 where none does now."""
+    """Return how long the last picture of a scene took in a view that composites; 0 if no view does now."""
     shown = any(
         is_shaded(area.spaces.active)
         for window in bpy.context.window_manager.windows
@@ -94,7 +94,7 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
 def _begin() -> None:
     context = bpy.context
     if panel_of(context.scene).preview != (FORMER in context.screen):
-        # The window has come to show another scene or workspace; while it is drawn nothing may be changed.
+        # The window shows another scene or workspace than before. Nothing may be changed while drawing.
         for listener in _on_mismatch:
             listener(context.scene)
     if is_shaded(context.space_data) and context.space_data.shading.use_compositor == "ALWAYS":
@@ -109,7 +109,7 @@ def _end() -> None:
 
 
 def register(on_mismatch: Callable[[bpy.types.Scene], None]) -> None:
-    """Measure what views take. on_mismatch: is told a scene whose view has to be switched on or back."""
+    """Start measuring views. on_mismatch: called with a scene whose view has to be switched on or back."""
     _on_mismatch.append(on_mismatch)
     view = bpy.types.SpaceView3D
     _handles.append(view.draw_handler_add(_begin, (), "WINDOW", "PRE_VIEW"))

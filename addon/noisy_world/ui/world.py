@@ -25,7 +25,7 @@ from .properties import panel_of
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 DISPLAY_COLOURS = "Display"
-FAR_M = 1000.0  # from here on float32 resolves less than 0.1 mm, and the scene is moved
+FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
 PATH_PROPERTIES = (
     "deviation_rotation_deg", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
 )  # fmt: skip
@@ -56,7 +56,7 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     set_origin(scene, _origin_m(mesh))
     loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
     loaded[OURS] = "mesh"
-    # Its colours are the light that was there; for shadows EEVEE would draw it several times more.
+    # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
     loaded.visible_shadow = False
     _add_display_colours(mesh_of(loaded), mesh)
     return loaded, mesh.notes
@@ -68,14 +68,14 @@ def _mesh_path(panel: Any) -> Path | None:
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the point to work around: the world's own origin, unless the mesh is far from it."""
+    """Return the point that becomes Blender's origin: the world's own, unless the mesh is far from it."""
     # Column by column numpy is ten times as fast as along the first axis.
     low_m, high_m = np.array([(column.min(), column.max()) for column in mesh.vertices_m.T]).T
     return np.rint((low_m + high_m) / 2) if max(np.abs(low_m).max(), np.abs(high_m).max()) > FAR_M else np.zeros(3)
 
 
 def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
-    """Add the colours for Solid shading, which takes float colours for linear light; what renders stays as it is."""
+    """Add colours for Solid shading, which reads float colours as linear light; those for rendering are not changed."""
     rendered = data.color_attributes.render_color_index
     colours = data.color_attributes.new(DISPLAY_COLOURS, "BYTE_COLOR", "POINT")
     rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
@@ -117,7 +117,7 @@ def load_path(scene: bpy.types.Scene) -> int:
 def key_camera(scene: bpy.types.Scene) -> None:
     """Key the camera along its path, deviated as the panel says, and set the timeline's range and step.
 
-    Raises NoisyWorldError naming a perturbation that breaks its contract; the keys then stay.
+    Raises NoisyWorldError naming a perturbation that breaks its contract; the keys are then kept.
     """
     camera = own_object(scene, "camera")
     if camera is None or CLEAN_C2W not in camera:
@@ -135,7 +135,7 @@ def key_camera(scene: bpy.types.Scene) -> None:
 
 
 def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
-    """Return the timeline's step that shows the chosen poses of so many; 1 where no step does."""
+    """Return the timeline's step that shows the chosen of `count` poses; 1 where no step does."""
     if chosen is None:
         return 1
     step = int(chosen[1] - chosen[0]) if len(chosen) > 1 else count
@@ -170,36 +170,36 @@ def apply_intrinsics(scene: bpy.types.Scene) -> None:
 
 
 def follow(scene: bpy.types.Scene, name: str) -> None:
-    """Let our camera follow the panel's sliders."""
+    """Update our camera after a change of the panel."""
     if not isinstance(scene, bpy.types.Scene) or not is_editable(scene):
         return
     if name in CAMERA:
         apply_intrinsics(scene)
     elif name in PATH_PROPERTIES or (name == "steps" and _keyed_otherwise(scene)):
-        with suppress(NoisyWorldError):  # the panel says it beside the legend of the paths
+        with suppress(NoisyWorldError):  # the panel shows the message beside the legend of the paths
             key_camera(scene)
 
 
 def _keyed_otherwise(scene: bpy.types.Scene) -> bool:
-    """Tell whether the list moves the camera otherwise than it is keyed: most changes in it do not touch the path."""
+    """Tell whether the list gives another path than the keyed one; most changes in it do not affect the path."""
     camera = own_object(scene, "camera")
     return camera is not None and camera.get(KEYED_BY, "[]") != json.dumps(listed_motion(panel_of(scene)))
 
 
 def register() -> None:
-    """Follow the sliders."""
+    """Register the listener to the panel."""
     LISTENERS.append(follow)
 
 
 def unregister() -> None:
-    """Follow no more, and keep no mesh in memory."""
+    """Unregister the listener, and drop meshes from memory."""
     forget_meshes()
     if follow in LISTENERS:
         LISTENERS.remove(follow)
 
 
 def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Say what is loaded, for the panel."""
+    """Return what is loaded, as sentences for the panel."""
     item = own_object(scene, "mesh")
     if item is None or not isinstance(item.data, bpy.types.Mesh):
         return ()
@@ -207,6 +207,6 @@ def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def poses(scene: bpy.types.Scene) -> int:
-    """Return how many poses our camera is keyed along; 0 without."""
+    """Return how many poses our camera is keyed along; 0 without a camera."""
     camera: Any = own_object(scene, "camera")
     return 0 if camera is None else len(camera.get(CLEAN_C2W, ())) // 16

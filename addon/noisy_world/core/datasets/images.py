@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 # 2.1; OpenCV's default chroma subsampling takes a noisy frame from 43 to 18 dB.
 JPEG_QUALITY = 98
 PNG_LEVEL = 1  # 16 ms a depth frame; level 9 saves a tenth of the bytes and takes forty times as long
-UINT16_MAX = 65535
+UINT16_MAX = 65535  # 2^16 - 1, the largest step of a depth image
 GREY_WEIGHTS_PER_MILLE = (299, 587, 114)  # of R, G and B: ITU-R BT.601
 
 

@@ -28,6 +28,7 @@ from .trajectory import Axes, Direction, Trajectory, convert_convention, evenly_
 
 type TrajectoryFormat = Literal["replica", "kitti", "tum"]
 
+# By the numbers on a line, which the module's docstring describes.
 _FORMATS: dict[int, TrajectoryFormat] = {16: "replica", 12: "kitti", 8: "tum"}
 _ONE_POSE_A_LINE = "a line holds one pose: 16 numbers (Replica), 12 (KITTI) or 8 (TUM)"
 

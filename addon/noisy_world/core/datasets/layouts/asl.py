@@ -29,7 +29,7 @@ from ..stored import StampedFile, read_text
 from .layout import lines
 
 STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
-LARGEST_NS = 2**63 - 1
+LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 years
 IMAGES_HEADER = "#timestamp [ns],filename"
 # The first columns of EuRoC's own header.
 POSES_HEADER = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"

@@ -243,7 +243,7 @@ _GLAZES = (
     pt.checks(["#c25a3c", "#b4553a", "#d98b5f", "#8a3f2c"], 0.02, 532),
 )
 
-SHELF_W_M, SHELF_H_M, SHELF_D_M = 2.46, 2.22, 0.32
+SHELF_W_M, SHELF_H_M, SHELF_D_M = 2.46, 2.22, 0.32  # width, height and depth
 
 
 def _shelf_fill(bay: int, level: int, width_m: float, room_m: float) -> Piece:
@@ -341,7 +341,7 @@ def _television() -> Piece:
     return joined([frame, *edge, image, *map(shadeless, feet + posts)])
 
 
-# The arrangement, like every size in this room, is designed, not measured.
+# Where pieces stand: like every size in this room, designed, not measured.
 TABLE_AT_M = (1.72, 0.30, 0.0)
 SIDEBOARD_AT_M = (3.228, -0.95, 0.0)
 CONSOLE_AT_M = (-1.30, -2.468, 0.0)

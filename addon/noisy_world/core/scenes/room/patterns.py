@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .surfaces import Array, Painter
 
-_MASK = 0xFFFFFFFF
+_MASK = 0xFFFFFFFF  # the lower 32 bits
 
 
 def colour(code: str) -> Array:
@@ -121,8 +121,8 @@ def _knots(u: Array, v: Array, seed: int) -> Array:
     )
 
 
-PLANK_M = (1.4, 0.125)
-GAP_M = 0.003
+PLANK_M = (1.4, 0.125)  # length and width of a board; like the other sizes in this room, designed, not measured
+GAP_M = 0.003  # between boards
 
 
 def plank_rows(length_m: float, inner: int) -> Array:
@@ -168,8 +168,8 @@ def beadboard(code: str, gap: str, seed: int) -> Painter:
     return paint
 
 
-BRICK_M = (0.22, 0.075)
-MORTAR_M = 0.010
+BRICK_M = (0.22, 0.075)  # length and height of a brick with its mortar
+MORTAR_M = 0.010  # width of a joint
 
 
 def brick_grid(u_length_m: float, v_length_m: float) -> tuple[Array, Array]:
@@ -220,7 +220,7 @@ def _leaf(u: Array, v: Array, length: Array, width: float) -> Array:
     return ramp(inside, 0.0, 0.45)
 
 
-SPRIG_M = (0.28, 0.35)
+SPRIG_M = (0.28, 0.35)  # width and height of the repeat
 
 
 def wallpaper(ground: str, leaf: str, berry: str, seed: int) -> Painter:
