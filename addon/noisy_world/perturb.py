@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .core.datasets.images import as_float
 from .core.datasets.layouts import find_sequence
 from .core.geometry import Intrinsics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
 from .core.perturbing.reading import parse_steps
-from .core.perturbing.steps import Setting
+from .core.perturbing.steps import Setting, Step
 from .core.planning.sequence import lay_out, written_paths
 from .core.schema import Place
 from .core.trajectories.sensor_paths import SensorPaths
@@ -62,28 +63,29 @@ def apply[Pixel: (np.uint8, np.float32)](
         (seed, "", ""),
         stamp_s=stamp_s,
         intrinsics=intrinsics,
-        read_rgb=None if rgb is None else lambda: _as_float(rgb),
+        read_rgb=None if rgb is None else lambda: as_float(rgb),
         read_depth_m=None if depth_m is None else lambda: depth_m,
     )
+    return _perturbed(step, image, where)
+
+
+def _perturbed(step: Step[Any], image: NDArray[Any], where: FrameContext) -> NDArray[Any]:
+    """Return the image, of the same type, after a step of colour or depth."""
     if isinstance(step.perturbation, DepthPerturbation):
         _check(image, image.ndim == 2 and image.dtype == np.float32, "(H, W) float32")
-        made_m, _ = perturb_depth([step], image, where)  # type: ignore[arg-type]
-        return image.copy() if made_m is None else made_m  # type: ignore[return-value]
+        made_m, _ = perturb_depth([step], image, where)
+        return image.copy() if made_m is None else made_m
     kinds = (np.uint8, np.float32)
     _check(image, image.ndim == 3 and image.shape[2] == 3 and image.dtype in kinds, "(H, W, 3) uint8 or float32")
     if image.dtype == np.uint8:
         pixels, _ = perturb_rgb([step], image, where)
-        return image.copy() if pixels is None else pixels  # type: ignore[return-value]
+        return image.copy() if pixels is None else pixels
     context = step.context(where)
     severity = step.severity_of(context)
     if severity == 0:
         return image.copy()
-    made = perturb_colour(step, image, severity, context)  # type: ignore[arg-type]
-    return np.clip(made, 0.0, 1.0)  # type: ignore[return-value]
-
-
-def _as_float(rgb: NDArray[Any]) -> NDArray[np.float32]:
-    return rgb / np.float32(255) if rgb.dtype == np.uint8 else rgb
+    made = perturb_colour(step, image, severity, context)
+    return np.clip(made, 0.0, 1.0)
 
 
 def _check(image: NDArray[Any], fits: bool, wanted: str) -> None:

@@ -26,12 +26,15 @@ class Contestant:
             stderr=self._log,
             text=True,
         )
-        self.start = self.answer()
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._orders, self._answers = self._process.stdin, self._process.stdout
+        self.start: Any = self.answer()  # a dict; of the hard cases a list
         self.turns: list[float] = []
 
     def answer(self) -> dict[str, Any]:
         """Wait for the next answer. Raises ContestantError where none comes."""
-        for line in self._process.stdout:
+        for line in self._answers:
             if line.startswith("@"):
                 return json.loads(line[1:])
         self._process.wait()
@@ -41,8 +44,8 @@ class Contestant:
 
     def send(self, **order: Any) -> None:
         """Give an order without waiting."""
-        self._process.stdin.write(json.dumps(order) + "\n")
-        self._process.stdin.flush()
+        self._orders.write(json.dumps(order) + "\n")
+        self._orders.flush()
 
     def ask(self, **order: Any) -> dict[str, Any]:
         """Give an order and wait for the answer."""
@@ -57,5 +60,5 @@ class Contestant:
 
     def stop(self) -> None:
         """End the process."""
-        self._process.stdin.close()
+        self._orders.close()
         self._process.wait()

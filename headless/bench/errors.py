@@ -20,7 +20,8 @@ def rgb_errors(folder: Path, reference: Path, frames: list[int]) -> dict[str, fl
     for frame in frames:
         mine, other = (rgb_bytes(np.load(place / f"{frame}.npz")["rgb"]) for place in (folder, reference))
         psnr.append(cv2.PSNR(mine, other))
-        similarity, _ = cv2.quality.QualitySSIM_compute(mine, other)
+        ssim_of = cv2.quality.QualitySSIM_compute  # pyright: ignore[reportAttributeAccessIssue]  not in OpenCV's stubs
+        similarity, _ = ssim_of(mine, other)
         ssim.append(float(np.mean(similarity[:3])))
     return {"psnr_db": float(np.mean(psnr)), "ssim": float(np.mean(ssim))}
 

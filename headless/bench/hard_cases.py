@@ -15,13 +15,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
 from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_mesh, rays
 from noisy_world.blender import session as session_module
-from noisy_world.blender.render import RenderedFrame
 from noisy_world.blender.session import Session
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.core.geometry import (
@@ -73,11 +73,22 @@ def main() -> None:
     print("@" + json.dumps([asdict(case()) for case in cases]), flush=True)
 
 
-def render(mesh: Mesh, c2w: np.ndarray, options: RenderOptions = OPTIONS, camera: Intrinsics = CAMERA) -> RenderedFrame:
+@dataclass(frozen=True)
+class Image:
+    """A rendered frame: colour (H, W, 3) and planar depth (H, W), metres."""
+
+    rgb: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+
+
+def render(mesh: Mesh, c2w: np.ndarray, options: RenderOptions = OPTIONS, camera: Intrinsics = CAMERA) -> Image:
     """Render one frame."""
     paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]))
     with Session(mesh, "case", paths, camera, options) as session:
-        return session.frame(paths.moment(0))
+        frame = session.frame(paths.moment(0))
+    assert frame.rgb is not None
+    assert frame.depth_m is not None
+    return Image(frame.rgb, frame.depth_m)
 
 
 def worst(depth_m: np.ndarray, true_m: np.ndarray, where: np.ndarray) -> float:

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.datasets.images import as_float, rgb_bytes
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.execution import perturb_colour
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.kinds import ColourPerturbation, FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.schema import Place
@@ -66,7 +66,7 @@ def composited(
 
 def errors(frames: NDArray[np.uint8]) -> str:
     """Compare what is not random, in float values, with the reference on a frame."""
-    rgb = frames[0] / np.float32(255)
+    rgb = as_float(frames[0])
     size_px = rgb.shape[1], rgb.shape[0]
     depth_m = slope(size_px)
     rows = []
@@ -76,7 +76,7 @@ def errors(frames: NDArray[np.uint8]) -> str:
             values = {"severity": severity, **GIVEN.get(name, {})}
             (step,) = parse_steps([{name: values}], Place("report"), registry())
             with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
-                found = compositor.evaluate(rgb, {"x": (0, (SEED, "", ""))}, depth_m)[0]["x"]
+                found = evaluated(compositor, rgb, depth_m)
             context = step.context(FrameContext(0, (SEED, "", ""), read_depth_m=lambda: depth_m))
             wanted = np.clip(perturb_colour(step, rgb, severity, context), 0, 1)
             apart = np.abs(found - wanted) * 255
@@ -86,10 +86,17 @@ def errors(frames: NDArray[np.uint8]) -> str:
     return "\n\n".join([text, tables.table(("perturbation", "1", "2", "3", "4", "5"), rows)])
 
 
+def evaluated(compositor: Compositor, rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what the chain "x" makes of the first frame of a sequence."""
+    image = compositor.evaluate(rgb, {"x": (0, (SEED, "", ""))}, depth_m)[0]["x"]
+    assert image is not None, "no severity is 0"
+    return image
+
+
 def times(names: Sequence[str], frames: NDArray[np.uint8], reference_ms: Mapping[str, float]) -> str:
     """Time every group alone beyond a pass-through, in turns with it, and all of severity 3 in one call."""
     size_px = frames.shape[2], frames.shape[1]
-    rgb, depth_m = frames[0] / np.float32(255), slope(size_px)
+    rgb, depth_m = as_float(frames[0]), slope(size_px)
     rows, nets = [], []
     for name in names:
         chains = {"none": (), **{f"{severity}": (step_of(name, severity),) for severity in (3, 5)}}
@@ -115,7 +122,9 @@ def building(names: Sequence[str]) -> str:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     start_s = time.perf_counter()
     for name in names:
-        ensure_group(build_group(registry()[name]))
+        perturbation = registry()[name]
+        assert isinstance(perturbation, ColourPerturbation)
+        ensure_group(build_group(perturbation))
     nodes = sum(len(tree.nodes) for tree in bpy.data.node_groups)
     return f"Making all {len(names)} groups, {nodes} nodes: {time.perf_counter() - start_s:.2f} s."
 
@@ -147,16 +156,17 @@ def previews(names: Sequence[str], frames: NDArray[np.uint8]) -> str:
     """Compare a preview at half size, scaled up, with the frame; and the frame itself, scaled down and up."""
     size_px = frames.shape[2], frames.shape[1]
     half_px = size_px[0] // 2, size_px[1] // 2
-    rgb, depth_m = frames[0] / np.float32(255), slope(size_px)
-    small, small_depth_m = cv2.resize(rgb, half_px, interpolation=cv2.INTER_AREA), slope(half_px)
+    rgb, depth_m = as_float(frames[0]), slope(size_px)
+    small = np.asarray(cv2.resize(rgb, half_px, interpolation=cv2.INTER_AREA), np.float32)
+    small_depth_m = slope(half_px)
     rows = []
     for name in names:
-        step, frame = step_of(name, 3), {"x": (0, (SEED, "", ""))}
+        step = step_of(name, 3)
         with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
-            whole = compositor.evaluate(rgb, frame, depth_m)[0]["x"]
+            whole = evaluated(compositor, rgb, depth_m)
         with Compositor(half_px, {"x": [step]}, size_px[0]) as compositor:
-            preview = compositor.evaluate(small, frame, small_depth_m)[0]["x"]
-        resampled = cv2.resize(whole, half_px, interpolation=cv2.INTER_AREA)
+            preview = evaluated(compositor, small, small_depth_m)
+        resampled = np.asarray(cv2.resize(whole, half_px, interpolation=cv2.INTER_AREA), np.float32)
         rows.append((name, *(f"{similarity(whole, item, size_px):.3f}" for item in (preview, resampled))))
     text = f"SSIM with the frame at severity 3, of what is {half_px[0]} x {half_px[1]}, scaled up."
     return "\n\n".join([text, tables.table(("perturbation", "preview", "frame, resampled"), rows)])
@@ -164,6 +174,7 @@ def previews(names: Sequence[str], frames: NDArray[np.uint8]) -> str:
 
 def similarity(whole: NDArray[np.float32], small: NDArray[np.float32], size_px: tuple[int, int]) -> float:
     """Return the SSIM of a frame and of a small picture, scaled up, as bytes, the mean of the channels."""
-    large = cv2.resize(small, size_px, interpolation=cv2.INTER_LINEAR)
-    values, _ = cv2.quality.QualitySSIM_compute(rgb_bytes(whole), rgb_bytes(large))
+    large = np.asarray(cv2.resize(small, size_px, interpolation=cv2.INTER_LINEAR), np.float32)
+    ssim_of = cv2.quality.QualitySSIM_compute  # pyright: ignore[reportAttributeAccessIssue]  not in OpenCV's stubs
+    values, _ = ssim_of(rgb_bytes(whole), rgb_bytes(large))
     return float(np.mean(values[:3]))

@@ -55,8 +55,7 @@ def main(arguments: list[str]) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     cv2.setNumThreads(2)
     keep_freed_memory()  # as the generator does
-    images = [cv2.resize(cv2.imread(str(path))[..., ::-1], SIZE_PX, interpolation=cv2.INTER_CUBIC) for path in paths]
-    frames = np.stack(images)
+    frames = np.stack([read_frame(path) for path in paths])
     coloured = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
     names = [item.name for item in coloured if not item.needs_depth]  # the peer's
     with tempfile.TemporaryDirectory() as folder:
@@ -79,6 +78,12 @@ def main(arguments: list[str]) -> int:
     (options.out / "perturbations.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     print(f"wrote {options.out / 'perturbations.md'}")
     return 0
+
+
+def read_frame(path: Path) -> NDArray[np.uint8]:
+    """Return an image file as a frame, (H, W, 3) RGB."""
+    rgb = np.asarray(cv2.imread(str(path)), np.uint8)[..., ::-1]
+    return np.asarray(cv2.resize(rgb, SIZE_PX, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def timed(call: Any, count: int) -> float:

@@ -98,15 +98,17 @@ def inventory() -> dict[str, Any]:
     """Tell what the scene asks of Blender and what this process has imported."""
     import bpy  # noqa: PLC0415
 
+    from noisy_world.blender.typed import cycles  # noqa: PLC0415
+
     scene = bpy.context.scene
     layer = scene.view_layers[0]
     passes = [name.removeprefix("use_pass_") for name in dir(layer) if name.startswith("use_pass_")]
     lights = [item for item in scene.objects if item.type == "LIGHT"]
-    samplers = [m for m in bpy.data.materials if m.cycles.emission_sampling != "NONE"]
+    samplers = [material for material in bpy.data.materials if cycles(material).emission_sampling != "NONE"]
     return {
         "passes": [name for name in passes if getattr(layer, f"use_pass_{name}") and "cryptomatte" not in name],
         "lights": len(lights) + len(samplers),
-        "bounces": scene.cycles.max_bounces,
+        "bounces": cycles(scene).max_bounces,
         "libraries": [name for name in LIBRARIES if name in sys.modules],
         **memory(),
     }
@@ -115,6 +117,8 @@ def inventory() -> dict[str, Any]:
 def switch_everything_on() -> None:
     """Make of the scene what a general-purpose set-up has: every geometry pass, a lamp, emission as light, bounces."""
     import bpy  # noqa: PLC0415
+
+    from noisy_world.blender.typed import cycles  # noqa: PLC0415
 
     scene = bpy.context.scene
     layer = scene.view_layers[0]
@@ -133,10 +137,10 @@ def switch_everything_on() -> None:
     lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
     scene.collection.objects.link(lamp)
     for material in bpy.data.materials:
-        material.cycles.emission_sampling = "AUTO"
-    scene.cycles.max_bounces = 12
-    scene.cycles.transparent_max_bounces = 8
-    scene.cycles.use_light_tree = True
+        cycles(material).emission_sampling = "AUTO"
+    cycles(scene).max_bounces = 12
+    cycles(scene).transparent_max_bounces = 8
+    cycles(scene).use_light_tree = True
 
 
 def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> list[str]:
@@ -156,7 +160,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     """Render surfaces of known depth; return their relative errors, off edges (largest, 99 %) and at them."""
     import numpy as np  # noqa: PLC0415
 
-    from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415  # noqa: PLC0415
+    from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415
     from noisy_world.blender.session import Session  # noqa: PLC0415
     from noisy_world.core.trajectories.sensor_paths import SensorPaths  # noqa: PLC0415
     from noisy_world.core.trajectories.trajectory import evenly_stamped  # noqa: PLC0415
@@ -177,6 +181,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     for name, (mesh, true_m, sure) in scenes.items():
         with Session(mesh, name, still, camera, options) as session:
             depth_m = session.frame(still.moment(0)).depth_m
+        assert depth_m is not None
         both = np.isfinite(true_m) & (depth_m > 0)
         error = np.abs(np.where(both, depth_m, 1.0) / np.where(both, true_m, 1.0) - 1)
         off, at = error[sure & both], error[~sure & both]

@@ -193,6 +193,7 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
     ours = renderer(work, "million", "million")
     embree = peers(work, "million", results).pop("embree", None)
     resident: dict[int, int] = {}
+    answer: dict[str, Any] = {}
     done = 1  # what it has rendered by itself
     turns = max(8, 2 * rounds)
     each = -(-(STEADY_FRAMES[1] - done) // turns)

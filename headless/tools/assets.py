@@ -11,6 +11,7 @@ import argparse
 import sys
 import uuid
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
@@ -64,6 +65,7 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     tree = ensure_group(graph)
     tree.asset_mark()
     asset = tree.asset_data
+    assert asset is not None
     asset.description = tree.description
     asset.author = "Noisy World"
     asset.license = "GPL-3.0-or-later"
@@ -78,8 +80,10 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     rgba = np.ones((PREVIEW_PX, PREVIEW_PX, 4), dtype=np.float32)
     rgba[..., :3] = small / np.float32(255)
     preview = tree.preview_ensure()
-    preview.image_size = (PREVIEW_PX, PREVIEW_PX)
-    preview.image_pixels_float.foreach_set(rgba.ravel())
+    size: Any = (PREVIEW_PX, PREVIEW_PX)  # the stubs have arrays of Blender's own only
+    values: Any = rgba.ravel()
+    preview.image_size = size
+    preview.image_pixels_float.foreach_set(values)
 
 
 def catalog_id(stage: str) -> str:

@@ -21,7 +21,7 @@ from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file
 
 JPEG_QUALITY = 95
 
-type Field = NDArray[np.float32]
+type Field = NDArray[np.floating]
 
 
 def main() -> int:
@@ -60,7 +60,7 @@ def _clouds(generator: np.random.Generator, largest_px: float, smallest_px: floa
 def _lit(height: Field, angle_deg: float, softness_px: float = 0.0) -> Field:
     """Return a relief lit from the side: its slope along a direction, of standard deviation 1, glints cut off."""
     if softness_px:
-        height = cv2.GaussianBlur(height, (0, 0), softness_px)
+        height = np.asarray(cv2.GaussianBlur(height, (0, 0), softness_px), height.dtype)
     angle = np.radians(angle_deg)
     slope = np.float32(np.cos(angle)) * cv2.Sobel(height, cv2.CV_32F, 1, 0)
     slope += np.float32(np.sin(angle)) * cv2.Sobel(height, cv2.CV_32F, 0, 1)
@@ -123,7 +123,7 @@ def _ferns(generator: np.random.Generator) -> Field:
             shades = np.clip(generator.normal(95 + 35 * layer + 10 * thick, 30) + generator.normal(0, 25, 3), 30, 255)
             for number, grey in enumerate(shades):
                 part = np.rint(segments[number::3] * 16).astype(np.int32)
-                cv2.polylines(canvas, part, False, float(grey), 1, cv2.LINE_AA, 4)
+                cv2.polylines(canvas, list(part), False, float(grey), 1, cv2.LINE_AA, 4)
         canvas = cv2.addWeighted(canvas, 0.9, cv2.GaussianBlur(canvas, (0, 0), 3), 0.12, 0.0)
     drawn = cv2.GaussianBlur(canvas, (0, 0), 0.6).astype(np.float32)
     drawn += 0.4 * cv2.GaussianBlur(drawn, (0, 0), 2.0)

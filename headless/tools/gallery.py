@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import ColourStage
+from noisy_world.core.perturbing.kinds import Stage
 from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)
@@ -52,14 +52,14 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def view(stage: ColourStage) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
+def view(stage: Stage) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
     """Return what is shown of a frame."""
     return whole if stage == "environment" else detail
 
 
 def whole(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the frame, as small as a tile."""
-    return cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(image, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "addon"))
@@ -30,11 +31,15 @@ import noisy_world
 from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsics
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scene import add_mesh
+from noisy_world.blender.typed import group_of, new_node, new_socket, new_tree, override, set_value
 from noisy_world.core.node_graphs.groups import build_group, socket_name
+from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.room import build_room
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
+from noisy_world.ui.preview import use_standard_view
+from noisy_world.ui.properties import panel_of
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -75,7 +80,7 @@ def photograph_groups(folder: Path) -> Iterator[float]:
     yield from until_drawn()
     photograph(folder / "compositor.jpg")
     view.ui_type = "OUTLINER"
-    open_tree(editor, ensure_group(build_group(registry()[OPENED])))
+    open_tree(editor, ensure_group(build_group(coloured(OPENED))))
     in_area(editor, bpy.ops.screen.screen_full_area)
     yield SETTLE_S
     in_area(largest("NODE_EDITOR"), bpy.ops.node.view_all)
@@ -94,14 +99,14 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     fill_panel(scene, view)
     yield from open_tab(view)
     show_camera(view)
-    view.spaces.active.shading.type = "SOLID"
+    shading_of(space_of(view)).type = "SOLID"
     yield from until_drawn()
     photograph(folder / "add_on_panel.jpg", part_of(view))
     look_from_above(view)
     yield from until_drawn()
     photograph(folder / "add_on_paths.jpg", part_of(view))
-    scene.noisy_world.preview = True
-    scene.noisy_world.preview_split = 0.5
+    panel_of(scene).preview = True
+    panel_of(scene).preview_split = 0.5
     scene.frame_set(FRAME)
     yield SETTLE_S
     show_camera(view)
@@ -109,7 +114,7 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     yield from scroll_to_end(view)  # only now does the tab say all that it has to
     yield from until_drawn()
     photograph(folder / "add_on_preview.jpg", part_of(view))
-    view.spaces.active.shading.type = "SOLID"
+    shading_of(space_of(view)).type = "SOLID"
     view.ui_type = "CompositorNodeTree"
     yield SETTLE_S
     open_chain(view, scene.compositing_node_group)
@@ -118,9 +123,9 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     yield from until_drawn()
     photograph(folder / "add_on_nodes.jpg", part_of(view))
     view.ui_type, whole = "VIEW_3D", part_of(view)
-    scene.noisy_world.preview_split = 0.0
+    panel_of(scene).preview_split = 0.0
     yield SETTLE_S
-    in_area(view, bpy.ops.noisy_world.preview_frame)  # beside what is left of the view
+    in_area(view, operators().preview_frame)  # beside what is left of the view
     yield from until_drawn()
     photograph(folder / "add_on_frame.jpg", whole)
     noisy_world.unregister()
@@ -128,28 +133,30 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
 
 def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
     """Load the room and a deviated path, and add perturbations, by the buttons of the panel."""
-    settings = scene.noisy_world
-    scene.view_settings.view_transform = "Standard"
+    panel = panel_of(scene)
+    use_standard_view(scene)
+    assert scene.eevee is not None
     scene.eevee.taa_samples = 4
     for name, value in PATH.items():
-        setattr(settings, name, value)
-    in_area(view, bpy.ops.noisy_world.load_scene)
-    in_area(view, bpy.ops.noisy_world.load_trajectory)
-    settings.deviation_rotation_deg = 2.0
-    settings.deviation_translation_m = 0.04
+        setattr(panel, name, value)
+    in_area(view, operators().load_scene)
+    in_area(view, operators().load_trajectory)
+    panel.deviation_rotation_deg = 2.0
+    panel.deviation_translation_m = 0.04
     for name, severity in PREVIEWED:
-        bpy.ops.noisy_world.add_step(perturbation=name)
-        settings.steps[settings.active_step].severity = severity
+        operators().add_step(perturbation=name)
+        panel.steps[panel.active_step].severity = severity
 
 
 def open_tab(view: bpy.types.Area) -> Iterator[float]:
     """Show the sidebar's tab beside the view, not over it; yields the seconds to wait."""
     bpy.context.preferences.system.use_region_overlap = False
-    view.spaces.active.show_region_ui = True
-    view.spaces.active.shading.light = "FLAT"
+    space_of(view).show_region_ui = True
+    shading_of(space_of(view)).light = "FLAT"
     window().cursor_warp(0, 0)  # no tooltips
     yield SETTLE_S
-    sidebar(view).active_panel_category = "Noisy World"
+    name: Any = "Noisy World"  # the stubs know the categories of no add-on
+    sidebar(view).active_panel_category = name
     yield SETTLE_S
 
 
@@ -160,7 +167,7 @@ def sidebar(area: bpy.types.Area) -> bpy.types.Region:
 
 def scroll_to_end(view: bpy.types.Area) -> Iterator[float]:
     """Scroll the sidebar to the sections that close the tab; yields the seconds to wait."""
-    with bpy.context.temp_override(window=window(), area=view, region=sidebar(view)):
+    with override(window=window(), area=view, region=sidebar(view)):
         for _ in range(100):
             bpy.ops.view2d.scroll_down()
     yield SETTLE_S
@@ -168,11 +175,12 @@ def scroll_to_end(view: bpy.types.Area) -> Iterator[float]:
 
 def look_from_above(view: bpy.types.Area) -> None:
     """Look into the room from above, through its ceiling and walls."""
-    space = view.spaces.active
+    space = space_of(view)
     space.overlay.show_overlays = True
-    space.shading.type = "SOLID"
-    space.shading.show_backface_culling = True
+    shading_of(space).type = "SOLID"
+    shading_of(space).show_backface_culling = True
     turned = space.region_3d
+    assert turned is not None
     turned.view_perspective = "PERSP"
     turned.view_rotation = Euler((math.radians(38), 0.0, math.radians(25))).to_quaternion()
     turned.view_location = (-0.4, -0.2, 1.3)
@@ -182,9 +190,9 @@ def look_from_above(view: bpy.types.Area) -> None:
 def open_chain(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
     """Open the preview's group and select the groups of the perturbations in it."""
     open_tree(editor, tree)
-    (node,) = (node for node in tree.nodes if node.type == "GROUP")
-    editor.spaces.active.path.append(node.node_tree, node=node)
-    for inner in node.node_tree.nodes:
+    (node,) = (node for node in tree.nodes if isinstance(node, bpy.types.CompositorNodeGroup))
+    editor_of(editor).path.append(group_of(node), node=node)
+    for inner in group_of(node).nodes:
         inner.select = inner.type == "GROUP"
 
 
@@ -194,7 +202,9 @@ def frame_selected(editor: bpy.types.Area) -> Iterator[float]:
     yield SETTLE_S
     for _ in range(3):
         in_area(editor, bpy.ops.view2d.zoom_out)
-    for node in editor.spaces.active.edit_tree.nodes:
+    tree = editor_of(editor).edit_tree
+    assert tree is not None
+    for node in tree.nodes:
         node.select = False
 
 
@@ -217,7 +227,7 @@ def prepare_scene() -> bpy.types.Scene:
     scene = bpy.context.scene
     for item in list(scene.objects):
         bpy.data.objects.remove(item)
-    scene.view_settings.view_transform = "Standard"
+    use_standard_view(scene)
     scene.render.engine = "BLENDER_EEVEE"
     add_mesh(scene, mesh, "Room", decoding="shader")
     camera = add_camera(scene, "Camera")
@@ -230,21 +240,21 @@ def prepare_scene() -> bpy.types.Scene:
 
 def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     """Chain the groups behind the render, as a person would drag them in."""
-    tree = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    tree = new_tree("Compositor")
+    new_socket(tree, "Image", "NodeSocketColor", output=True)
     node = tree.nodes.new("CompositorNodeRLayers")
     node.location = (-330, 0)
     last = node.outputs["Image"]
     for place, (name, severity) in enumerate(CHAIN):
-        perturbation = registry()[name]
-        node = tree.nodes.new("CompositorNodeGroup")
+        perturbation = coloured(name)
+        node = new_node(tree, bpy.types.CompositorNodeGroup)
         node.node_tree = ensure_group(build_group(perturbation))
         node.label = perturbation.label
         node.width = 230
         node.location = (290 * place, 60)
         for parameter in perturbation.severities:
             value = getattr(perturbation.at_severity(severity), parameter)
-            node.inputs[socket_name(parameter)].default_value = value
+            set_value(node.inputs[socket_name(parameter)], value)
         tree.links.new(last, node.inputs["Image"])
         last = node.outputs["Image"]
     end = tree.nodes.new("NodeGroupOutput")
@@ -259,6 +269,36 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
 def window() -> bpy.types.Window:
     """Return Blender's window."""
     return bpy.context.window_manager.windows[0]
+
+
+def operators() -> Any:
+    """Return the add-on's operators."""
+    return bpy.ops.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  there once the add-on is registered
+
+
+def coloured(name: str) -> ColourPerturbation:
+    """Return a perturbation of colour."""
+    perturbation = registry()[name]
+    assert isinstance(perturbation, ColourPerturbation)
+    return perturbation
+
+
+def space_of(view: bpy.types.Area) -> bpy.types.SpaceView3D:
+    """Return what a 3D view shows, and how."""
+    assert isinstance(view.spaces.active, bpy.types.SpaceView3D)
+    return view.spaces.active
+
+
+def shading_of(space: bpy.types.SpaceView3D) -> bpy.types.View3DShading:
+    """Return how a 3D view is shaded."""
+    assert space.shading is not None
+    return space.shading
+
+
+def editor_of(area: bpy.types.Area) -> bpy.types.SpaceNodeEditor:
+    """Return what a node editor shows."""
+    assert isinstance(area.spaces.active, bpy.types.SpaceNodeEditor)
+    return area.spaces.active
 
 
 def largest(kind: str) -> bpy.types.Area:
@@ -284,17 +324,18 @@ def split_window() -> tuple[bpy.types.Area, bpy.types.Area]:
 
 def show_camera(view: bpy.types.Area) -> None:
     """Look through the camera, with the compositor on."""
-    space = view.spaces.active
+    space = space_of(view)
+    assert space.region_3d is not None
     space.region_3d.view_perspective = "CAMERA"
-    space.shading.type = "RENDERED"
-    space.shading.use_compositor = "ALWAYS"
+    shading_of(space).type = "RENDERED"
+    shading_of(space).use_compositor = "ALWAYS"
     space.overlay.show_overlays = False
     in_area(view, bpy.ops.view3d.view_center_camera)
 
 
 def open_tree(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
     """Show a tree in a node editor."""
-    space = editor.spaces.active
+    space = editor_of(editor)
     space.pin = True
     space.node_tree = tree
     space.show_region_ui = False
@@ -304,7 +345,7 @@ def open_tree(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
 def in_area(area: bpy.types.Area, operator: Callable[[], object]) -> None:
     """Run an operator as if the mouse were over an area."""
     region = next(item for item in area.regions if item.type == "WINDOW")
-    with bpy.context.temp_override(window=window(), area=area, region=region):
+    with override(window=window(), area=area, region=region):
         operator()
 
 

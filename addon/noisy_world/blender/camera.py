@@ -15,6 +15,7 @@ from ..core.geometry import (
     rotation_from_quat_wxyz,
 )
 from .scene import get_origin
+from .typed import action_of, camera_of, interpolation, new_action
 
 SENSOR_WIDTH_MM = 36.0
 SMALLEST_PX = 4  # Blender renders no image that is narrower or lower
@@ -55,7 +56,7 @@ def set_intrinsics(
     aspect = intrinsics.fx_px / intrinsics.fy_px
     scene.render.pixel_aspect_x = max(1.0, 1.0 / aspect)
     scene.render.pixel_aspect_y = max(1.0, aspect)
-    data = camera.data
+    data = camera_of(camera)
     data.type = "PERSP"
     data.sensor_fit = "HORIZONTAL"
     data.sensor_width = SENSOR_WIDTH_MM
@@ -65,14 +66,15 @@ def set_intrinsics(
     data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2 - sample_offset_px) * aspect / width_px
     data.clip_start = near_m
     data.clip_end = far_m
+    assert data.dof is not None
     data.dof.use_dof = False
 
 
 def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64]) -> None:
     """Put a camera at a pose (4, 4), camera-to-world with OpenCV axes, metres."""
     blender_c2w = blender_from_opencv_c2w(c2w)
-    camera.location = blender_c2w[:3, 3] - get_origin(scene)
-    camera.rotation_quaternion = quat_wxyz_from_rotation(blender_c2w[:3, :3])
+    camera.location = (blender_c2w[:3, 3] - get_origin(scene)).tolist()
+    camera.rotation_quaternion = quat_wxyz_from_rotation(blender_c2w[:3, :3]).tolist()
 
 
 def key_trajectory(
@@ -86,9 +88,7 @@ def key_trajectory(
     location_m = blender_c2w[:, :3, 3] - get_origin(scene)
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(blender_c2w[:, :3, :3]))
     camera.animation_data_clear()
-    camera.animation_data_create()
-    action = bpy.data.actions.new(f"{camera.name} trajectory")
-    camera.animation_data.action = action
+    action = new_action(camera, f"{camera.name} trajectory")
     frames = np.arange(first_frame, first_frame + len(c2w))
     for path, values in (("location", location_m), ("rotation_quaternion", quat_wxyz)):
         for index, column in enumerate(values.T):
@@ -102,8 +102,7 @@ def _set_keys(curve: bpy.types.FCurve, frames: NDArray[np.int64], values: NDArra
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())
-    linear = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["LINEAR"].value
-    points.foreach_set("interpolation", np.full(len(frames), linear, dtype=np.int32))
+    points.foreach_set("interpolation", np.full(len(frames), interpolation("LINEAR"), dtype=np.int32))
     curve.update()
 
 
@@ -111,7 +110,7 @@ def read_trajectory_keys(
     scene: bpy.types.Scene, camera: bpy.types.Object, frames: NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """Return the poses (len(frames), 4, 4) float64 of the camera's curves, camera-to-world, OpenCV axes, metres."""
-    action = camera.animation_data.action
+    action = action_of(camera)
 
     def values(path: str, size: int) -> NDArray[np.float64]:
         curves = [action.fcurve_ensure_for_datablock(camera, path, index=index) for index in range(size)]

@@ -12,6 +12,18 @@ from ..core.node_graphs.chain import build_chain, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
 from .nodes import ensure_group, remove_group
+from .typed import (
+    action_of,
+    get_node,
+    get_value,
+    interface,
+    interpolation,
+    new_action,
+    new_node,
+    new_socket,
+    new_tree,
+    set_value,
+)
 
 PREVIOUS = "noisy_world_previous_compositing"
 DEPTH_ADDED = "noisy_world_depth_pass_added"
@@ -27,7 +39,7 @@ def make_chain(
     *,
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
-) -> bpy.types.NodeTree:
+) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
     A scene at frame k then shows what the generator writes as frame index_of(k), by default k, of the sequence that
@@ -78,8 +90,8 @@ def _set_step(
         past = [value for k, value in known if now is not None and k <= now]
         value = past[-1] if past else known[0][1]
         # Each assignment makes Blender look at all that uses the group.
-        if socket.default_value != (np.float32(value) if isinstance(value, float) else value):
-            socket.default_value = value
+        if get_value(socket) != (np.float32(value) if isinstance(value, float) else value):
+            set_value(socket, value)
         if len({value for _, value in known}) > 1:
             _key(tree, socket, known)
 
@@ -94,15 +106,13 @@ def _clear_keys(tree: bpy.types.NodeTree) -> None:
 def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
     """Key a socket: each value holds until the next key."""
     if tree.animation_data is None or tree.animation_data.action is None:
-        tree.animation_data_create()
-        tree.animation_data.action = bpy.data.actions.new(f"{tree.name} severity")
+        new_action(tree, f"{tree.name} severity")
     path = socket.path_from_id("default_value")
-    curve = tree.animation_data.action.fcurve_ensure_for_datablock(tree, path)
+    curve = action_of(tree).fcurve_ensure_for_datablock(tree, path)
     points = curve.keyframe_points
     points.add(len(values))
     points.foreach_set("co", np.array(values, dtype=np.float32).ravel())
-    constant = bpy.types.Keyframe.bl_rna.properties["interpolation"].enum_items["CONSTANT"].value
-    points.foreach_set("interpolation", np.full(len(values), constant, dtype=np.int32))
+    points.foreach_set("interpolation", np.full(len(values), interpolation("CONSTANT"), dtype=np.int32))
     curve.update()
 
 
@@ -119,7 +129,7 @@ def _remove_unused(groups: Sequence[bpy.types.NodeTree]) -> None:
 
 def show_chain(
     scene: bpy.types.Scene,
-    chain: bpy.types.NodeTree,
+    chain: bpy.types.CompositorNodeTree,
     *,
     image: bpy.types.Image | None = None,
     encoded: bool = False,
@@ -133,17 +143,17 @@ def show_chain(
     picture, from the left, shows what it was before.
     """
     own = None if image is not None else own_compositing(scene)
-    tree = bpy.data.node_groups.new(f"Preview of {scene.name}", "CompositorNodeTree")
+    tree = new_tree(f"Preview of {scene.name}")
     tree[SHOWN] = True
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    new_socket(tree, "Image", "NodeSocketColor", output=True)
     source = _source(tree, scene, image)
     before = source.outputs["Image"]
     if own is not None:
         before = _behind(tree, own, before)
-    group = tree.nodes.new("CompositorNodeGroup")
+    group = new_node(tree, bpy.types.CompositorNodeGroup)
     group.name, group.node_tree, group.width = GROUP, chain, 240
-    group.inputs["Encoded"].default_value = encoded
-    group.inputs["Reference Width"].default_value = reference_width_px or scene.render.resolution_x
+    set_value(group.inputs["Encoded"], encoded)
+    set_value(group.inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
     end = tree.nodes.new("NodeGroupOutput")
     for node, left in ((source, -300 if own is None else -600), (group, 0), (end, 300)):
         node.location = (left, 0)
@@ -164,18 +174,19 @@ def show_chain(
 
 
 def _source(tree: bpy.types.NodeTree, scene: bpy.types.Scene, image: bpy.types.Image | None) -> bpy.types.Node:
-    source = tree.nodes.new("CompositorNodeImage" if image is not None else "CompositorNodeRLayers")
-    source.name = SOURCE
     if image is not None:
-        source.image = image
-    else:
-        source.scene = scene
-    return source
+        shown = new_node(tree, bpy.types.CompositorNodeImage)
+        shown.name, shown.image = SOURCE, image
+        return shown
+    layers = new_node(tree, bpy.types.CompositorNodeRLayers)
+    layers.name, layers.scene = SOURCE, scene
+    return layers
 
 
 def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Put the scene's own compositing between the render and the chain; return its picture, if it has one."""
-    node = tree.nodes.new("CompositorNodeGroup")
+    assert isinstance(own, bpy.types.CompositorNodeTree)
+    node = new_node(tree, bpy.types.CompositorNodeGroup)
     node.name, node.node_tree, node.width = OWN, own, 240
     node.location, node.select = (-300, 0), False
     entry = next((socket for socket in node.inputs if socket.type == "RGBA"), None)
@@ -197,12 +208,20 @@ def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
     if node is None:
         node = tree.nodes.new("CompositorNodeSplit")
         node.name, node.location, node.select = SPLIT, (300, 0), False
-        node.inputs["Rotation"].default_value = math.pi / 2
+        set_value(node.inputs["Rotation"], math.pi / 2)
         first, second = (socket for socket in node.inputs if socket.type == "RGBA")
-        tree.links.new(group.inputs["Image"].links[0].from_socket, first)
+        tree.links.new(_linked_to(group.inputs["Image"]), first)
         tree.links.new(group.outputs["Image"], second)
         tree.links.new(node.outputs["Image"], end.inputs["Image"])
-    node.inputs["Position"].default_value = (split, 0.5)
+    set_value(node.inputs["Position"], (split, 0.5))
+
+
+def _linked_to(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    links = socket.links
+    assert links
+    source = links[0].from_socket
+    assert source is not None
+    return source
 
 
 def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
@@ -232,7 +251,7 @@ def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     if tree is None or SHOWN not in tree or not {SOURCE, GROUP} <= {node.name for node in tree.nodes}:
         return None
     of_another = getattr(tree.nodes[SOURCE], "scene", scene) != scene
-    return None if of_another else tree.nodes[GROUP].node_tree
+    return None if of_another else get_node(tree, GROUP, bpy.types.CompositorNodeGroup).node_tree
 
 
 def hide_chain(scene: bpy.types.Scene) -> None:
@@ -269,7 +288,7 @@ def refresh_chain(
     needed_depth = chain is not None and _takes_depth(chain)
     chain = make_chain(name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current)
     tree = scene.compositing_node_group
-    if shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
+    if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)
         return chain
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
@@ -278,12 +297,12 @@ def refresh_chain(
 
 
 def _takes_depth(chain: bpy.types.NodeTree) -> bool:
-    return any(item.name == "Depth" for item in chain.interface.items_tree)
+    return any(getattr(item, "name", "") == "Depth" for item in interface(chain).items_tree)
 
 
 def _set(socket: bpy.types.NodeSocket, value: int) -> None:
-    if socket.default_value != value:
-        socket.default_value = value
+    if get_value(socket) != value:
+        set_value(socket, value)
 
 
 def _free_name(name: str) -> str:

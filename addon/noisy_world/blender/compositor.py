@@ -16,6 +16,7 @@ from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from .nodes import ensure_group, remove_group
 from .render import muted_output, scratch_folder
+from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
 
 SCENE = "Noisy World compositor"
 FILES_PER_CALL = 16  # of float colour, so that memory does not grow with the number of settings
@@ -48,13 +49,13 @@ class Compositor:
         self._scratch = scratch_folder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), FILES_PER_CALL))
         self._folder = Path(self._scratch.name)
         self._scene = bpy.data.scenes.new(SCENE)
-        self._tree = bpy.data.node_groups.new(SCENE, "CompositorNodeTree")
+        self._tree = new_tree(SCENE)
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
         self._image = _float_image("Noisy World frame", size_px)
         self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
         self._configure()
-        self._nodes: dict[str, bpy.types.Node] = {}
-        self._files: dict[str, bpy.types.Node] = {}
+        self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
+        self._files: dict[str, bpy.types.CompositorNodeOutputFile] = {}
         self._wire(reference_width_px)
 
     def _configure(self) -> None:
@@ -74,15 +75,15 @@ class Compositor:
         frame = _image_node(tree, self._image)
         depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
         for place, (name, steps) in enumerate(self._chains.items()):
-            node = tree.nodes.new("CompositorNodeGroup")
+            node = new_node(tree, bpy.types.CompositorNodeGroup)
             node.node_tree = ensure_group(build_chain(f"NW chain {name}", steps))
-            node.inputs["Reference Width"].default_value = reference_width_px
-            node.inputs["Encoded"].default_value = True
+            set_value(node.inputs["Reference Width"], reference_width_px)
+            set_value(node.inputs["Encoded"], True)
             tree.links.new(frame.outputs["Image"], node.inputs["Image"])
             if depth is not None and "Depth" in node.inputs:
                 tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
             file = _file_node(tree, self._folder, f"{place}")
-            tree.links.new(node.outputs["Image"], file.inputs[0])
+            tree.links.new(node.outputs["Image"], inputs(file)[0])
             self._nodes[name] = node
             self._files[name] = file
 
@@ -125,7 +126,7 @@ class Compositor:
         return images, notes
 
     def _set_sockets(self, name: str, index: int, identifiers: Identifiers) -> tuple[bool, list[dict[str, Any]]]:
-        tree = self._nodes[name].node_tree
+        tree = group_of(self._nodes[name])
         values, notes = {}, []
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
@@ -133,9 +134,9 @@ class Compositor:
             )
             notes.append(note)
         for node_name, sockets in values.items():
-            inputs = tree.nodes[node_name].inputs
+            sockets_of = tree.nodes[node_name].inputs
             for socket_name, value in sockets.items():
-                inputs[socket_name].default_value = value
+                set_value(sockets_of[socket_name], value)
         return is_active(values), notes
 
     def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
@@ -144,11 +145,11 @@ class Compositor:
             np.divide(values, np.float32(255), out=self._rgba[..., :3], casting="unsafe")
         else:
             self._rgba[..., :3] = values
-        _fill(self._image, self._rgba)
+        set_pixels(self._image, self._rgba)
         if self._depth_image is not None and depth_m is not None:
             rgba = np.ones_like(self._rgba)
             rgba[..., :3] = depth_m[::-1, :, None]
-            _fill(self._depth_image, rgba)
+            set_pixels(self._depth_image, rgba)
 
     def _run(self, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         for name, file in self._files.items():
@@ -156,7 +157,7 @@ class Compositor:
         problem = ""
         try:
             # Not by the operator's own argument: that would move the scene to the active scene's frame.
-            with muted_output(), bpy.context.temp_override(scene=self._scene):
+            with muted_output(), override(scene=self._scene):
                 bpy.ops.render.render()
         except RuntimeError as error:  # how Blender reports that it could not write
             problem = str(error).strip().splitlines()[-1]
@@ -173,13 +174,13 @@ class Compositor:
             channels = layers.channels()
             axes = [np.ascontiguousarray(channels[f"{LAYER}.{axis}"].pixels) for axis in "XYZ"]
         path.unlink()
-        image = cv2.merge(axes).reshape(*axes[0].shape, 3)
+        image = np.asarray(cv2.merge(axes), np.float32).reshape(*axes[0].shape, 3)
         return image[:, :1] if self._one_pixel else image
 
     def close(self) -> None:
         """Remove everything that was made."""
         for node in self._nodes.values():
-            tree = node.node_tree
+            tree = group_of(node)
             node.node_tree = None
             remove_group(tree)
         self._nodes.clear()
@@ -199,31 +200,28 @@ class Compositor:
 
 def _float_image(name: str, size_px: tuple[int, int]) -> bpy.types.Image:
     image = bpy.data.images.new(name, *size_px, alpha=False, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
+    use_as_data(image)
     return image
 
 
 def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.Node:
-    node = tree.nodes.new("CompositorNodeImage")
+    node = new_node(tree, bpy.types.CompositorNodeImage)
     node.image = image
     return node
 
 
-def _file_node(tree: bpy.types.NodeTree, folder: Path, name: str) -> bpy.types.Node:
+def _file_node(tree: bpy.types.NodeTree, folder: Path, name: str) -> bpy.types.CompositorNodeOutputFile:
     """Add a node that writes an image as it is: float, no colour management, no compression."""
-    file = tree.nodes.new("CompositorNodeOutputFile")
+    file = new_node(tree, bpy.types.CompositorNodeOutputFile)
     file.directory = str(folder)
     file.file_name = name
     file.save_as_render = False
-    file.format.media_type = "MULTI_LAYER_IMAGE"
-    file.format.file_format = "OPEN_EXR_MULTILAYER"
-    file.format.color_depth = "32"
-    file.format.exr_codec = "NONE"
-    file.format.use_exr_interleave = True
+    file_format = file.format
+    assert file_format is not None
+    file_format.media_type = "MULTI_LAYER_IMAGE"
+    file_format.file_format = "OPEN_EXR_MULTILAYER"
+    file_format.color_depth = "32"
+    file_format.exr_codec = "NONE"
+    file_format.use_exr_interleave = True
     file.file_output_items.new("VECTOR", LAYER)
     return file
-
-
-def _fill(image: bpy.types.Image, rgba: NDArray[np.float32]) -> None:
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()

@@ -3,12 +3,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 
 from ..core.errors import MissingDependencyError
 from .render import muted_output
+from .typed import cycles as cycles_of
 
 type EngineName = Literal["cycles", "eevee", "workbench"]
 type Device = Literal["cpu", "gpu"]
@@ -64,7 +65,7 @@ def configure(
     engine.configure(scene, seed, samples)
     if device == "gpu":
         enable_gpu()
-        scene.cycles.device = "GPU"
+        cycles_of(scene).device = "GPU"
 
 
 def enable_gpu() -> str:
@@ -91,8 +92,8 @@ def enable_gpu() -> str:
 
 def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
     """No light, no bounce, no denoiser, no tile."""
-    scene.render.engine = "CYCLES"
-    cycles = scene.cycles
+    _set_engine(scene, "CYCLES")
+    cycles = cycles_of(scene)
     cycles.device = "CPU"
     cycles.seed = seed
     cycles.use_animated_seed = True
@@ -110,18 +111,20 @@ def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
 
 def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
     """No light, no shadow, no ray tracing; its samples follow a fixed pattern."""
-    scene.render.engine = "BLENDER_EEVEE"
+    _set_engine(scene, "BLENDER_EEVEE")
     scene.render.filter_size = AVERAGING_FILTER_PX if samples > 1 else 0.0
-    scene.eevee.use_shadows = False
-    scene.eevee.use_raytracing = False
-    scene.eevee.use_fast_gi = False
-    scene.eevee.use_overscan = False
+    eevee = _eevee(scene)
+    eevee.use_shadows = False
+    eevee.use_raytracing = False
+    eevee.use_fast_gi = False
+    eevee.use_overscan = False
 
 
 def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> None:
     """Flat colours of the attribute; nothing is random."""
-    scene.render.engine = "BLENDER_WORKBENCH"
-    shading = scene.display.shading
+    _set_engine(scene, "BLENDER_WORKBENCH")
+    shading = _display(scene).shading
+    assert shading is not None
     shading.light = "FLAT"
     shading.color_type = "VERTEX"
     shading.show_backface_culling = False
@@ -134,15 +137,31 @@ def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> N
 
 
 def _cycles_samples(scene: bpy.types.Scene, samples: int) -> None:
-    scene.cycles.samples = samples
+    cycles_of(scene).samples = samples
 
 
 def _eevee_samples(scene: bpy.types.Scene, samples: int) -> None:
-    scene.eevee.taa_render_samples = samples
+    _eevee(scene).taa_render_samples = samples
 
 
 def _workbench_samples(scene: bpy.types.Scene, samples: int) -> None:
-    scene.display.render_aa = "OFF" if samples == 1 else str(samples)
+    name: Any = "OFF" if samples == 1 else str(samples)  # which numbers there are the preset has checked
+    _display(scene).render_aa = name
+
+
+def _set_engine(scene: bpy.types.Scene, name: str) -> None:
+    engine: Any = name  # the stubs know none but EEVEE: the others are add-ons to them
+    scene.render.engine = engine
+
+
+def _eevee(scene: bpy.types.Scene) -> bpy.types.SceneEEVEE:
+    assert scene.eevee is not None
+    return scene.eevee
+
+
+def _display(scene: bpy.types.Scene) -> bpy.types.SceneDisplay:
+    assert scene.display is not None
+    return scene.display
 
 
 def filter_width_px(samples: int) -> float:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Node groups out of descriptions: made whole or not at all, found again where nothing changed, laid out to be read."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
+from .typed import new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
 
 STAMP = "noisy_world_stamp"
 PICTURE_VERSION = "noisy_world_version"
@@ -25,15 +26,15 @@ _SOCKET_TYPES = {
 }
 
 
-def ensure_group(graph: Graph) -> bpy.types.NodeTree:
+def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     """Return the node group of a description: the one in the file where it is the same, a new one in its place if not.
 
     What uses the old group uses the new one afterwards. Whatever fails, the file is left as it was.
     """
     old = _local(bpy.data.node_groups, graph.name)
-    if old is not None and old.get(STAMP) == graph.stamp:
+    if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp:
         return old
-    before = {*bpy.data.node_groups, *bpy.data.images}
+    before: set[bpy.types.ID] = {*bpy.data.node_groups, *bpy.data.images}
     try:
         tree = _build(graph)
     except BaseException:
@@ -56,14 +57,15 @@ def remove_group(tree: bpy.types.NodeTree) -> None:
                 remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.batch_remove([item])
 
 
-def _local(collection: bpy.types.bpy_prop_collection, name: str) -> bpy.types.ID | None:
+def _local[T: bpy.types.ID](collection: Iterable[T], name: str) -> T | None:
     return next((item for item in collection if item.name == name and item.library is None), None)
 
 
 def _remove_new(before: set[bpy.types.ID]) -> None:
-    for collection in (bpy.data.node_groups, bpy.data.images):
-        for item in [item for item in collection if item not in before]:
-            collection.remove(item)
+    for tree in [tree for tree in bpy.data.node_groups if tree not in before]:
+        bpy.data.node_groups.remove(tree)
+    for image in [image for image in bpy.data.images if image not in before]:
+        bpy.data.images.remove(image)
 
 
 def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
@@ -76,14 +78,14 @@ def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
 # --- building ---
 
 
-def _build(graph: Graph) -> bpy.types.NodeTree:
+def _build(graph: Graph) -> bpy.types.CompositorNodeTree:
     children = {number: ensure_group(node.group) for number, node in enumerate(graph.nodes) if node.group is not None}
-    tree = bpy.data.node_groups.new(f"{graph.name} (unfinished)", "CompositorNodeTree")
+    tree = new_tree(f"{graph.name} (unfinished)")
     tree.description = graph.description
     tree.color_tag = "FILTER"
     identifiers = {item.name: _add_input(tree, item) for item in graph.inputs}
     for item in graph.outputs:
-        socket = tree.interface.new_socket(item.name, in_out="OUTPUT", socket_type=_SOCKET_TYPES[item.kind])
+        socket = new_socket(tree, item.name, _SOCKET_TYPES[item.kind], output=True)
         socket.description = item.description
     plan = arrange(graph)
     frames = _frames(tree, plan)
@@ -97,8 +99,8 @@ def _build(graph: Graph) -> bpy.types.NodeTree:
                 source = _source(value, made, entries.get(graph.nodes[number].section), identifiers)
                 tree.links.new(source, target)
             else:
-                target.default_value = value
-    end = tree.nodes.new("NodeGroupOutput")
+                set_value(target, value)
+    end = new_node(tree, bpy.types.NodeGroupOutput)
     end.is_active_output = True
     end.location = plan.output
     for item in graph.outputs:
@@ -109,22 +111,24 @@ def _build(graph: Graph) -> bpy.types.NodeTree:
 
 
 def _add_input(tree: bpy.types.NodeTree, item: GroupInput) -> str:
-    socket = tree.interface.new_socket(item.name, in_out="INPUT", socket_type=_SOCKET_TYPES[item.kind])
+    socket = new_socket(tree, item.name, _SOCKET_TYPES[item.kind], output=False)
     socket.description = item.description
+    properties: dict[str, Any] = {}
     if item.kind in ("float", "int"):
-        socket.subtype = item.subtype
+        properties["subtype"] = item.subtype
         if item.minimum is not None:
-            socket.min_value = item.minimum
+            properties["min_value"] = item.minimum
         if item.maximum is not None:
-            socket.max_value = item.maximum
-    socket.default_value = item.default
+            properties["max_value"] = item.maximum
+    for name, value in (properties | {"default_value": item.default}).items():
+        setattr(socket, name, value)
     return socket.identifier
 
 
 def _frames(tree: bpy.types.NodeTree, plan: Arrangement) -> dict[str, bpy.types.Node]:
     frames = {}
     for label in plan.sections:
-        frame = tree.nodes.new("NodeFrame")
+        frame = new_node(tree, bpy.types.NodeFrame)
         frame.label = frame.name = label
         frame.shrink = True
         frames[label] = frame
@@ -133,12 +137,12 @@ def _frames(tree: bpy.types.NodeTree, plan: Arrangement) -> dict[str, bpy.types.
 
 def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | None) -> bpy.types.Node:
     node = tree.nodes.new(item.idname)
+    properties: dict[str, Any] = {}
     if child is not None:
-        node.node_tree = child
-        node.width = GROUP_WIDTH_PX
+        properties |= {"node_tree": child, "width": GROUP_WIDTH_PX}
     if item.picture is not None:
-        node.image = ensure_picture(item.picture)
-    for name, value in item.properties.items():
+        properties["image"] = ensure_picture(item.picture)
+    for name, value in (properties | dict(item.properties)).items():
         setattr(node, name, value)
     if item.label:
         node.label = item.label
@@ -221,7 +225,7 @@ def ensure_picture(picture: Picture) -> bpy.types.Image:
 
 def _packed_file(path: Path) -> bpy.types.Image:
     image = bpy.data.images.load(str(path))
-    image.colorspace_settings.name = "Non-Color"
+    use_as_data(image)
     image.pack()
     image.filepath_raw = f"//{path.name}"  # the file's own place is nobody's business
     return image
@@ -231,10 +235,9 @@ def _packed_pixels(name: str, pixels: NDArray[Any]) -> bpy.types.Image:
     height, width = pixels.shape[:2]
     is_float = pixels.dtype == np.float32
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=is_float)
-    image.colorspace_settings.name = "Non-Color"
+    use_as_data(image)
     values = np.ones((height, width, 4), dtype=np.float32)
     values[..., :3] = (pixels if is_float else pixels / np.float32(255)).reshape(height, width, -1)[::-1]
-    image.pixels.foreach_set(values.ravel())
-    image.update()
+    set_pixels(image, values)
     image.pack()
     return image

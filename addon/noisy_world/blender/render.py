@@ -13,9 +13,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import OutputFormat
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import StorageError
-from ..core.planning.source import Modality
+from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of a z-buffer
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
@@ -108,7 +108,7 @@ class FrameRenderer:
         if self._depth:
             depth_m = channels["Depth.Z"]
             # What hits nothing is at the far plane or, with Cycles, at 1e10.
-            far_m = self._scene.camera.data.clip_end * (1 - FAR_PLANE_TOLERANCE)
+            far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
             depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
         return RenderedFrame(colours, depth_m)
 

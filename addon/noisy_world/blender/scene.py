@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
+from .typed import cycles, inputs, new_node, node_tree, outputs, set_value
 
 COLOUR_ATTRIBUTE = "Col"
 MATERIAL = "Noisy World vertex colours"
 ORIGIN_PROPERTY = "noisy_world_origin_m"
 type Decoding = Literal["none", "shader", "attribute"]
 """Where display-encoded colours become linear light: nowhere, in the material's nodes, or before they are stored."""
+
+type _Operation = Literal["POWER", "MULTIPLY_ADD", "MULTIPLY", "CEIL", "SUBTRACT"]
 
 NEUTRAL_GREY = 128 / 255  # display-encoded; what a mesh without colours shows
 
@@ -50,9 +53,9 @@ def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decodin
     # An attribute takes an array of its own type as a whole; the vertices' "co" and the loops' "vertex_index" take a
     # value after the other, a second for a million.
     data.vertices.add(len(vertices_m))
-    data.attributes["position"].data.foreach_set("vector", vertices_m.ravel())
+    _set_attribute(data.attributes["position"], "vector", vertices_m.ravel())
     data.loops.add(len(mesh.corner_vertices))
-    data.attributes[".corner_vert"].data.foreach_set("value", np.ascontiguousarray(mesh.corner_vertices, np.int32))
+    _set_attribute(data.attributes[".corner_vert"], "value", np.ascontiguousarray(mesh.corner_vertices, np.int32))
     data.polygons.add(len(mesh.face_starts))
     data.polygons.foreach_set("loop_start", mesh.face_starts)
     data.update(calc_edges=True)
@@ -72,9 +75,15 @@ def _add_colours(data: bpy.types.Mesh, mesh: Mesh, *, decoded: bool) -> None:
     # FLOAT_COLOR keeps the display-encoded values untouched; BYTE_COLOR would be decoded before it is interpolated,
     # and colours between vertices would differ from what every viewer of such files shows.
     attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", "POINT")
-    attribute.data.foreach_set("color", rgba.ravel())
+    _set_attribute(attribute, "color", rgba.ravel())
     data.color_attributes.active_color = attribute
-    data.color_attributes.render_color_index = data.color_attributes.active_color_index
+    data.color_attributes.render_color_index = data.color_attributes.active_color_index or 0
+
+
+def _set_attribute(attribute: bpy.types.Attribute, field: str, values: NDArray[np.float32] | NDArray[np.int32]) -> None:
+    kinds = (bpy.types.FloatVectorAttribute, bpy.types.FloatColorAttribute, bpy.types.IntAttribute)
+    assert isinstance(attribute, kinds)
+    attribute.data.foreach_set(field, values)
 
 
 def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:
@@ -85,35 +94,35 @@ def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:
     """
     name = MATERIAL if decode_colours else f"{MATERIAL} (encoded)"
     material = bpy.data.materials.new(name)
-    tree = material.node_tree
+    tree = node_tree(material)
     tree.nodes.clear()
-    attribute = tree.nodes.new("ShaderNodeAttribute")
+    attribute = new_node(tree, bpy.types.ShaderNodeAttribute)
     attribute.attribute_name = COLOUR_ATTRIBUTE
     emission = tree.nodes.new("ShaderNodeEmission")
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    colour = attribute.outputs["Color"]
+    colour = outputs(attribute)["Color"]
     if decode_colours:
         colour = _linear_from_srgb(tree, colour)
     tree.links.new(colour, emission.inputs["Color"])
     tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
     _spread(tree)
     # Two million emissive triangles as lights cost seconds, and nothing here is lit by anything.
-    material.cycles.emission_sampling = "NONE"
+    cycles(material).emission_sampling = "NONE"
     return material
 
 
 def _linear_from_srgb(tree: bpy.types.NodeTree, encoded: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """Add the nodes of the sRGB decoding, a channel a component: a line below 0.04045, a power above."""
 
-    def vector_math(operation: str, *operands: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
-        node = tree.nodes.new("ShaderNodeVectorMath")
+    def vector_math(operation: _Operation, *operands: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
+        node = new_node(tree, bpy.types.ShaderNodeVectorMath)
         node.operation = operation
-        for socket, operand in zip(node.inputs, operands, strict=False):
-            if isinstance(operand, float):
-                socket.default_value = (operand,) * 3
-            else:
+        for socket, operand in zip(inputs(node), operands, strict=False):
+            if isinstance(operand, bpy.types.NodeSocket):
                 tree.links.new(operand, socket)
-        return node.outputs["Vector"]
+            else:
+                set_value(socket, (operand,) * 3)
+        return outputs(node)["Vector"]
 
     power = vector_math("POWER", vector_math("MULTIPLY_ADD", encoded, 1 / 1.055, 0.055 / 1.055), 2.4)
     line = vector_math("MULTIPLY", encoded, 1 / 12.92)

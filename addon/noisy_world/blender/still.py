@@ -7,6 +7,7 @@ import bpy
 
 from .engines import ENGINES, configure
 from .render import FrameRenderer, RenderedFrame
+from .typed import override
 
 SCENE = "Noisy World still"
 
@@ -44,6 +45,6 @@ def _configure(scene: bpy.types.Scene) -> None:
 
 def _render(renderer: FrameRenderer, scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     # By the operator's own argument it would be rendered at the active scene's frame.
-    with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+    with override(scene=scene, view_layer=scene.view_layers[0]):
         scene.frame_set(frame)
         return renderer.render()

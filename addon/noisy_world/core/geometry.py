@@ -113,7 +113,9 @@ def slerp(quat_a: ArrayLike, quat_b: ArrayLike, u: ArrayLike) -> Float64:
     turns = 2.0 * half_angle / np.pi
     # sin(u t) / sin(t) is u sinc(u t) / sinc(t), which does not divide by zero at t = 0; t is at most a quarter turn.
     whole = np.sinc(turns)
-    return _unit((1.0 - u) * np.sinc((1.0 - u) * turns) / whole * a + u * np.sinc(u * turns) / whole * b)
+    share_a = (1.0 - u) * np.sinc((1.0 - u) * turns) / whole
+    share_b = u * np.sinc(u * turns) / whole
+    return _unit(share_a * a + share_b * b)
 
 
 def nearest_rotation(matrix: ArrayLike) -> Float64:

@@ -11,9 +11,15 @@ import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError
+
+
+class Dataclass(Protocol):
+    """What @dataclass makes of a class."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ def key(
     values come from a registry, where a Literal would repeat them.
     """
     info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices)
-    return field(default=default, default_factory=default_factory, metadata={"key": info})  # type: ignore[call-overload]
+    return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ class Place:
         return InputError(self.file, problem, where=self.path, remedy=remedy)
 
 
-def parse[T](cls: type[T], value: object, place: Place) -> T:
+def parse[T: Dataclass](cls: type[T], value: object, place: Place) -> T:
     """Check `value` against the dataclass `cls` and build it; raise InputError on the first thing that is wrong.
 
     If `cls` has a class attribute `SHORTHAND`, a value that is not a mapping sets the field of that name.
@@ -88,7 +94,7 @@ def parse[T](cls: type[T], value: object, place: Place) -> T:
     if not isinstance(value, Mapping):
         raise place.error(f"is {describe(value)}, but has to be a mapping of {', '.join(_names(cls))}")
     hints = get_type_hints(cls)
-    known = {item.name: item for item in fields(cls)}  # type: ignore[arg-type]
+    known = {item.name: item for item in fields(cls)}
     for name in value:
         if name not in known:
             raise unknown_name(place.at(str(name)), "key", str(name), list(known))
@@ -98,7 +104,8 @@ def parse[T](cls: type[T], value: object, place: Place) -> T:
             arguments[name] = _parse_value(hints[name], value[name], place.at(name), item)
         elif item.default is MISSING and item.default_factory is MISSING:
             raise place.at(name).error("is missing", f"add it: {item.metadata['key'].meaning}")
-    return cls(**arguments)
+    make: Callable[..., T] = cls
+    return make(**arguments)
 
 
 def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
@@ -127,7 +134,7 @@ def describe(value: object) -> str:
             return f"a {type(value).__name__}"
 
 
-def _names(cls: type) -> list[str]:
+def _names(cls: type[Dataclass]) -> list[str]:
     return [item.name for item in fields(cls)]
 
 
@@ -145,7 +152,7 @@ def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> An
         return _parse_choice(tuple(choices), value, place)
     if origin is tuple:
         return _parse_list(get_args(hint), value, place, item)
-    if is_dataclass(hint) and isinstance(hint, type):
+    if isinstance(hint, type) and is_dataclass(hint):
         return parse(hint, value, place)
     if hint is Any:  # checked later, by the code that uses it
         return value
@@ -174,22 +181,18 @@ def _parse_list(hints: tuple[Any, ...], value: object, place: Place, item: Field
 
 
 def _parse_plain(hint: type, value: object, place: Place, info: KeyInfo) -> object:
+    if hint in (int, float) and isinstance(value, (int, float)) and not isinstance(value, bool):
+        if hint is float or isinstance(value, int) or value.is_integer():
+            return _parse_number(hint, value, place, info)
+    elif hint is str and isinstance(value, str):
+        if info.pattern and (problem := info.pattern(value)):
+            raise place.error(problem)
+        return value
+    elif hint is bool and isinstance(value, bool):
+        return value
     wanted = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}[hint]
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    fits = {
-        int: is_number and (isinstance(value, int) or float(value).is_integer()),  # type: ignore[arg-type]
-        float: is_number,
-        str: isinstance(value, str),
-        bool: isinstance(value, bool),
-    }[hint]
-    if not fits:
-        remedy = "put it in quotes" if hint is str and isinstance(value, (bool, int, float)) else ""
-        raise place.error(f"is {describe(value)}, but has to be {wanted}", remedy)
-    if hint in (int, float):
-        return _parse_number(hint, value, place, info)  # type: ignore[arg-type]
-    if hint is str and info.pattern and (problem := info.pattern(value)):  # type: ignore[arg-type]
-        raise place.error(problem)
-    return value
+    remedy = "put it in quotes" if hint is str and isinstance(value, (bool, int, float)) else ""
+    raise place.error(f"is {describe(value)}, but has to be {wanted}", remedy)
 
 
 def _parse_number(hint: type, value: float, place: Place, info: KeyInfo) -> float:
@@ -224,14 +227,14 @@ def allowed_range(info: KeyInfo) -> str:
     return f"at most {info.maximum:g}{_unit(info)}" if info.maximum is not None else ""
 
 
-def list_keys(cls: type, prefix: str = "") -> Iterator[tuple[str, str]]:
+def list_keys(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield (key, meaning with default, unit and range) for a dataclass and the dataclasses inside it, in order."""
     hints = get_type_hints(cls)
     for item in fields(cls):
         info: KeyInfo = item.metadata["key"]
         hint, suffix = _unwrap(hints[item.name])
         yield f"{prefix}{item.name}{suffix}", _explain(item, info, hint)
-        if is_dataclass(hint) and isinstance(hint, type):
+        if isinstance(hint, type) and is_dataclass(hint):
             yield from list_keys(hint, f"{prefix}{item.name}{suffix}.")
 
 

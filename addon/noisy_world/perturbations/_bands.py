@@ -2,6 +2,7 @@
 """Working on an image in bands of rows."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ ROWS = 32
 
 
 def by_bands[T: np.generic, U: np.generic](
-    image: NDArray[T], dtype: np.dtype[U], perturb: Callable[[NDArray[T]], NDArray[U]]
+    image: NDArray[T], dtype: np.dtype[U], perturb: Callable[[NDArray[T]], NDArray[Any]]
 ) -> NDArray[U]:
     """Apply `perturb`, which returns arrays of `dtype`, to bands of 32 rows from the top down; return the whole image.
 

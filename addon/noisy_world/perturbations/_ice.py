@@ -46,9 +46,9 @@ def ice(number: int) -> NDArray[np.uint8]:
 
     item = PICTURES[number]
     encoded = np.frombuffer(picture_file(item.name).read_bytes(), dtype=np.uint8)
-    grey = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE)
+    grey = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
     levels = np.arange(256, dtype=np.float32)[:, None] / np.float32(255)
-    shadow, light = np.float32(item.shadow_rgb), np.float32(item.light_rgb)
+    shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)
     table = levels * (shadow + (light - shadow) * levels)
     picture = np.rint(np.clip(table, 0, 1) * np.float32(255)).astype(np.uint8)[grey]
     picture.flags.writeable = False

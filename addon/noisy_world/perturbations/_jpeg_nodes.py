@@ -110,7 +110,7 @@ def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
     per_pixel = graph.math("DIVIDE", (1.0, -1.0, 1.0), frame.frame)
     upper = graph.math("MULTIPLY_ADD", position + PIXEL_CENTRE, per_pixel, TOP)
     lower = upper - frame.planes * TOP / frame.frame
-    luma = [sample(graph, ycc, where).r for where in (upper, lower)]
+    upper_luma, lower_luma = (sample(graph, ycc, where).r for where in (upper, lower))
 
     pair = graph.math("MODULO", position, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
     last = graph.math("MULTIPLY_ADD", frame.chroma, TOP, (1e6, -1.0, 0.0), label="Last row")
@@ -121,7 +121,7 @@ def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
     is_odd = graph.math("FLOORED_MODULO", pair.x, 2.0)
     rounding = graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
     chroma = graph.mix(mean.g, mean.b, position.x > pair.x) + rounding
-    return graph.math("FLOOR", graph.vector(*luma, chroma)) - CENTRE
+    return graph.math("FLOOR", graph.vector(upper_luma, lower_luma, chroma)) - CENTRE
 
 
 def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket) -> Socket:

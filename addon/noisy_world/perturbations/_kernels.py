@@ -49,7 +49,7 @@ def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArra
     import cv2
 
     if np.count_nonzero(kernel) > _DENSE:
-        return cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.filter2D(image, -1, kernel, borderType=cv2.BORDER_REPLICATE), np.float32)
     height, width = image.shape[:2]
     middle = kernel.shape[0] // 2
     pieces = list(_pieces(kernel, 0, 0))
@@ -57,13 +57,13 @@ def correlate(image: NDArray[np.float32], kernel: NDArray[np.float32]) -> NDArra
     left = middle - min(column for _, column, _ in pieces)
     bottom = max(row + piece.shape[0] for row, _, piece in pieces) - 1 - middle
     right = max(column + piece.shape[1] for _, column, piece in pieces) - 1 - middle
-    margins = [max(side, 0) for side in (top, bottom, left, right)]
-    padded = cv2.copyMakeBorder(image, *margins, cv2.BORDER_REPLICATE)
+    top, bottom, left, right = (max(side, 0) for side in (top, bottom, left, right))
+    padded = cv2.copyMakeBorder(image, top, bottom, left, right, cv2.BORDER_REPLICATE)
     total: NDArray[np.float32] | None = None
     for row, column, piece in pieces:
-        y, x = margins[0] + row - middle, margins[2] + column - middle
+        y, x = top + row - middle, left + column - middle
         part = padded[y : y + height + piece.shape[0] - 1, x : x + width + piece.shape[1] - 1]
-        result = cv2.filter2D(part, -1, piece, anchor=(0, 0))[:height, :width]
+        result = np.asarray(cv2.filter2D(part, -1, piece, anchor=(0, 0)), np.float32)[:height, :width]
         total = result if total is None else np.add(total, result, out=total)
     assert total is not None
     return total
@@ -93,4 +93,5 @@ def gaussian(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]
     if sigma_px == 0:
         return image.copy()
     size = 2 * int(4 * sigma_px + 0.5) + 1
-    return cv2.GaussianBlur(image, (size, size), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    blurred = cv2.GaussianBlur(image, (size, size), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred, np.float32)

@@ -30,7 +30,7 @@ def kept_for_sequence[**P, T](
             return draw(context, *args, **kwargs)
         # Leave out what belongs to one frame: else the cache would miss, and keep the frame's images in memory.
         alone = replace(context, index=0, stamp_s=None, intrinsics=None, read_rgb=None, read_depth_m=None)
-        return kept(alone, *args, **kwargs)  # type: ignore[arg-type]
+        return kept(alone, *args, **kwargs)
 
     return pick
 
@@ -47,11 +47,12 @@ def torus_window(
     rows, columns = start[0] % field.shape[0], start[1] % field.shape[1]
     matrix = np.array([[step[1], 0.0, columns], [0.0, step[0], rows]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return cv2.warpAffine(field, matrix, (size[1], size[0]), flags=flags, borderMode=cv2.BORDER_WRAP)
+    seen = cv2.warpAffine(field, matrix, (size[1], size[0]), flags=flags, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(seen, np.float32)
 
 
 def three_channels(layer: NDArray[np.float32]) -> NDArray[np.float32]:
     """Repeat (H, W) to (H, W, 3). Adding the result to an image is ten times as fast as broadcasting (H, W, 1)."""
     import cv2
 
-    return cv2.merge([layer, layer, layer])
+    return np.asarray(cv2.merge([layer, layer, layer]), np.float32)

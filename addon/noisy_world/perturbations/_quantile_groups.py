@@ -74,12 +74,14 @@ def _few(mean: Socket, uniform: Socket) -> Socket:
     """Return how many of the probabilities of 0, 1, 2, ..., summed in this order, stay below `uniform`."""
     graph = mean.graph
     probability = graph.math("POWER", (1 / 2.718281828,) * 3, mean)
-    count, left = None, uniform
+    count: Socket | None = None
+    left = uniform
     for number in range(1, MOST_OF_FEW + 1):
         left = left - probability
         fits = graph.math("SIGN", graph.math("MAXIMUM", left, 0.0))
         count = fits if count is None else count + fits
         probability = probability * (mean * (1 / number))
+    assert count is not None
     return count
 
 

@@ -22,11 +22,11 @@ def uniform_codes(generator: np.random.Generator, shape: tuple[int, ...]) -> NDA
     return words.astype("<u8", copy=False).view(np.uint16)[:count].reshape(shape)
 
 
-def look_up[T: np.generic](codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
+def look_up[T: np.integer | np.floating](codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
     """Return table[codes] in a third of numpy's time; table: (CODES,)."""
     import cv2
 
-    return cv2.LUT(codes, table.reshape(1, CODES)).reshape(codes.shape)  # type: ignore[return-value]
+    return np.asarray(cv2.LUT(codes, table.reshape(1, CODES)), table.dtype).reshape(codes.shape)
 
 
 @cache

@@ -32,7 +32,9 @@ def apply(rgb: NDArray[np.float32], parameters: Brightness, _context: FrameConte
 
     value = _value(rgb)
     gain = _gain(value, parameters.offset)
-    brighter = cv2.multiply(rgb, cv2.merge([gain, gain, gain]).reshape(rgb.shape)).reshape(rgb.shape)
+    brighter = np.asarray(cv2.multiply(rgb, cv2.merge([gain, gain, gain]).reshape(rgb.shape)), np.float32).reshape(
+        rgb.shape
+    )
     brighter[value < BLACK] = min(parameters.offset, 1)
     return brighter
 
@@ -60,16 +62,16 @@ def _table(offset: float) -> NDArray[np.uint8]:
     return rgb_bytes(table)
 
 
-def _value[T: np.generic](rgb: NDArray[T]) -> NDArray[T]:
+def _value[T: np.integer | np.floating](rgb: NDArray[T]) -> NDArray[T]:
     import cv2
 
     red, green, blue = cv2.split(rgb)
-    return cv2.max(cv2.max(red, green), blue).reshape(rgb.shape[:2])  # type: ignore[return-value]
+    return np.asarray(cv2.max(cv2.max(red, green), blue), rgb.dtype).reshape(rgb.shape[:2])
 
 
 def _gain(value: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
     """Return the factor that raises the value by `offset`, to 1 at most."""
-    return np.minimum(value + np.float32(offset), 1) / np.maximum(value, BLACK)
+    return np.divide(np.minimum(value + np.float32(offset), 1), np.maximum(value, BLACK), dtype=np.float32)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:

@@ -36,7 +36,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _context: FrameCon
     counts = np.stack([cv2.calcHist([rgb], [channel], None, [256], [0, 256]).ravel() for channel in range(3)], axis=1)
     means = levels.astype(np.float64) @ counts.astype(np.float64) / (rgb.size / 3)
     table = rgb_bytes(_scale(np.repeat(levels[:, None, None], 3, axis=2), means, parameters.factor))
-    return cv2.LUT(rgb, table.reshape(1, 256, 3)).reshape(rgb.shape)
+    return np.asarray(cv2.LUT(rgb, table.reshape(1, 256, 3)), np.uint8).reshape(rgb.shape)
 
 
 def _scale(rgb: NDArray[np.float32], means: NDArray[np.float64], factor: float) -> NDArray[np.float32]:

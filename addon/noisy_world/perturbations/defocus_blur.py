@@ -47,13 +47,18 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         inputs = {"Image": canvas.image, "Size": graph.vector(alias, alias), "Type": "Gaussian", "Separable": True}
         softened = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
     row = _rows()
-    names: tuple[tuple[str, Kind], ...] = (("Line", "vector"), ("Length", "float"), ("Total", "vector"))
+    names: tuple[tuple[str, Kind], ...] = (
+        ("Line", "vector"),
+        ("Length", "float"),
+        ("Total", "vector"),
+        ("Area", "float"),
+    )
     values: dict[str, Any] = {"Line": (0.0, 0.0, 0.0), "Length": 0.0, "Total": (0.0, 0.0, 0.0), "Area": 0.0}
     with graph.section("Circle of confusion"):
         shared = {"Image": softened, "Radius": given["radius_px"]}
         for number in reversed(range(math.floor(served["radius_px"]) + 1)):
             made = graph.group(row, shared | values | {"Row": float(number)})
-            values = {name: made.out(name, kind) for name, kind in (*names, ("Area", "float"))}
+            values = {name: made.out(name, kind) for name, kind in names}
     with graph.section("Mean"):
         return values["Total"] / values["Area"]
 

@@ -44,7 +44,8 @@ def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameCont
     spread = np.concatenate([rgb * light, light], axis=2)
     gathered = _gather(spread, np.maximum(radius_px, 1), math.ceil(parameters.max_radius_px) + 1)
     share = np.minimum(radius_px, 1)[..., None] ** 2
-    return rgb + (gathered[..., :3] / gathered[..., 3:] - rgb) * share
+    blurred = np.divide(gathered[..., :3], gathered[..., 3:], dtype=np.float32)
+    return rgb + (blurred - rgb) * share
 
 
 def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, width_px: int) -> NDArray[np.float32]:
@@ -68,7 +69,7 @@ def _gather(image: NDArray[np.float32], radius_px: NDArray[np.float32], grain: i
 
     size = (radius_px + np.float32(0.5)) * np.float32((grain + 1) / grain) - 1
     reach = math.ceil(float(size.max()))
-    padded = cv2.copyMakeBorder(image, reach, reach, reach, reach, cv2.BORDER_REPLICATE)
+    padded = np.asarray(cv2.copyMakeBorder(image, reach, reach, reach, reach, cv2.BORDER_REPLICATE), np.float32)
     total = np.empty_like(image)
     for top in range(0, len(image), ROWS):
         band = slice(top, top + ROWS)

@@ -36,7 +36,7 @@ def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, context: F
     chosen = context.stream().choice(positions, round(parameters.rate * positions.size), replace=False, shuffle=False)
     lost = np.zeros(eroded.shape, np.uint8)
     lost.reshape(-1)[chosen] = 1
-    lost = cv2.dilate(lost, np.ones((BLOCK_PX, BLOCK_PX), np.uint8)).reshape(eroded.shape)
+    lost = np.asarray(cv2.dilate(lost, np.ones((BLOCK_PX, BLOCK_PX), np.uint8)), np.uint8).reshape(eroded.shape)
     if parameters.erase_edges:
         lost |= on_edge
     eroded[lost.view(np.bool_)] = 0

@@ -5,7 +5,6 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +39,8 @@ def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) ->
     import cv2
 
     frosted = _crop(rgb.shape[:2], parameters, context).astype(np.float32)
-    return cv2.addWeighted(rgb, parameters.intensity, frosted, parameters.influence / 255, 0.0, dst=frosted)
+    cold = cv2.addWeighted(rgb, parameters.intensity, frosted, parameters.influence / 255, 0.0, dst=frosted)
+    return np.asarray(cold, np.float32)
 
 
 def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
@@ -62,7 +62,8 @@ def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> ND
         origin = _to_and_fro(origin + crept, slack)
     matrix = np.array([[1 / scale, 0, origin[1]], [0, 1 / scale, origin[0]]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    return cv2.warpAffine(picture, matrix, (size[1], size[0]), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.warpAffine(picture, matrix, (size[1], size[0]), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(seen, np.uint8)
 
 
 def _to_and_fro(position: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,8 +99,11 @@ def _packed(item: _ice.Ice) -> Picture:
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
     """Return one of the items, each equally likely, by a uniform number in [0, 1]."""
     shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(_ice.EQUALLY_OFTEN)
-    ordered = reversed(list(zip(items[:-1], shares, strict=False)))
-    return reduce(lambda rest, pair: uniform.graph.choose(uniform < pair[1], pair[0], rest, kind), ordered, items[-1])
+    chosen = items[-1]
+    for item, share in reversed(list(zip(items[:-1], shares, strict=False))):
+        chosen = uniform.graph.choose(uniform < share, item, chosen, kind)
+    assert isinstance(chosen, Socket), "there are several pictures"
+    return chosen
 
 
 def _uv(canvas: Canvas, position: Socket, creep_px: Socket) -> Socket:

@@ -48,7 +48,14 @@ def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext
         generator, taken = context.pattern_stream(), np.empty_like(image)
         for _ in range(parameters.iterations):
             positions = _positions(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
-            taken = cv2.remap(image, positions, None, cv2.INTER_NEAREST, dst=taken, borderMode=cv2.BORDER_REPLICATE)
+            taken = cv2.remap(
+                image,
+                positions,
+                None,  # pyright: ignore[reportCallIssue, reportArgumentType]  one map holds both coordinates
+                cv2.INTER_NEAREST,
+                dst=taken,
+                borderMode=cv2.BORDER_REPLICATE,
+            )
             image, taken = taken, image
     return gaussian(image, parameters.sigma_px)
 

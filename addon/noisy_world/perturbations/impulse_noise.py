@@ -36,7 +36,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, context: Frame
     return _add(rgb, parameters, context)
 
 
-def _add[T: np.generic](rgb: NDArray[T], parameters: ImpulseNoise, context: FrameContext) -> NDArray[T]:
+def _add[T: np.integer | np.floating](rgb: NDArray[T], parameters: ImpulseNoise, context: FrameContext) -> NDArray[T]:
     import cv2
 
     generator, impulses = context.pattern_stream(), _impulses(parameters.amount)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.images import rgb_bytes
+from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -24,7 +24,7 @@ class JpegCompression:
 
 def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _context: FrameContext) -> NDArray[np.float32]:
     """Compress (H, W, 3)."""
-    return apply_bytes(rgb_bytes(rgb), parameters, _context) / np.float32(255)
+    return as_float(apply_bytes(rgb_bytes(rgb), parameters, _context))
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _context: FrameContext) -> NDArray[np.uint8]:
@@ -34,7 +34,8 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _context: F
     options = [cv2.IMWRITE_JPEG_QUALITY, parameters.quality]
     options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420]
     _, encoded = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), options)
-    return cv2.imdecode(encoded, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+    decoded = cv2.imdecode(encoded, cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION)
+    return np.asarray(decoded, np.uint8)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Graph, GroupInput, Socket
+from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -70,14 +70,14 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         "Spread": spread,
         "Last": last,
     }
-    total: Socket | tuple[float, ...] = (0.0, 0.0, 0.0)
-    weights: Socket | float = 0.0
+    total: Value = (0.0, 0.0, 0.0)
+    weights: Value = 0.0
     with graph.section("Trail"):
         for number in range(count):
             made = graph.group(step, shared | {"Step": float(number), "Total": total, "Weights": weights})
             total, weights = made.out("Total", "vector"), made.out("Weights", "float")
     with graph.section("Mean"):
-        return total / weights
+        return graph.math("DIVIDE", total, weights)
 
 
 def _padded(image: Socket, size: Socket, border_px: int) -> Socket:

@@ -4,11 +4,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
+from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
-from ..core.datasets.images import rgb_bytes
+from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -52,7 +53,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Pixelate, _context: FrameCon
     """Pixelate (H, W, 3) bytes."""
     rows, columns = (_Blocks.along(size, parameters.factor) for size in rgb.shape[:2])
     if rows.sizes.max() * columns.sizes.max() > LARGEST_BLOCK_PX:
-        return rgb_bytes(apply(rgb / np.float32(255), parameters, _context))
+        return rgb_bytes(apply(as_float(rgb), parameters, _context))
     means = _sums(rgb, rows, columns, np.uint16) * _shares(rows, columns)
     means += np.float32(0.5) + HALF_UP
     return _spread(means.astype(np.uint8), rows, columns)
@@ -86,15 +87,17 @@ class _Blocks:
         return _Blocks(np.searchsorted(owner, np.arange(blocks)), np.bincount(owner), shown)
 
 
-def _sums[T: np.generic](image: NDArray[T], rows: _Blocks, columns: _Blocks, dtype: DTypeLike) -> NDArray[T]:
+def _sums[T: np.integer | np.floating](
+    image: NDArray[Any], rows: _Blocks, columns: _Blocks, dtype: type[T]
+) -> NDArray[T]:
     """Sum the pixels of each block; return the sums transposed: (columns, rows, 3)."""
     import cv2
 
     # numpy gathers whole rows fast, so the image is transposed before the columns are summed.
-    return _row_sums(cv2.transpose(_row_sums(image, rows, dtype)), columns, dtype)
+    return _row_sums(np.asarray(cv2.transpose(_row_sums(image, rows, dtype)), dtype), columns, dtype)
 
 
-def _row_sums[T: np.generic](image: NDArray[T], blocks: _Blocks, dtype: DTypeLike) -> NDArray[T]:
+def _row_sums[T: np.integer | np.floating](image: NDArray[Any], blocks: _Blocks, dtype: type[T]) -> NDArray[T]:
     sums = image[blocks.starts].astype(dtype, copy=False)
     smallest = int(blocks.sizes.min())
     for position in range(1, smallest):
@@ -109,11 +112,11 @@ def _shares(rows: _Blocks, columns: _Blocks) -> NDArray[np.float32]:
     return (1 / np.multiply.outer(columns.sizes, rows.sizes)).astype(np.float32)[..., None]
 
 
-def _spread[T: np.generic](blocks: NDArray[T], rows: _Blocks, columns: _Blocks) -> NDArray[T]:
+def _spread[T: np.integer | np.floating](blocks: NDArray[T], rows: _Blocks, columns: _Blocks) -> NDArray[T]:
     """Show transposed blocks (columns, rows, 3) as (H, W, 3)."""
     import cv2
 
-    return cv2.transpose(blocks[columns.shown])[rows.shown]  # type: ignore[return-value]
+    return np.asarray(cv2.transpose(blocks[columns.shown]), blocks.dtype)[rows.shown]
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, context: FrameCon
     return _draw(rgb, context, *_byte_tables(parameters.photons))
 
 
-def _draw[T: np.generic](
+def _draw[T: np.integer | np.floating](
     levels: NDArray[np.uint8],
     context: FrameContext,
     threshold: NDArray[np.uint16],
@@ -74,7 +75,7 @@ def _draw[T: np.generic](
         positions = cv2.merge([columns, band]).view(np.uint16).reshape(band.shape)  # level x 256 + column
         outcomes = look_up(positions, first)
         is_second = cv2.compare(codes, look_up(positions, threshold), cv2.CMP_GE)
-        return cv2.copyTo(look_up(positions, second), is_second, outcomes)  # type: ignore[return-value]
+        return np.asarray(cv2.copyTo(look_up(positions, second), is_second, outcomes), first.dtype)
 
     flat = levels.reshape(len(levels), -1)
     return by_bands(flat, first.dtype, draw).reshape(levels.shape)
@@ -95,7 +96,7 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
     Column c of level l, at l x 256 + c, has probability 1/256 and two outcomes: the first with probability threshold
     / 65,536, otherwise the second. Every outcome's probability is exact to 1e-7.
     """
-    offset, share = _poisson(np.arange(256) * (photons / 255))
+    offset, share = _poisson(np.arange(256, dtype=np.float64) * (photons / 255))
     rows = np.arange(256)
     threshold = np.ones((256, OUTCOMES))
     partner = np.tile(np.arange(OUTCOMES), (256, 1))
@@ -112,8 +113,11 @@ def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16
     # A column that is never filled (up to rounding, it was full) is its own partner: its threshold has no effect.
     steps = np.clip(np.rint(threshold * 65536), 0, 65535)
     first = offset[:, None] + np.arange(OUTCOMES)
-    tables = steps, first, offset[:, None] + partner
-    return tuple(np.ascontiguousarray(table, np.uint16).reshape(-1) for table in tables)  # type: ignore[return-value]
+    return _flat(steps), _flat(first), _flat(offset[:, None] + partner)
+
+
+def _flat(table: NDArray[Any]) -> NDArray[np.uint16]:
+    return np.ascontiguousarray(table, np.uint16).reshape(-1)
 
 
 def _poisson(means: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

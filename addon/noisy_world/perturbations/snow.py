@@ -43,12 +43,12 @@ def apply(rgb: NDArray[np.float32], parameters: Snow, context: FrameContext) -> 
 def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
     import cv2
 
-    grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+    grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.float32)
     grey *= np.float32(1.5)
     grey += np.float32(0.5)
     white = three_channels(grey)
     np.maximum(white, rgb, out=white)
-    return cv2.addWeighted(rgb, ratio, white, 1 - ratio, 0.0, dst=white)
+    return np.asarray(cv2.addWeighted(rgb, ratio, white, 1 - ratio, 0.0, dst=white), np.float32)
 
 
 def _flakes(size: tuple[int, int], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
@@ -206,8 +206,11 @@ def _layer_graph(radius_px: int) -> Graph:
             name = f"Rows {step * _ROWS} to {step * _ROWS + _ROWS - 1}"
             parts.append(graph.group(part, inputs | {"Step": float(step), "Weights before": before}, name=name))
         # The sum is positioned as its first operand is, so that is the rows that are not shifted.
-        total = sum((part.out("Rows", "vector") for part in parts[1:]), start=parts[0].out("Rows", "vector"))
-        weight = sum((part.out("Weight", "float") for part in parts[1:]), start=parts[0].out("Weight", "float"))
+        total, weight = parts[0].out("Rows", "vector"), parts[0].out("Weight", "float")
+        for made in parts[1:]:
+            total = total + made.out("Rows", "vector")
+        for made in parts[1:]:
+            weight = weight + made.out("Weight", "float")
     with graph.section("Upright columns leant again"):
         softness = graph.math("MULTIPLY_ADD", whole, -_SOFTNESS, _SOFTNESS)
         size = graph.vector(size_px.x, packed, 1.0)

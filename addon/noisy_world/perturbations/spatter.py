@@ -67,7 +67,7 @@ def apply(rgb: NDArray[np.float32], parameters: Spatter, context: FrameContext) 
 def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray[np.float32]:
     import cv2
 
-    return cv2.merge([cover * np.float32(value / 255) for value in colour])
+    return np.asarray(cv2.merge([cover * np.float32(value / 255) for value in colour]), np.float32)
 
 
 @kept_for_sequence
@@ -80,7 +80,7 @@ def _cover(context: FrameContext, size: tuple[int, int], parameters: Spatter) ->
     noise += np.float32(parameters.mean)
     margin = _margin(parameters) if context.temporal == "drift" else 0
     if margin:
-        noise = cv2.copyMakeBorder(noise, *[margin] * 4, cv2.BORDER_WRAP)
+        noise = np.asarray(cv2.copyMakeBorder(noise, margin, margin, margin, margin, cv2.BORDER_WRAP), np.float32)
     layer = gaussian(noise, parameters.sigma_px)
     layer *= layer >= np.float32(parameters.threshold)
     cover = _mud(layer, parameters) if parameters.complexity else _water(layer)

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.images import rgb_bytes
-from ..core.datasets.layouts import OutputFormat
+from ..core.datasets.images import as_bytes, as_float
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
-from ..core.planning.source import Modality, SourceFrame
+from ..core.planning.source import SourceFrame
 
 
 class CleanFrame:
@@ -41,11 +41,11 @@ class CleanFrame:
 
     def float_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3) as float32 in [0, 1]."""
-        return self.rgb / np.float32(255) if self.rgb.dtype == np.uint8 else self.rgb.astype(np.float32, copy=False)
+        return as_float(self.rgb)
 
     def byte_rgb(self) -> NDArray[np.uint8]:
         """Return colour (H, W, 3) as uint8, rounded if it is float."""
-        return self.rgb if self.rgb.dtype == np.uint8 else rgb_bytes(self.rgb)
+        return as_bytes(self.rgb)
 
     def read_depth_m(self) -> NDArray[np.float32]:
         """Return the depth; a function that contexts can hand on."""

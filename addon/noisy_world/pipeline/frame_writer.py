@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from ..core.datasets.dataset import Dataset, FrameRecord
+from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
-from ..core.planning.source import Modality
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours
 

@@ -55,9 +55,13 @@ class MeshSource:
         """Rendered frames from any pose."""
         return Gives(rendered=True, any_pose=True)
 
-    @cached_property
+    @property
     def stamps_s(self) -> NDArray[np.float64]:
         """Time stamps (N,) of the path in seconds; those of a path that is not generated yet follow from its rate."""
+        return self._stamps_s
+
+    @cached_property
+    def _stamps_s(self) -> NDArray[np.float64]:
         if self.known_path is not None:
             return self.known_path.stamps_s
         handheld = self._handheld

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import OutputFormat
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Gives, Modality, RenderOptions
+from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
@@ -117,11 +117,11 @@ class RecordedFrame:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
         return self.stored.depth_m
 
-    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
         """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
         stored = self.stored
         if modality == "rgb":
-            same = stored.rgb_file.suffix == f".{format_.image}" and stored.colour == format_.colour
+            same = stored.rgb_file.suffix == f".{written.image}" and stored.colour == written.colour
             return stored.rgb_file if same else None
-        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == format_.depth_scale_per_m
+        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == written.depth_scale_per_m
         return stored.depth_file if same else None

@@ -8,7 +8,7 @@ import bpy
 
 from .operators import CANCELLED, DONE
 
-PACKAGE = __package__.rpartition(".")[0]  # the extension's, or that of a checkout
+PACKAGE = (__package__ or "").rpartition(".")[0]  # the extension's, or that of a checkout
 FOLDER = Path(__file__).resolve().parents[1] / "assets"
 NAME = "Noisy World"
 
@@ -92,7 +92,7 @@ class NoisyWorldPreferences(bpy.types.AddonPreferences):
 
     bl_idname = PACKAGE
 
-    returns: bpy.props.BoolProperty(
+    returns: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         name="Asset Library Returns",
         description="Whether the asset library went with the add-on, and comes back with it",
         options={"HIDDEN"},

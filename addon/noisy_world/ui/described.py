@@ -93,7 +93,8 @@ def described(
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
     if items := _items(hint, info):
-        return bpy.props.EnumProperty(**({"items": items} | common | other))
+        chosen: dict[str, Any] = {"items": items}
+        return bpy.props.EnumProperty(**(chosen | common | other))
     if hint is bool:
         return bpy.props.BoolProperty(**(common | other))
     if hint is str:
@@ -121,7 +122,8 @@ def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
         return bpy.props.IntProperty(**({"subtype": "PIXEL"} if info.unit == "px" else {}), **common)
     factor = (common.get("min"), common.get("max")) == (0.0, 1.0) and not info.unit
     common.setdefault("subtype", "FACTOR" if factor else _SUBTYPES.get(info.unit, "NONE"))
-    return bpy.props.FloatProperty(**({"precision": 3, "step": 1} | common))
+    precise: dict[str, Any] = {"precision": 3, "step": 1}
+    return bpy.props.FloatProperty(**(precise | common))
 
 
 def _plain(hint: Any) -> Any:

@@ -62,33 +62,33 @@ def set_value(group: Any, name: str, value: Any) -> None:
 # --- the panel as a document ---
 
 
-def to_document(settings: Any, folder: Path | None = None) -> dict[str, Any]:
+def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the preset that the panel describes: one scene, the settings clean and, with perturbations, one more.
 
     Paths are absolute, or relative to `folder` where they lie in it.
     """
-    perturb = perturb_of(settings)
-    modalities = [name for name in ("rgb", "depth") if getattr(settings, f"use_{name}")]
+    perturb = perturb_of(panel)
+    modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
     return {
-        "seed": settings.seed,
+        "seed": panel.seed,
         "scenes": [
             {
-                "name": settings.scene_name,
-                "mesh": EMBEDDED_ROOM if settings.mesh_source == "ROOM" else _path(settings.mesh_path, folder),
-                "trajectory": _trajectory(settings, folder),
+                "name": panel.scene_name,
+                "mesh": EMBEDDED_ROOM if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
+                "trajectory": _trajectory(panel, folder),
             }
         ],
-        "camera": {key: value_of(settings, name) for name, key in CAMERA.items()},
-        "render": {"engine": settings.engine, "samples": settings.samples, "backend": settings.backend},
-        "settings": [{"name": CLEAN}, *([{"name": settings.setting_name, "perturb": perturb}] if perturb else [])],
+        "camera": {key: value_of(panel, name) for name, key in CAMERA.items()},
+        "render": {"engine": panel.engine, "samples": panel.samples, "backend": panel.backend},
+        "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
         "output": {
-            "layout": settings.layout,
-            "image": settings.image,
-            "colour": settings.colour,
-            "depth_scale_per_m": value_of(settings, "depth_scale_per_m"),
-            "depth_beyond": settings.depth_beyond,
+            "layout": panel.layout,
+            "image": panel.image,
+            "colour": panel.colour,
+            "depth_scale_per_m": value_of(panel, "depth_scale_per_m"),
+            "depth_beyond": panel.depth_beyond,
             "modalities": modalities,
-            "overview": settings.overview,
+            "overview": panel.overview,
         },
     }
 
@@ -105,41 +105,41 @@ def _path(path: str, folder: Path | None) -> str:
     return Path(whole).relative_to(folder.resolve()).as_posix()
 
 
-def _trajectory(settings: Any, folder: Path | None) -> dict[str, Any]:
-    if settings.trajectory_source == "HANDHELD":
-        made: dict[str, Any] = {"handheld": {key: value_of(settings, name) for name, key in HANDHELD.items()}}
+def _trajectory(panel: Any, folder: Path | None) -> dict[str, Any]:
+    if panel.trajectory_source == "HANDHELD":
+        made: dict[str, Any] = {"handheld": {key: value_of(panel, name) for name, key in HANDHELD.items()}}
     else:
-        made = {"file": _path(settings.trajectory_path, folder)}
-        made |= {key: value_of(settings, name) for name, key in TRAJECTORY.items()}
-    return made | ({"every": settings.every} if settings.every > 1 else {})
+        made = {"file": _path(panel.trajectory_path, folder)}
+        made |= {key: value_of(panel, name) for name, key in TRAJECTORY.items()}
+    return made | ({"every": panel.every} if panel.every > 1 else {})
 
 
-def perturb_of(settings: Any) -> list[dict[str, Any]]:
+def perturb_of(panel: Any) -> list[dict[str, Any]]:
     """Return what the panel does to a scene, as a preset's `perturb`; what is switched off is left out."""
     listed = []
-    for step in settings.steps:
+    for step in panel.steps:
         if step.enabled and step.perturbation not in registry():
             raise unknown_name(Place(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
         if step.enabled:
             listed.append({step.perturbation: values_of(step)})
-    return _own_motion(settings) + listed
+    return _own_motion(panel) + listed
 
 
-def _own_motion(settings: Any) -> list[dict[str, Any]]:
+def _own_motion(panel: Any) -> list[dict[str, Any]]:
     """Return what the panel's own fields do to the path."""
     steps: list[dict[str, Any]] = []
-    if settings.speed_factor > 1:
-        steps.append({"faster_motion": {"factor": settings.speed_factor}})
-    if settings.deviation_rotation_deg or settings.deviation_translation_m:
-        steps.append({"motion_deviation": {key: value_of(settings, name) for name, key in DEVIATION.items()}})
+    if panel.speed_factor > 1:
+        steps.append({"faster_motion": {"factor": panel.speed_factor}})
+    if panel.deviation_rotation_deg or panel.deviation_translation_m:
+        steps.append({"motion_deviation": {key: value_of(panel, name) for name, key in DEVIATION.items()}})
     return steps
 
 
-def listed_motion(settings: Any) -> list[dict[str, Any]]:
+def listed_motion(panel: Any) -> list[dict[str, Any]]:
     """Return what the panel's list does to the path, as a preset's `perturb`."""
     return [
         {step.perturbation: values_of(step)}
-        for step in settings.steps
+        for step in panel.steps
         if step.enabled and isinstance(registry().get(step.perturbation), MotionPerturbation)
     ]
 
@@ -166,67 +166,67 @@ def values_of(step: Any) -> dict[str, Any]:
     return values
 
 
-def steps_of(settings: Any) -> tuple[Step, ...]:
+def steps_of(panel: Any) -> tuple[Step, ...]:
     """Return what the panel does to a scene, in propagation order. Raises InputError naming what is wrong."""
-    return parse_steps(perturb_of(settings), Place(PANEL, "perturbations"), registry())
+    return parse_steps(perturb_of(panel), Place(PANEL, "perturbations"), registry())
 
 
-def motion_of(settings: Any) -> tuple[Step[MotionPerturbation], ...]:
+def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
     """Return what is done to the path, in propagation order, whatever else is right or wrong."""
-    perturb = _own_motion(settings) + listed_motion(settings)
+    perturb = _own_motion(panel) + listed_motion(panel)
     return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
 
 
-def intrinsics_of(settings: Any) -> Intrinsics:
+def intrinsics_of(panel: Any) -> Intrinsics:
     """Return the panel's camera."""
-    return Intrinsics(*(value_of(settings, name) for name in INTRINSICS))
+    return Intrinsics(*(value_of(panel, name) for name in INTRINSICS))
 
 
-def identifiers_of(settings: Any) -> Identifiers:
+def identifiers_of(panel: Any) -> Identifiers:
     """Return what names the random streams of the panel's sequence, as in the generator."""
-    return (settings.seed, settings.scene_name, settings.setting_name)
+    return (panel.seed, panel.scene_name, panel.setting_name)
 
 
-def preset_of(settings: Any, path: Path | None = None) -> Preset:
+def preset_of(panel: Any, path: Path | None = None) -> Preset:
     """Return the checked preset that the panel describes, as if it were read from `path`.
 
     Raises InputError naming the key.
     """
-    return check_document(to_document(settings, path and path.parent), path or Path(PANEL))
+    return check_document(to_document(panel, path and path.parent), path or Path(PANEL))
 
 
-def save_preset(settings: Any, path: Path) -> None:
+def save_preset(panel: Any, path: Path) -> None:
     """Write the preset that the panel describes. Raises NoisyWorldError; what was there stays then."""
     import yaml
 
-    preset = preset_of(settings, path)
+    preset = preset_of(panel, path)
     make_plan(preset)  # what cannot be generated is not saved either
     text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(path, f"{HEADING}\n{text}".encode(), path.parent)
-    settings.preset_path = str(path)
-    settings.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
+    panel.preset_path = str(path)
+    panel.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
 
 
 # --- a document in the panel ---
 
 
-def open_preset(settings: Any, path: Path, setting: str = "") -> None:
+def open_preset(panel: Any, path: Path, setting: str = "") -> None:
     """Take a preset's file into the panel: its scene and one of its settings, by default the first that is not clean.
 
     Raises InputError where it cannot be read, or says what the panel cannot show; the panel then stays as it was.
     """
-    _take(settings, read_preset(path), setting)
-    settings.preset_path = str(path)
+    _take(panel, read_preset(path), setting)
+    panel.preset_path = str(path)
 
 
-def from_document(document: dict[str, Any], settings: Any, *, path: Path, setting: str = "") -> None:
+def from_document(document: dict[str, Any], panel: Any, *, path: Path, setting: str = "") -> None:
     """Take a preset's document into the panel, as if it stood in the file `path`: as open_preset."""
-    _take(settings, check_document(document, path), setting)
+    _take(panel, check_document(document, path), setting)
 
 
-def _take(settings: Any, preset: Preset, wanted: str) -> None:
+def _take(panel: Any, preset: Preset, wanted: str) -> None:
     spec = preset.spec
     _refuse_unshown(preset)
     found = parse_settings(spec.settings, preset.place("settings"), registry(), spec.render.backend)
@@ -238,10 +238,10 @@ def _take(settings: Any, preset: Preset, wanted: str) -> None:
         if step.levels is not None and step.severity is None:
             raise preset.place("settings").error(f"{chosen.name}: levels cannot be shown in the panel", "use severity")
     with told_once():
-        _take_scene(settings, preset)
-        _take_rest(settings, spec, chosen)
-        _take_steps(settings, chosen)
-        settings.preset_settings = "\n".join(item.name for item in found)
+        _take_scene(panel, preset)
+        _take_rest(panel, spec, chosen)
+        _take_steps(panel, chosen)
+        panel.preset_settings = "\n".join(item.name for item in found)
 
 
 def _refuse_unshown(preset: Preset) -> None:
@@ -268,57 +268,57 @@ def _refuse_unshown(preset: Preset) -> None:
             raise preset.place(path).error(f"{problem}: the panel cannot show that", "run it with generate.py")
 
 
-def _take_scene(settings: Any, preset: Preset) -> None:
+def _take_scene(panel: Any, preset: Preset) -> None:
     (scene,) = preset.spec.scenes
     assert scene.mesh is not None
     assert scene.trajectory is not None
-    settings.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
+    panel.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
     if scene.mesh != EMBEDDED_ROOM:
-        settings.mesh_path = str(preset.path.parent / scene.mesh)
-    settings.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
+        panel.mesh_path = str(preset.path.parent / scene.mesh)
+    panel.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
     handheld = scene.trajectory.handheld
-    settings.trajectory_source = "FILE" if handheld is None else "HANDHELD"
+    panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
         assert scene.trajectory.file is not None
-        settings.trajectory_path = str(preset.path.parent / scene.trajectory.file)
+        panel.trajectory_path = str(preset.path.parent / scene.trajectory.file)
         for name, field in TRAJECTORY.items():
-            set_value(settings, name, getattr(scene.trajectory, field))
+            set_value(panel, name, getattr(scene.trajectory, field))
     else:
         for name, field in HANDHELD.items():
-            set_value(settings, name, getattr(handheld, field))
-    settings.every = scene.trajectory.every
+            set_value(panel, name, getattr(handheld, field))
+    panel.every = scene.trajectory.every
 
 
-def _take_rest(settings: Any, spec: PresetSpec, setting: Setting) -> None:
-    settings.seed = spec.seed
+def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
+    panel.seed = spec.seed
     for name, field in CAMERA.items():
-        set_value(settings, name, getattr(spec.camera, field))
-    settings.engine, settings.samples = spec.render.engine, spec.render.samples
-    settings.backend = setting.backend
+        set_value(panel, name, getattr(spec.camera, field))
+    panel.engine, panel.samples = spec.render.engine, spec.render.samples
+    panel.backend = setting.backend
     output = spec.output.format
-    settings.layout = output.layout.name
-    settings.image, settings.colour = output.image, output.colour
-    set_value(settings, "depth_scale_per_m", output.depth_scale_per_m)
-    settings.depth_beyond = output.depth_beyond
-    settings.use_rgb = "rgb" in spec.output.modalities
-    settings.use_depth = "depth" in spec.output.modalities
-    settings.overview = spec.output.overview
+    panel.layout = output.layout.name
+    panel.image, panel.colour = output.image, output.colour
+    set_value(panel, "depth_scale_per_m", output.depth_scale_per_m)
+    panel.depth_beyond = output.depth_beyond
+    panel.use_rgb = "rgb" in spec.output.modalities
+    panel.use_depth = "depth" in spec.output.modalities
+    panel.overview = spec.output.overview
     if setting.name != CLEAN:
-        settings.setting_name = setting.name
+        panel.setting_name = setting.name
 
 
-def _take_steps(settings: Any, setting: Setting) -> None:
+def _take_steps(panel: Any, setting: Setting) -> None:
     by_name = {step.perturbation.name: step for step in setting.motion}
     deviation, faster = by_name.get("motion_deviation"), by_name.get("faster_motion")
     for name, field in DEVIATION.items():
-        set_value(settings, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
-    settings.speed_factor = 1 if faster is None else faster.parameters(None).factor
-    settings.steps.clear()
-    settings.active_step = 0
+        set_value(panel, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
+    panel.speed_factor = 1 if faster is None else faster.parameters(None).factor
+    panel.steps.clear()
+    panel.active_step = 0
     for step in setting.steps:
         if step.perturbation.name not in OWN_FIELDS:
-            take_step(settings.steps.add(), step)
-    tell("steps")(settings, bpy.context)
+            take_step(panel.steps.add(), step)
+    tell("steps")(panel, bpy.context)
 
 
 def take_step(item: Any, step: Step) -> None:
@@ -340,24 +340,24 @@ def take_step(item: Any, step: Step) -> None:
 # --- the list, in propagation order ---
 
 
-def add_step(settings: Any, name: str) -> int:
+def add_step(panel: Any, name: str) -> int:
     """Add a perturbation where the propagation order has it, behind its equals; return its place in the list."""
     with told_once():
-        item = settings.steps.add()
+        item = panel.steps.add()
         item.perturbation = name
         if registry()[name].temporals:
             item.temporal = registry()[name].temporals[0]
     places = list(registry())
-    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in settings.steps]
+    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
     place = sum(other <= order[-1] for other in order[:-1])
-    settings.steps.move(len(order) - 1, place)
-    settings.active_step = place
+    panel.steps.move(len(order) - 1, place)
+    panel.active_step = place
     return place
 
 
-def may_move(settings: Any, by: int) -> bool:
+def may_move(panel: Any, by: int) -> bool:
     """Tell whether the selected entry may change places with the next in that direction: only with its equals."""
-    here, there = settings.active_step, settings.active_step + by
-    if not (0 <= here < len(settings.steps) and 0 <= there < len(settings.steps)):
+    here, there = panel.active_step, panel.active_step + by
+    if not (0 <= here < len(panel.steps) and 0 <= there < len(panel.steps)):
         return False
-    return settings.steps[here].perturbation == settings.steps[there].perturbation
+    return panel.steps[here].perturbation == panel.steps[there].perturbation

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
-from ..core.datasets.images import grey_bytes, rgb_bytes
+from ..blender.typed import override, set_pixels, size_px
+from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import perturb_depth
@@ -26,6 +27,7 @@ from ..pipeline.colour import colour_of
 from .document import identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
+from .properties import panel_of
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
@@ -58,14 +60,14 @@ def forget(scene: bpy.types.Scene) -> None:
 
 
 def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
-    """Return the sequence that a scene's settings describe, and which of its frames the scene stands at.
+    """Return the sequence that the panel describes, and which of its frames the scene stands at.
 
-    Raises NoisyWorldError where the settings are wrong.
+    Raises NoisyWorldError where the panel is wrong.
     """
-    settings = scene.noisy_world
-    setting = Setting(settings.setting_name, steps_of(settings), settings.backend)
+    panel = panel_of(scene)
+    setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
     count = len(clean_stamps_s(scene))
-    sequence = lay_out(setting, settings.scene_name, count, identifiers_of(settings))
+    sequence = lay_out(setting, panel.scene_name, count, identifiers_of(panel))
     return sequence, max(0, min(sequence.frame_at(scene.frame_current), len(sequence.source_frames) - 1))
 
 
@@ -73,12 +75,12 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     """Return a frame's colour (H, W, 3) as the generator perturbs it, and what it shows.
 
     index: of the scene's sequence, by default where the scene stands. Left of the panel's split it is as rendered.
-    Raises NoisyWorldError where the settings are wrong, the frame is left out, or a scratch file cannot be written.
+    Raises NoisyWorldError where the panel is wrong, the frame is left out, or a scratch file cannot be written.
     """
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
-    stored = scene.noisy_world.colour
+    stored = panel_of(scene).colour
     picture = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
@@ -87,7 +89,7 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
         with colour_of([only], _camera(scene), (width, height)) as colour:
             made, notes = colour.of(clean)[only.folder, index]()
         picture = before if made is None else _as_stored(made, stored)
-    edge = round(scene.noisy_world.preview_split * picture.shape[1])
+    edge = round(panel_of(scene).preview_split * picture.shape[1])
     if edge and picture is not before:
         picture = np.concatenate([before[:, :edge], picture[:, edge:]], axis=1)
     return picture, f"Frame {index}: {_listed(notes)}"
@@ -97,14 +99,14 @@ def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
     """Return colour (H, W, 3) as its file shows it: of a file in grey, the three channels alike."""
     if colour == "grey":
         return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
-    return rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb)
+    return as_bytes(rgb)
 
 
 def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
     """Return a frame's depth as the generator perturbs it, in colours (H, W, 3), and what it shows.
 
     With desynchronisation (H, 2 W, 3): the frame's clean colour, and the depth that is paired with it beside. index: of
-    the scene's sequence, by default where the scene stands. Raises NoisyWorldError where the settings are wrong, the
+    the scene's sequence, by default where the scene stands. Raises NoisyWorldError where the panel is wrong, the
     frame is left out, or a scratch file cannot be written.
     """
     sequence, now = sequence_of(scene)
@@ -120,7 +122,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, scene.noisy_world.colour)
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
     pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
@@ -139,7 +141,7 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
 
 
 def _camera(scene: bpy.types.Scene) -> Camera:
-    return Camera(intrinsics_of(scene.noisy_world), clean_stamps_s(scene))
+    return Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
 
 
 def _listed(notes: list[dict[str, Any]]) -> str:
@@ -156,12 +158,11 @@ def make_picture(scene: bpy.types.Scene, kind: Kind, index: int | None = None) -
     image = _image(kind)
     if image is None:
         image = bpy.data.images.new(PICTURES[kind], width, height, alpha=False)
-    elif tuple(image.size) != (width, height):
+    elif size_px(image) != (width, height):
         image.scale(width, height)
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = picture[::-1] / np.float32(255)
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
+    set_pixels(image, rgba)
     return image, about
 
 
@@ -174,20 +175,26 @@ def _editors() -> list[bpy.types.Area]:
     return [area for window in windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
 
 
+def _shown_in(area: bpy.types.Area) -> bpy.types.SpaceImageEditor:
+    editor = area.spaces.active
+    assert isinstance(editor, bpy.types.SpaceImageEditor)
+    return editor
+
+
 def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
     """Show an image in an image editor: one that is open or, beside the sliders, half of the 3D view in use."""
     areas = _editors()
-    shown = next((area for area in areas if area.spaces.active.image == image), areas[0] if areas else None)
+    shown = next((area for area in areas if _shown_in(area).image == image), areas[0] if areas else None)
     fresh = shown is None and context.area is not None and context.area.type == "VIEW_3D"
     if fresh:
         shown = _split_off(context)
     if shown is None:
         return
-    shown.spaces.active.image = image
+    _shown_in(shown).image = image
     shown.tag_redraw()
     if fresh:
         region = next(region for region in shown.regions if region.type == "WINDOW")
-        with context.temp_override(area=shown, region=region):
+        with override(area=shown, region=region):
             bpy.ops.image.view_all(fit_view=True)
 
 
@@ -207,7 +214,7 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
     editors, found = _editors(), []
     for kind, index in _followed.get(scene.session_uid, {}).items():
         image = _image(kind)
-        areas = [area for area in editors if image is not None and area.spaces.active.image == image]
+        areas = [area for area in editors if image is not None and _shown_in(area).image == image]
         if areas:
             found.append((kind, index, areas))
     return found
@@ -238,6 +245,7 @@ def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> bool:
+    assert update.id is not None
     changed = update.id.original
     if isinstance(changed, bpy.types.Action):  # those of chains are keyed by sliders
         animation = scene.camera.animation_data if scene.camera is not None else None
@@ -306,17 +314,17 @@ Preview is on it follows the sliders"""
     kind: Kind = "DEPTH"
 
 
-def has_depth_steps(settings: Any) -> bool:
+def has_depth_steps(panel: Any) -> bool:
     """Tell whether something is done to depth, or to what it is paired with."""
     kinds = (DepthPerturbation, PairingPerturbation)
-    return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in settings.steps)
+    return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons; that of depth where something is done to it."""
     column = layout.column(align=True)
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
-    if has_depth_steps(context.scene.noisy_world):
+    if has_depth_steps(panel_of(context.scene)):
         column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
 
 

@@ -2,13 +2,19 @@
 """Generate: a Blender in the background makes what the panel describes, and the panel follows it."""
 
 import contextlib
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ..blender.typed import layout_of, override
 from ..core.errors import NoisyWorldError
 from .long_text import write
 from .operators import guarded
+from .properties import panel_of
 from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, stop_all, summary
+
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import IconItems
 
 LOOK_EVERY_S = 0.2
 
@@ -20,7 +26,7 @@ class NoisyWorldGenerate(bpy.types.Operator):
     bl_label = "Generate"
     bl_options = {"REGISTER"}
 
-    overwrite: bpy.props.BoolProperty(
+    overwrite: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         name="Replace Dataset",
         description="Replace the dataset that is in the folder instead of going on with it",
         options={"SKIP_SAVE"},
@@ -37,8 +43,8 @@ class NoisyWorldGenerate(bpy.types.Operator):
         if active_run() is not None:
             cls.poll_message_set("A dataset is being generated already")
             return False
-        settings = context.scene.noisy_world
-        if not (settings.use_rgb or settings.use_depth):
+        panel = panel_of(context.scene)
+        if not (panel.use_rgb or panel.use_depth):
             cls.poll_message_set("Neither colour nor depth is to be written")
             return False
         return True
@@ -128,9 +134,10 @@ class NoisyWorldGenerateAnew(bpy.types.Operator):
 
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Generate over what is there."""
+        generate = bpy.ops.noisy_world.generate  # pyright: ignore[reportAttributeAccessIssue]  the operator above
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         try:
-            result = bpy.ops.noisy_world.generate(how, overwrite=True)
+            result = generate(how, overwrite=True)
         except RuntimeError as error:  # how Blender passes on what the operator reported
             self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
@@ -171,7 +178,7 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
         """Tell whether there is a saved preset."""
         if context.scene is None:
             return False
-        if not context.scene.noisy_world.preset_path:
+        if not panel_of(context.scene).preset_path:
             cls.poll_message_set("Save the preset first: the command names its file")
             return False
         return True
@@ -203,8 +210,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if own is None:
         return
     if not own.background.active:
-        icon = {"finished": "CHECKMARK", "failed": "ERROR"}.get(own.background.phase, "INFO")
-        write(layout, context, summary(own), icon)
+        icons: dict[str, IconItems] = {"finished": "CHECKMARK", "failed": "ERROR"}
+        write(layout, context, summary(own), icons.get(own.background.phase, "INFO"))
         if own.background.phase == "failed" and "--overwrite" in own.background.error:
             layout.operator(NoisyWorldGenerateAnew.bl_idname, icon="TRASH")
     for note in own.background.notes:
@@ -221,7 +228,7 @@ def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:
 def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
     """Draw the bar in the status bar, while something runs."""
     if (run := active_run()) is not None:
-        row = header.layout.row()
+        row = layout_of(header).row()
         row.ui_units_x = 16
         draw_progress(row, run)
 
@@ -232,12 +239,13 @@ def redraw(context: bpy.types.Context) -> None:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 area.tag_redraw()
-        with contextlib.suppress(TypeError, RuntimeError), context.temp_override(window=window):
+        with contextlib.suppress(TypeError, RuntimeError), override(window=window):
             window.workspace.status_text_set_internal(None)  # what has the status bar drawn
 
 
 CLASSES = (NoisyWorldGenerate, NoisyWorldGenerateAnew, NoisyWorldGenerateCancel, NoisyWorldCopyCommand)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+DRAWS: Any = draw_in_status_bar  # the stubs give such functions no header
 LEAVING = (bpy.app.handlers.load_pre, bpy.app.handlers.exit_pre)
 
 
@@ -249,7 +257,7 @@ def _leave_file(*_: object) -> None:
 def register() -> None:
     """Register the operators, the status bar's part and what ends a run with its file."""
     _register_classes()
-    bpy.types.STATUSBAR_HT_header.append(draw_in_status_bar)
+    bpy.types.STATUSBAR_HT_header.append(DRAWS)
     for handlers in LEAVING:
         handlers.append(_leave_file)
 
@@ -259,5 +267,5 @@ def unregister() -> None:
     stop_all()
     for handlers in LEAVING:
         handlers.remove(_leave_file)
-    bpy.types.STATUSBAR_HT_header.remove(draw_in_status_bar)
+    bpy.types.STATUSBAR_HT_header.remove(DRAWS)
     _unregister_classes()

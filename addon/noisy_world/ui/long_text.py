@@ -2,11 +2,15 @@
 """Sentences in a sidebar, which is narrow."""
 
 import textwrap
+from typing import TYPE_CHECKING
 
 import bpy
 
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import IconItems
 
-def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "NONE") -> None:
+
+def write(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: "IconItems" = "NONE") -> None:
     """Write a text on as many lines as the region is narrow."""
     scale = context.preferences.system.ui_scale
     width = 220 * scale if context.region is None else context.region.width

@@ -2,7 +2,7 @@
 """What the panel's buttons do: read the properties, call a function, report."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -12,9 +12,16 @@ from ..perturbations import registry
 from . import world
 from .described import tell, title
 from .document import OWN_FIELDS, add_step, may_move
-from .properties import active_step
+from .properties import active_step, panel_of
 
-UNDOABLE = {"REGISTER", "UNDO"}
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import OperatorTypeFlagItems
+
+    _Mixin = bpy.types.Operator  # what the polls below are mixed into
+else:
+    _Mixin = object
+
+UNDOABLE: "set[OperatorTypeFlagItems]" = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
 FILES = {"mesh": "PLY", "trajectory": "trajectory"}
 
@@ -37,7 +44,7 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     return DONE
 
 
-class OnScene:
+class OnScene(_Mixin):
     """Poll: a scene of this file's own."""
 
     @classmethod
@@ -59,9 +66,9 @@ class _OnFiles(OnScene):
         """Ask for a file where one is needed."""
         if not super().poll(context):
             return False
-        settings = context.scene.noisy_world
+        panel = panel_of(context.scene)
         for what in cls.needed:
-            if getattr(settings, f"{what}_source") == "FILE" and not getattr(settings, f"{what}_path"):
+            if getattr(panel, f"{what}_source") == "FILE" and not getattr(panel, f"{what}_path"):
                 cls.poll_message_set(f"Choose a {FILES[what]} file")
                 return False
         return True
@@ -127,7 +134,9 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
     bl_label = "Add Perturbation"
     bl_options = UNDOABLE
 
-    perturbation: bpy.props.StringProperty(name="Perturbation", options={"SKIP_SAVE"})
+    perturbation: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Perturbation", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def description(cls, _: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
@@ -138,7 +147,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
-        settings = context.scene.noisy_world
+        panel = panel_of(context.scene)
         name = self.perturbation
         if name not in registry():
             self.report({"ERROR"}, f"{name!r}: no such perturbation")
@@ -147,10 +156,10 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
             self.report({"ERROR"}, f"{title(registry()[name].label)} has fields of its own in Deviation and Speed")
             return CANCELLED
         once = isinstance(registry()[name], SEQUENCE_KINDS)
-        if once and any(step.perturbation == name for step in settings.steps):
+        if once and any(step.perturbation == name for step in panel.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is there already: it acts once on a sequence")
             return CANCELLED
-        add_step(settings, name)
+        add_step(panel, name)
         return DONE
 
 
@@ -162,7 +171,7 @@ class _OnStep(OnScene):
         """Ask for a selected perturbation."""
         if not super().poll(context):
             return False
-        if active_step(context.scene.noisy_world) is None:
+        if active_step(panel_of(context.scene)) is None:
             cls.poll_message_set("No perturbation is selected")
             return False
         return True
@@ -177,10 +186,10 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
-        settings = context.scene.noisy_world
-        settings.steps.remove(settings.active_step)
-        settings.active_step = max(0, min(settings.active_step, len(settings.steps) - 1))
-        tell("steps")(settings, context)
+        panel = panel_of(context.scene)
+        panel.steps.remove(panel.active_step)
+        panel.active_step = max(0, min(panel.active_step, len(panel.steps) - 1))
+        tell("steps")(panel, context)
         return DONE
 
 
@@ -194,17 +203,17 @@ class _MoveStep(_OnStep):
         """Keep to the propagation order."""
         if not super().poll(context):
             return False
-        if not may_move(context.scene.noisy_world, cls.by):
+        if not may_move(panel_of(context.scene), cls.by):
             cls.poll_message_set("The order is that in which an image comes about; only equals may change places")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Move it."""
-        settings = context.scene.noisy_world
-        settings.steps.move(settings.active_step, settings.active_step + self.by)
-        settings.active_step += self.by
-        tell("steps")(settings, context)
+        panel = panel_of(context.scene)
+        panel.steps.move(panel.active_step, panel.active_step + self.by)
+        panel.active_step += self.by
+        tell("steps")(panel, context)
         return DONE
 
 

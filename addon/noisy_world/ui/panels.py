@@ -2,20 +2,21 @@
 """The sidebar's tab, section after section in the order of the work."""
 
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ..blender.typed import layout_of
 from ..core.datasets.layouts import LAYOUTS
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, generate, paths, preview, world
 from .described import title
 from .document import OWN_FIELDS
-from .properties import OVERRIDE, active_step, parameters_of, perturbation_of
+from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
 
 TAB = "Noisy World"
-STAGE_LABELS: dict[Stage, tuple[str, str]] = {
+STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "motion": ("Motion", "CON_FOLLOWPATH"),
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
@@ -26,7 +27,15 @@ STAGE_LABELS: dict[Stage, tuple[str, str]] = {
 }
 
 
-class Section:
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import IconItems
+
+    _Mixin = bpy.types.Panel  # what Section is mixed into
+else:
+    _Mixin = object
+
+
+class Section(_Mixin):
     """A section of the tab."""
 
     bl_space_type = "VIEW_3D"
@@ -40,7 +49,7 @@ class Section:
 
     def fields(self, context: bpy.types.Context) -> bpy.types.UILayout:
         """Return a layout of labelled values; linked scenes are shown and cannot be changed."""
-        layout = self.layout
+        layout = layout_of(self)
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.enabled = world.is_editable(context.scene)
@@ -54,11 +63,11 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
-        layout.prop(settings, "mesh_source")
-        if settings.mesh_source == "FILE":
-            layout.prop(settings, "mesh_path")
-        layout.prop(settings, "scene_name", text="Name")
+        layout, panel = self.fields(context), panel_of(context.scene)
+        layout.prop(panel, "mesh_source")
+        if panel.mesh_source == "FILE":
+            layout.prop(panel, "mesh_path")
+        layout.prop(panel, "scene_name", text="Name")
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):
             layout.label(text=", ".join(told), icon="CHECKMARK")
@@ -71,16 +80,16 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
-        layout.prop(settings, "trajectory_source", text="Path")
-        if settings.trajectory_source == "FILE":
-            layout.prop(settings, "trajectory_path")
+        layout, panel = self.fields(context), panel_of(context.scene)
+        layout.prop(panel, "trajectory_source", text="Path")
+        if panel.trajectory_source == "FILE":
+            layout.prop(panel, "trajectory_path")
             names = ("trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)
         for name in (*names, "every"):
-            column.prop(settings, name)
+            column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if count := world.poses(context.scene):
             layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
@@ -94,11 +103,11 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
+        layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        column.prop(settings, "deviation_rotation_deg")
-        column.prop(settings, "deviation_translation_m")
-        layout.prop(settings, "speed_factor")
+        column.prop(panel, "deviation_rotation_deg")
+        column.prop(panel, "deviation_translation_m")
+        layout.prop(panel, "speed_factor")
         paths.draw(layout, context)
 
 
@@ -110,11 +119,11 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
+        layout, panel = self.fields(context), panel_of(context.scene)
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
-                column.prop(settings, name)
+                column.prop(panel, name)
         if world.own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
@@ -166,7 +175,7 @@ class NOISYWORLD_MT_add_step(bpy.types.Menu):
         """Draw a menu for each stage that has some."""
         for stage, (label, icon) in STAGE_LABELS.items():
             if addable(stage):
-                self.layout.menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
+                layout_of(self).menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
 
 
 def addable(stage: Stage) -> list[Perturbation]:
@@ -180,7 +189,7 @@ def _stage_menu(stage: Stage) -> type:
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
         for perturbation in addable(stage):
             label = short_label(perturbation)
-            self.layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+            layout_of(self).operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
     return type(
         f"NOISYWORLD_MT_add_{stage}",
@@ -201,19 +210,19 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list and what is selected."""
-        layout, settings = self.fields(context), context.scene.noisy_world
+        layout, panel = self.fields(context), panel_of(context.scene)
         row = layout.row()
-        row.template_list("NOISYWORLD_UL_steps", "", settings, "steps", settings, "active_step", rows=4, maxrows=8)
+        row.template_list("NOISYWORLD_UL_steps", "", panel, "steps", panel, "active_step", rows=4, maxrows=8)
         buttons = row.column(align=True)
         buttons.menu("NOISYWORLD_MT_add_step", text="", icon="ADD")
         buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
         buttons.separator()
         buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
         buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
-        if (step := active_step(settings)) is not None and step.perturbation in registry():
+        if (step := active_step(panel)) is not None and step.perturbation in registry():
             draw_step(layout, step)
         layout.separator(factor=0.5)
-        layout.prop(settings, "seed")
+        layout.prop(panel, "seed")
 
 
 def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
@@ -293,25 +302,25 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
+        layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
         for name in ("engine", "samples", "backend"):
-            column.prop(settings, name)
+            column.prop(panel, name)
         column = layout.column(align=True)
-        column.prop(settings, "layout")
+        column.prop(panel, "layout")
         row = column.row(align=True)
-        row.enabled = len(LAYOUTS[settings.layout].images) > 1
-        row.prop(settings, "image", text="Images")
-        column.prop(settings, "colour")
+        row.enabled = len(LAYOUTS[panel.layout].images) > 1
+        row.prop(panel, "image", text="Images")
+        column.prop(panel, "colour")
         column = layout.column(align=True)
-        column.enabled = settings.use_depth
-        column.prop(settings, "depth_scale_per_m")
-        column.prop(settings, "depth_beyond")
+        column.enabled = panel.use_depth
+        column.prop(panel, "depth_scale_per_m")
+        column.prop(panel, "depth_beyond")
         column = layout.column(heading="Write", align=True)
         for name in ("use_rgb", "use_depth", "overview"):
-            column.prop(settings, name)
-        layout.prop(settings, "setting_name", text="Setting")
-        layout.prop(settings, "output_folder")
+            column.prop(panel, name)
+        layout.prop(panel, "setting_name", text="Setting")
+        layout.prop(panel, "output_folder")
         generate.draw(layout, context)
 
 

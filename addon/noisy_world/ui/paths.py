@@ -3,7 +3,7 @@
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import bpy
 import gpu
@@ -17,6 +17,7 @@ from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
 from .document import identifiers_of, listed_motion, motion_of
 from .long_text import write
+from .properties import panel_of
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
@@ -79,14 +80,14 @@ def clean_poses(scene: bpy.types.Scene) -> NDArray[np.float64] | None:
 
 
 def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """Return the poses (M, 4, 4) that the settings move the clean ones (N, 4, 4) to; None where they leave them alone.
+    """Return the poses (M, 4, 4) that the panel moves the clean ones (N, 4, 4) to; None where they leave them alone.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
-    moving, _ = split_motion(motion_of(scene.noisy_world))
+    moving, _ = split_motion(motion_of(panel_of(scene)))
     if not moving:
         return None
-    identifiers, stamps_s = identifiers_of(scene.noisy_world), clean_stamps_s(scene)
+    identifiers, stamps_s = identifiers_of(panel_of(scene)), clean_stamps_s(scene)
     values = [(step.perturbation.name, step.severity, *step.given.items()) for step in moving]
     made_from = (c2w.tobytes(), stamps_s.tobytes(), *values, identifiers)
     if made_from not in _deviated:
@@ -100,8 +101,8 @@ def chosen_frames(scene: bpy.types.Scene, count: int) -> NDArray[np.int64] | Non
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
-    _, choosing = split_motion(motion_of(scene.noisy_world))
-    return chosen_poses(choosing, count, identifiers_of(scene.noisy_world))
+    _, choosing = split_motion(motion_of(panel_of(scene)))
+    return chosen_poses(choosing, count, identifiers_of(panel_of(scene)))
 
 
 def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -111,7 +112,7 @@ def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.
     naming a perturbation that breaks its contract.
     """
     moved = deviated_poses(scene, c2w)
-    if not listed_motion(scene.noisy_world):
+    if not listed_motion(panel_of(scene)):
         return moved
     keyed = c2w if moved is None else moved
     chosen = chosen_frames(scene, len(keyed))
@@ -137,11 +138,11 @@ def _batches(scene: bpy.types.Scene) -> Drawn | None:
     if values is None:
         _drawn.pop(scene.session_uid, None)
         return None
-    settings = scene.noisy_world
-    fields = (settings.deviation_rotation_deg, settings.deviation_translation_m, settings.speed_factor)
-    motion = (*fields, json.dumps(listed_motion(settings)))
+    panel = panel_of(scene)
+    fields = (panel.deviation_rotation_deg, panel.deviation_translation_m, panel.speed_factor)
+    motion = (*fields, json.dumps(listed_motion(panel)))
     origin_m = get_origin(scene)
-    made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(settings), tuple(origin_m))
+    made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(panel), tuple(origin_m))
     found = _drawn.get(scene.session_uid)
     if found is None or found.made_from != made_from:
         found = _drawn[scene.session_uid] = _make(scene, made_from, origin_m)
@@ -157,10 +158,12 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
     except NoisyWorldError:  # `draw` says it in the panel
         second = None
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
-    lines = [None if item is None else path_lines(item, origin_m) for item in (c2w, second)]
-    return Drawn(
-        made_from, *(None if item is None else batch_for_shader(shader, "LINES", {"pos": item}) for item in lines)
-    )
+
+    def batch(poses: NDArray[np.float64]) -> gpu.types.GPUBatch:
+        content: dict[str, Any] = {"pos": path_lines(poses, origin_m)}
+        return batch_for_shader(shader, "LINES", content)
+
+    return Drawn(made_from, batch(c2w), None if second is None else batch(second))
 
 
 def _draw() -> None:
@@ -177,7 +180,8 @@ def _draw() -> None:
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", WIDTH_PX * context.preferences.system.ui_scale)
     # What walls hide shines through: paths lead through rooms, which are looked at from outside.
-    for test, alpha in (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0)):
+    tests: tuple[tuple[Literal["NONE", "LESS_EQUAL"], float], ...] = (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0))
+    for test, alpha in tests:
         gpu.state.depth_test_set(test)
         for batch, rgb in ((drawn.deviated, DEVIATED_RGB), (drawn.clean, CLEAN_RGB)):  # the smoother one above
             if batch is not None:

@@ -3,16 +3,18 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
+from ..blender.typed import layout_of
 from ..core.errors import InputError
 from .described import title
 from .document import open_preset, save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import Section
+from .properties import panel_of
 
 FOLDER = "presets/noisy_world"
 
@@ -57,8 +59,12 @@ class NoisyWorldUsePreset(OnScene, bpy.types.Operator):
     bl_label = "Use Preset"
     bl_options = UNDOABLE
 
-    filepath: bpy.props.StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
-    setting: bpy.props.StringProperty(name="Setting", options={"SKIP_SAVE"})
+    filepath: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+    setting: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Setting", options={"SKIP_SAVE"}
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
@@ -66,7 +72,7 @@ class NoisyWorldUsePreset(OnScene, bpy.types.Operator):
 
 
 def _open(context: bpy.types.Context, path: Path, setting: str = "") -> str:
-    open_preset(context.scene.noisy_world, path, setting)
+    open_preset(panel_of(context.scene), path, setting)
     return ""
 
 
@@ -76,9 +82,13 @@ class NoisyWorldOpenPreset(OnScene, bpy.types.Operator, ImportHelper):
     bl_idname = "noisy_world.open_preset"
     bl_label = "Open Preset"
     bl_options = UNDOABLE
+    if TYPE_CHECKING:
+        filepath: str  # ImportHelper's
 
     filename_ext = ".yaml"
-    filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        default="*.yaml;*.yml", options={"HIDDEN"}
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
@@ -93,18 +103,20 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER"}
 
     filename_ext = ".yaml"
-    filter_glob: bpy.props.StringProperty(default="*.yaml;*.yml", options={"HIDDEN"})
+    filter_glob: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        default="*.yaml;*.yml", options={"HIDDEN"}
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start from the preset in use, unless it is one that is shipped; or from a name that says what is in it."""
-        settings = context.scene.noisy_world
-        used = settings.preset_path
+        panel = panel_of(context.scene)
+        used = panel.preset_path
         beside = Path(bpy.data.filepath).parent
         if used and not Path(used).is_relative_to(shipped_folder()):
             self.filepath = used
         else:
-            self.filepath = str(beside / f"{settings.scene_name}_{settings.setting_name}{self.filename_ext}")
-        return super().invoke(context, event)
+            self.filepath = str(beside / f"{panel.scene_name}_{panel.setting_name}{self.filename_ext}")
+        return {*super().invoke(context, event)}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Save it."""
@@ -112,7 +124,7 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
 
 
 def _save(context: bpy.types.Context, path: Path) -> str:
-    save_preset(context.scene.noisy_world, path)
+    save_preset(panel_of(context.scene), path)
     return f"saved {path}"
 
 
@@ -123,7 +135,9 @@ class NoisyWorldAddPreset(OnScene, bpy.types.Operator):
     bl_label = "Add Preset"
     bl_options = {"REGISTER"}
 
-    name: bpy.props.StringProperty(name="Name", description="Name of the preset", options={"SKIP_SAVE"})
+    name: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Name", description="Name of the preset", options={"SKIP_SAVE"}
+    )
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Ask for a name."""
@@ -153,7 +167,7 @@ class NoisyWorldRemovePreset(OnScene, bpy.types.Operator):
         """Leave the shipped ones alone, and files elsewhere."""
         if not super().poll(context):
             return False
-        if not is_own(context.scene.noisy_world.preset_path):
+        if not is_own(panel_of(context.scene).preset_path):
             cls.poll_message_set("The preset in use is none of your own")
             return False
         return True
@@ -164,13 +178,13 @@ class NoisyWorldRemovePreset(OnScene, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Delete it."""
-        settings = context.scene.noisy_world
+        panel = panel_of(context.scene)
         try:
-            Path(settings.preset_path).unlink(missing_ok=True)
+            Path(panel.preset_path).unlink(missing_ok=True)
         except OSError as error:
-            self.report({"ERROR"}, f"{settings.preset_path}: cannot be deleted: {error.strerror}")
+            self.report({"ERROR"}, f"{panel.preset_path}: cannot be deleted: {error.strerror}")
             return CANCELLED
-        settings.preset_path = ""
+        panel.preset_path = ""
         return DONE
 
 
@@ -185,11 +199,11 @@ class NOISYWORLD_MT_presets(bpy.types.Menu):
     def draw(self, _: bpy.types.Context) -> None:
         """Draw them: one's own first."""
         own = listed(own_folder())
-        list_presets(self.layout, own)
+        list_presets(layout_of(self), own)
         if own:
-            self.layout.separator()
-        list_presets(self.layout, listed(shipped_folder()))
-        self.layout.menu("NOISYWORLD_MT_single_presets")
+            layout_of(self).separator()
+        list_presets(layout_of(self), listed(shipped_folder()))
+        layout_of(self).menu("NOISYWORLD_MT_single_presets")
 
 
 class NOISYWORLD_MT_single_presets(bpy.types.Menu):
@@ -199,7 +213,7 @@ class NOISYWORLD_MT_single_presets(bpy.types.Menu):
 
     def draw(self, _: bpy.types.Context) -> None:
         """Draw them."""
-        list_presets(self.layout, listed(shipped_folder() / "perturbations"))
+        list_presets(layout_of(self), listed(shipped_folder() / "perturbations"))
 
 
 def list_presets(layout: bpy.types.UILayout, paths: list[Path]) -> None:
@@ -220,10 +234,10 @@ class NOISYWORLD_MT_settings(bpy.types.Menu):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw them."""
-        settings = context.scene.noisy_world
-        for name in settings.preset_settings.split("\n"):
-            entry = self.layout.operator("noisy_world.use_preset", text=name)
-            entry.filepath, entry.setting = settings.preset_path, name
+        panel = panel_of(context.scene)
+        for name in panel.preset_settings.split("\n"):
+            entry = layout_of(self).operator("noisy_world.use_preset", text=name)
+            entry.filepath, entry.setting = panel.preset_path, name
 
 
 class NOISYWORLD_PT_preset(Section, bpy.types.Panel):
@@ -233,14 +247,14 @@ class NOISYWORLD_PT_preset(Section, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
-        layout, settings = self.fields(context), context.scene.noisy_world
+        layout, panel = self.fields(context), panel_of(context.scene)
         row = layout.row(align=True)
-        label = preset_label(Path(settings.preset_path)) if settings.preset_path else "Presets"
+        label = preset_label(Path(panel.preset_path)) if panel.preset_path else "Presets"
         row.menu("NOISYWORLD_MT_presets", text=label)
         row.operator("noisy_world.add_preset", text="", icon="ADD")
         row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
-        if settings.preset_path and settings.preset_settings.count("\n") > 0:
-            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {settings.setting_name}")
+        if panel.preset_path and panel.preset_settings.count("\n") > 0:
+            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {panel.setting_name}")
         row = layout.row(align=True)
         row.operator("noisy_world.open_preset", text="Open", icon="FILE_FOLDER")
         row.operator("noisy_world.save_preset", text="Save", icon="FILE_TICK")

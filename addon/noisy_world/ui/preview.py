@@ -15,6 +15,7 @@ from ..core.errors import NoisyWorldError
 from . import frame_preview, properties, views
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
+from .properties import panel_of
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 COSTLY_S = 0.5
@@ -46,7 +47,7 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
         frame_preview.forget(scene)
     if what == "preview":
         _changed_s[scene.session_uid] = 0.0
-    elif scene.noisy_world.preview:
+    elif panel_of(scene).preview:
         apply(scene)
         if not frame_preview.watching(scene):
             return
@@ -89,11 +90,11 @@ def is_costly(scene: bpy.types.Scene) -> bool:
 
 
 def apply(scene: bpy.types.Scene) -> None:
-    """Make what a scene shows what its settings say; what is wrong with them is kept for the panel."""
+    """Make a scene show what the panel says; what is wrong in it is kept for the panel to tell."""
     if scene.library is not None:
         return
     with _errors_kept(scene):
-        if scene.noisy_world.preview:
+        if panel_of(scene).preview:
             _prefer_processor(scene)
             show(scene)
         else:
@@ -103,7 +104,7 @@ def apply(scene: bpy.types.Scene) -> None:
 
 def draw_pictures(scene: bpy.types.Scene) -> None:
     """Draw the pictures of a scene anew that an image editor shows, while it is in preview."""
-    if scene.library is None and scene.noisy_world.preview and scene.session_uid not in _errors:
+    if scene.library is None and panel_of(scene).preview and scene.session_uid not in _errors:
         with _errors_kept(scene):
             frame_preview.follow(scene)
     views.redraw_sidebars()
@@ -119,16 +120,16 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def show(scene: bpy.types.Scene) -> None:
-    """Show a scene's perturbations of colour behind its render. Raises NoisyWorldError where the settings are wrong."""
-    settings = scene.noisy_world
+    """Show a scene's perturbations of colour behind its render. Raises NoisyWorldError for what is wrong in it."""
+    panel = panel_of(scene)
     sequence, _ = frame_preview.sequence_of(scene)
     refresh_chain(
         scene,
         sequence.setting.rgb,
         sequence.identifiers,
         index_of=sequence.frame_at if sequence.skips else None,
-        reference_width_px=settings.width_px,
-        split=settings.preview_split,
+        reference_width_px=panel.width_px,
+        split=panel.preview_split,
     )
 
 
@@ -171,9 +172,9 @@ def _resume() -> None:
 
 def falsified_by(scene: bpy.types.Scene) -> list[str]:
     """Say what in a scene's colour management makes the preview another picture than the one that is written."""
-    view, found = scene.view_settings, []
-    if scene.display_settings.display_device != "sRGB":
-        found.append(f"the display is {scene.display_settings.display_device}, not sRGB")
+    (display, view), found = _colour_management(scene), []
+    if display.display_device != "sRGB":
+        found.append(f"the display is {display.display_device}, not sRGB")
     if view.view_transform != "Standard":
         found.append(f"the view transform is {view.view_transform}, not Standard")
     if view.look != "None":
@@ -187,6 +188,14 @@ def falsified_by(scene: bpy.types.Scene) -> list[str]:
     if view.use_white_balance:
         found.append("white balance is used")
     return found
+
+
+def _colour_management(
+    scene: bpy.types.Scene,
+) -> tuple[bpy.types.ColorManagedDisplaySettings, bpy.types.ColorManagedViewSettings]:
+    assert scene.display_settings is not None
+    assert scene.view_settings is not None
+    return scene.display_settings, scene.view_settings
 
 
 def is_working_space_wrong() -> bool:
@@ -219,10 +228,12 @@ class UseStandardView(OnScene, bpy.types.Operator):
 
 def use_standard_view(scene: bpy.types.Scene) -> None:
     """Set a scene's colour management so that it shows colours as they are written."""
-    scene.display_settings.display_device = "sRGB"
-    view = scene.view_settings
-    view.view_transform = "Standard"
-    view.look = "None"
+    display, view = _colour_management(scene)
+    # The names come from the OpenColorIO configuration; the stubs know none.
+    names: dict[str, Any] = {"display": "sRGB", "view": "Standard", "look": "None"}
+    display.display_device = names["display"]
+    view.view_transform = names["view"]
+    view.look = names["look"]
     view.exposure = 0.0
     view.gamma = 1.0
     view.use_curve_mapping = False
@@ -235,12 +246,12 @@ def use_standard_view(scene: bpy.types.Scene) -> None:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the section: the switch, the split, and what stands in the way of a true picture."""
     scene = context.scene
-    settings = scene.noisy_world
-    layout.prop(settings, "preview", toggle=True, icon="HIDE_OFF" if settings.preview else "HIDE_ON")
+    panel = panel_of(scene)
+    layout.prop(panel, "preview", toggle=True, icon="HIDE_OFF" if panel.preview else "HIDE_ON")
     row = layout.row()
-    row.active = settings.preview
-    row.prop(settings, "preview_split", slider=True)
-    if settings.preview:
+    row.active = panel.preview
+    row.prop(panel, "preview_split", slider=True)
+    if panel.preview:
         _draw_state(layout, context)
     frame_preview.draw(layout, context)
 

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -26,6 +26,9 @@ from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title, told_once
 
 OUTPUT = OutputSpec().format  # what a new scene starts with
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import PropertyFlagItems
+
 OVERRIDE = "override_"  # + a parameter's name: whether it stands over the severity's
 
 
@@ -146,29 +149,34 @@ def parameters_of(step: Any) -> Any:
     return getattr(step, step.perturbation)
 
 
-def active_step(settings: Any) -> Any | None:
+def panel_of(scene: bpy.types.Scene) -> Any:
+    """Return what the panel holds for a scene: the properties below."""
+    return scene.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  added by register
+
+
+def active_step(panel: Any) -> Any | None:
     """Return the selected entry of the list of perturbations, where there is one."""
-    return settings.steps[settings.active_step] if 0 <= settings.active_step < len(settings.steps) else None
+    return panel.steps[panel.active_step] if 0 <= panel.active_step < len(panel.steps) else None
 
 
 # --- the scene's ---
 
 
-def _take_layout(settings: Any, context: bpy.types.Context) -> None:
+def _take_layout(panel: Any, context: bpy.types.Context) -> None:
     """Take what the readers of a layout expect: its own images, colour and depth scale."""
-    own = OutputSpec(layout=settings.layout).format
+    own = OutputSpec(layout=panel.layout).format
     with told_once():
-        if settings.image not in own.layout.images:
-            settings.image = own.image
-        settings.colour = own.colour
-        settings.depth_scale_per_m = own.depth_scale_per_m
-        tell("layout")(settings, context)
+        if panel.image not in own.layout.images:
+            panel.image = own.image
+        panel.colour = own.colour
+        panel.depth_scale_per_m = own.depth_scale_per_m
+        tell("layout")(panel, context)
 
 
-def _settings_members() -> dict[str, Any]:
+def _panel_members() -> dict[str, Any]:
     replica = REPLICA_CAMERA
     enum, text, flag = bpy.props.EnumProperty, bpy.props.StringProperty, bpy.props.BoolProperty
-    path_options = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    path_options: set[PropertyFlagItems] = {"PATH_SUPPORTS_BLEND_RELATIVE"}
     camera = {"width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy"}
     members: dict[str, Any] = {
         "mesh_source": enum(
@@ -292,21 +300,22 @@ def _settings_members() -> dict[str, Any]:
     return members
 
 
-NoisyWorldSettings: type = type(
-    "NoisyWorldSettings", (bpy.types.PropertyGroup,), {"__annotations__": _settings_members(), "__module__": __name__}
+NoisyWorldPanelState: type = type(
+    "NoisyWorldPanelState", (bpy.types.PropertyGroup,), {"__annotations__": _panel_members(), "__module__": __name__}
 )
-CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldSettings)
+CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldPanelState)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register() -> None:
-    """Give every scene its settings."""
+    """Give every scene what the panel holds."""
     _register_classes()
-    bpy.types.Scene.noisy_world = bpy.props.PointerProperty(type=NoisyWorldSettings, name="Noisy World")
+    state = bpy.props.PointerProperty(type=NoisyWorldPanelState, name="Noisy World")
+    bpy.types.Scene.noisy_world = state  # pyright: ignore[reportAttributeAccessIssue]  Blender's way to add one
 
 
 def unregister() -> None:
     """Take them away; what a file holds stays in it."""
-    del bpy.types.Scene.noisy_world
+    del bpy.types.Scene.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  as above
     _unregister_classes()
     LISTENERS.clear()

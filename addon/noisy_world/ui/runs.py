@@ -18,6 +18,7 @@ from ..core.errors import InputError, StorageError
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
+from .properties import panel_of
 
 STOPPED = "Stopped; what is finished stays, and Generate goes on from there"
 
@@ -61,9 +62,9 @@ def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
     return [sys.executable, str(generator_script()), *words]
 
 
-def output_folder(settings: Any) -> Path:
+def output_folder(panel: Any) -> Path:
     """Return the dataset's folder. Raises InputError where it cannot be told."""
-    text = settings.output_folder.strip()
+    text = panel.output_folder.strip()
     if not text:
         raise InputError("Output", "no folder is named", remedy="choose one")
     if text.startswith("//") and not bpy.data.filepath:
@@ -73,12 +74,12 @@ def output_folder(settings: Any) -> Path:
 
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     """Start the generator on what a scene's panel describes. Raises NoisyWorldError where that cannot be made."""
-    settings = scene.noisy_world
-    out = output_folder(settings)
-    preset_of(settings)  # what is wrong is told now, not when another Blender has started
+    panel = panel_of(scene)
+    out = output_folder(panel)
+    preset_of(panel)  # what is wrong is told now, not when another Blender has started
     folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
     try:
-        preset = saved_preset(settings) or temporary_preset(settings, folder)
+        preset = saved_preset(panel) or temporary_preset(panel, folder)
         options = ("--progress", "json", *(["--overwrite"] if overwrite else []))
         background = BackgroundRun(generator_command(preset, out, *options))
     except OSError as error:
@@ -91,13 +92,13 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     return run
 
 
-def saved_preset(settings: Any) -> Path | None:
+def saved_preset(panel: Any) -> Path | None:
     """Return the preset's file where it says what the panel says: with it the command line goes on with the dataset."""
-    if not settings.preset_path:
+    if not panel.preset_path:
         return None
-    path = Path(bpy.path.abspath(settings.preset_path)).resolve()
+    path = Path(bpy.path.abspath(panel.preset_path)).resolve()
     try:
-        return path if _placed(read_preset(path)) == preset_of(settings).spec else None
+        return path if _placed(read_preset(path)) == preset_of(panel).spec else None
     except InputError:  # it was moved or spoilt since
         return None
 
@@ -115,11 +116,11 @@ def _placed(preset: Preset) -> PresetSpec:
     return replace(preset.spec, scenes=tuple(placed(scene) for scene in preset.spec.scenes))
 
 
-def temporary_preset(settings: Any, folder: Path) -> Path:
+def temporary_preset(panel: Any, folder: Path) -> Path:
     """Write what the panel describes into a folder; return the file."""
     path = folder / "noisy_world.yaml"
     # JSON is YAML, and numbers are as they were.
-    path.write_text(json.dumps(to_document(settings), indent=1, ensure_ascii=False), encoding="utf-8")
+    path.write_text(json.dumps(to_document(panel), indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 
 
@@ -146,9 +147,9 @@ def command_line(scene: bpy.types.Scene) -> str:
 
     Raises InputError where no preset's file says what the panel says.
     """
-    settings = scene.noisy_world
-    out = output_folder(settings)
-    preset = saved_preset(settings)
+    panel = panel_of(scene)
+    out = output_folder(panel)
+    preset = saved_preset(panel)
     if preset is None:
         raise InputError("Preset", "no file says what the panel says", remedy="save the preset first")
     words = generator_command(preset, out)

@@ -7,6 +7,8 @@ from typing import Any
 
 import bpy
 
+from .properties import panel_of
+
 FORMER = "noisy_world_former_compositor"
 SHADED = ("MATERIAL", "RENDERED")
 
@@ -22,7 +24,7 @@ def sync_views() -> None:
     What a view had is kept in its screen, which undo leaves alone as it does the view.
     """
     for window in bpy.context.window_manager.windows:
-        if window.scene.noisy_world.preview:
+        if panel_of(window.scene).preview:
             switch_on(window.screen)
         else:
             give_back(window.screen)
@@ -66,13 +68,13 @@ def redraw_sidebars() -> None:
 def _views(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.SpaceView3D]]:
     for number, area in enumerate(screen.areas):
         for space in area.spaces:
-            if space.type == "VIEW_3D":
+            if isinstance(space, bpy.types.SpaceView3D):
                 yield str(number), space
 
 
 def is_shaded(space: bpy.types.Space | None) -> bool:
     """Tell whether a view is shaded in a way that composites."""
-    return space is not None and space.type == "VIEW_3D" and space.shading.type in SHADED
+    return isinstance(space, bpy.types.SpaceView3D) and space.shading.type in SHADED
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
@@ -91,7 +93,7 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
 
 def _begin() -> None:
     context = bpy.context
-    if context.scene.noisy_world.preview != (FORMER in context.screen):
+    if panel_of(context.scene).preview != (FORMER in context.screen):
         # The window has come to show another scene or workspace; while it is drawn nothing may be changed.
         for listener in _on_mismatch:
             listener(context.scene)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
+from ..blender.typed import mesh_of
 from ..core.errors import NoisyWorldError
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
@@ -19,6 +20,7 @@ from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, value_of
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
+from .properties import panel_of
 
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
@@ -47,22 +49,22 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
 
     Returns the object, and what a user should know of how the file was read. Raises InputError.
     """
-    settings = scene.noisy_world
-    mesh = load_mesh(_mesh_path(settings))
+    panel = panel_of(scene)
+    mesh = load_mesh(_mesh_path(panel))
     while (old := own_object(scene, "mesh")) is not None:
         _remove_mesh(old)
     set_origin(scene, _origin_m(mesh))
-    loaded = add_mesh(scene, mesh, settings.scene_name, decoding="shader")
+    loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
     loaded[OURS] = "mesh"
     # Its colours are the light that was there; for shadows EEVEE would draw it several times more.
     loaded.visible_shadow = False
-    _add_display_colours(loaded.data, mesh)
+    _add_display_colours(mesh_of(loaded), mesh)
     return loaded, mesh.notes
 
 
-def _mesh_path(settings: Any) -> Path | None:
+def _mesh_path(panel: Any) -> Path | None:
     """Return the file of the mesh that the panel names; None is the embedded room."""
-    return None if settings.mesh_source == "ROOM" else Path(absolute(settings.mesh_path))
+    return None if panel.mesh_source == "ROOM" else Path(absolute(panel.mesh_path))
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
@@ -78,6 +80,7 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
     colours = data.color_attributes.new(DISPLAY_COLOURS, "BYTE_COLOR", "POINT")
     rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
     rgba[:, :3] = NEUTRAL_GREY if mesh.rgb is None else mesh.rgb
+    assert isinstance(colours, bpy.types.ByteColorAttribute)
     colours.data.foreach_set("color_srgb", rgba.ravel())
     data.color_attributes.active_color_name = DISPLAY_COLOURS
     data.color_attributes.render_color_index = rendered
@@ -86,7 +89,7 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
 def _remove_mesh(item: bpy.types.Object) -> None:
     data = item.data
     bpy.data.objects.remove(item)
-    if data is None or data.users:
+    if not isinstance(data, bpy.types.Mesh) or data.users:
         return
     materials = [material for material in data.materials if material is not None]
     bpy.data.meshes.remove(data)
@@ -103,7 +106,7 @@ def load_path(scene: bpy.types.Scene) -> int:
 
     Raises NoisyWorldError.
     """
-    nominal = find_scenes(preset_of(scene.noisy_world))[0].source.trajectory()
+    nominal = find_scenes(preset_of(panel_of(scene)))[0].source.trajectory()
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
@@ -127,7 +130,7 @@ def key_camera(scene: bpy.types.Scene) -> None:
     key_trajectory(scene, camera, keyed)
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
-    camera[KEYED_BY] = json.dumps(listed_motion(scene.noisy_world))
+    camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
     scene.frame_step = step  # rendered, an animation holds the frames of the sequence
 
 
@@ -158,9 +161,9 @@ def apply_intrinsics(scene: bpy.types.Scene) -> None:
     camera = own_object(scene, "camera")
     if camera is None:
         return
-    settings = scene.noisy_world
-    near_m, far_m = value_of(settings, "near_m"), value_of(settings, "far_m")
-    set_intrinsics(scene, camera, intrinsics_of(settings), near_m=near_m, far_m=far_m)
+    panel = panel_of(scene)
+    near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
+    set_intrinsics(scene, camera, intrinsics_of(panel), near_m=near_m, far_m=far_m)
 
 
 # --- following ---
@@ -180,7 +183,7 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
 def _keyed_otherwise(scene: bpy.types.Scene) -> bool:
     """Tell whether the list moves the camera otherwise than it is keyed: most changes in it do not touch the path."""
     camera = own_object(scene, "camera")
-    return camera is not None and camera.get(KEYED_BY, "[]") != json.dumps(listed_motion(scene.noisy_world))
+    return camera is not None and camera.get(KEYED_BY, "[]") != json.dumps(listed_motion(panel_of(scene)))
 
 
 def register() -> None:
@@ -198,7 +201,9 @@ def unregister() -> None:
 def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Say what is loaded, for the panel."""
     item = own_object(scene, "mesh")
-    return () if item is None else (f"{len(item.data.vertices):,} vertices", f"{len(item.data.polygons):,} faces")
+    if item is None or not isinstance(item.data, bpy.types.Mesh):
+        return ()
+    return f"{len(item.data.vertices):,} vertices", f"{len(item.data.polygons):,} faces"
 
 
 def poses(scene: bpy.types.Scene) -> int:

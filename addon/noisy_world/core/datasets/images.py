@@ -19,7 +19,21 @@ def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
     import cv2
 
     flat = rgb.reshape(rgb.shape[0], -1)  # without channels, as OpenCV applies a scalar to the first channel only
-    return cv2.convertScaleAbs(cv2.min(cv2.max(flat, 0.0), 1.0), alpha=255).reshape(rgb.shape)
+    low = cv2.max(flat, 0.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  the stubs know no plain number
+    clipped = cv2.min(low, 1.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  likewise
+    return np.asarray(cv2.convertScaleAbs(clipped, alpha=255), np.uint8).reshape(rgb.shape)
+
+
+def as_float(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return display-encoded colours, bytes or float in [0, 1], as float; what is float already is not copied."""
+    if rgb.dtype == np.uint8:
+        return np.divide(rgb, np.float32(255), dtype=np.float32)
+    return rgb.astype(np.float32, copy=False)
+
+
+def as_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return display-encoded colours, bytes or float in [0, 1], as bytes; what is bytes already is not copied."""
+    return rgb.astype(np.uint8, copy=False) if rgb.dtype == np.uint8 else rgb_bytes(as_float(rgb))
 
 
 def grey_bytes(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -89,16 +89,18 @@ def _spread(numbers: Sequence[int]) -> list[int]:
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
     import cv2
 
-    rgb = cv2.imread(str(path), cv2.IMREAD_COLOR)[..., ::-1]
-    return cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
+    rgb = np.asarray(cv2.imread(str(path), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+    tile = cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
+    return np.asarray(tile, np.uint8)
 
 
 def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:
     import cv2
 
-    steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    steps = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), np.uint16)
     # Nearest pixel: averaging would make depths between two surfaces, where there is nothing.
-    return cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST) / output.depth_scale_per_m
+    tile = cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST)
+    return np.divide(tile, output.depth_scale_per_m, dtype=np.float64)
 
 
 def _tile_size(shape: tuple[int, ...]) -> tuple[int, int]:
@@ -144,4 +146,5 @@ def _blank(height: int) -> NDArray[np.uint8]:
 def _write(row: NDArray[np.uint8], text: str, left: int) -> NDArray[np.uint8]:
     import cv2
 
-    return cv2.putText(row, text, (left, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    cv2.putText(row, text, (left, 19), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    return row

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 type Kind = Literal["float", "int", "bool", "vector", "color"]
-type Value = "Socket | float | tuple[float, ...]"
+type Value = Socket | float | tuple[float, ...]
 
 IMAGE_KINDS = ("vector", "color")  # the kinds with several numbers at each pixel
 INTERFACE = -1  # the node number of the group's own inputs
@@ -74,10 +74,15 @@ class Node:
     name: str = ""
 
 
-class Socket:
-    """A value in a graph: an output of a node, or an input of the group. Arithmetic on it makes nodes."""
+class Socket:  # noqa: PLW1641 - a hash would need an equality that tells
+    """A value in a graph: an output of a node, or an input of the group. Arithmetic and < and > on it make nodes.
+
+    Its value is known only when Blender calculates, so Python cannot decide by it: truth (`if`, `and`, `max`, `in`,
+    1 < x < 2) and equality raise TypeError.
+    """
 
     __slots__ = ("graph", "kind", "node", "output")
+    kind: Kind
 
     def __init__(self, graph: "Graph", node: int, output: str, kind: Kind) -> None:
         self.graph = graph
@@ -121,6 +126,15 @@ class Socket:
 
     def __gt__(self, other: Value) -> "Socket":
         return self.graph.math("GREATER_THAN", self, other)
+
+    def __eq__(self, other: object) -> NoReturn:
+        raise TypeError("sockets cannot be compared with ==: ask `is` for the same object, Graph.math for their values")
+
+    def __bool__(self) -> NoReturn:
+        raise TypeError(
+            "a socket is neither true nor false while the group is described: choose by Graph.choose or a product with "
+            "a comparison, take Graph.math's MAXIMUM and MINIMUM, and ask `is None` for one that is not there"
+        )
 
     def __getattr__(self, name: str) -> "Socket":
         """Return a component: x, y and z of a vector; r, g and b of a colour are the same."""
@@ -232,7 +246,7 @@ class Graph:
             return self._vector_math("MAXIMUM", (sign, 0.0), label)
         names = ("Vector", "Vector_001", "Vector_002")
         wide = [value if isinstance(value, Socket) else _triple(value) for value in values]
-        inputs = dict(zip(names, wide, strict=False))
+        inputs: dict[str, Any] = dict(zip(names, wide, strict=False))
         scalar = operation in ("DOT_PRODUCT", "LENGTH", "DISTANCE")
         node = self.node("ShaderNodeVectorMath", inputs, {"operation": operation}, label=label)
         return node.out("Value", "float") if scalar else node.out("Vector", "vector")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.images import rgb_bytes
+from ..datasets.images import as_float, rgb_bytes
 from ..errors import NoisyWorldError
 from ..trajectories.trajectory import Trajectory
 from .kinds import (
@@ -115,10 +115,11 @@ def perturb_rgb(
     active = [(step, context, severity) for step, context, severity in done if severity != 0]
     if not active:
         return None, notes
-    if len(active) == 1 and rgb.dtype == np.uint8 and active[0][0].perturbation.apply_bytes is not None:
+    if len(active) == 1 and rgb.dtype == np.uint8:
         step, context, severity = active[0]
-        return step.perturbation.apply_bytes(rgb, step.parameters(severity), context), notes
-    image = rgb / np.float32(255) if rgb.dtype == np.uint8 else rgb
+        if (apply_bytes := step.perturbation.apply_bytes) is not None:
+            return apply_bytes(rgb, step.parameters(severity), context), notes
+    image = as_float(rgb)
     for step, context, severity in active:
         image = perturb_colour(step, image, severity, context)
         np.clip(image, 0.0, 1.0, out=image)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from ..datasets.layouts import OutputFormat
+from ..datasets.layouts import Modality, OutputFormat
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
@@ -19,7 +19,7 @@ from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_traje
 from ..trajectories.sensor_paths import SensorPaths
 from ..trajectories.trajectory import Axes, Trajectory
 from .sequence import Sequence, lay_out
-from .source import Modality, Scene
+from .source import Scene
 
 
 @dataclass(frozen=True)

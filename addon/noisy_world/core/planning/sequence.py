@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.layouts import Modality
 from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
 from ..perturbing.kinds import Identifiers
 from ..perturbing.steps import Setting
 from ..trajectories.sensor_paths import SensorPaths
-from .source import Modality
 
 
 @dataclass(frozen=True)

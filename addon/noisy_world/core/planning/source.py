@@ -13,13 +13,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.layouts import OutputFormat
+from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
 from ..schema import Place
 from ..trajectories.sensor_paths import Moment, SensorPaths
 from ..trajectories.trajectory import Axes, Trajectory
-
-type Modality = Literal["rgb", "depth"]
 
 
 class SourceFrame(Protocol):

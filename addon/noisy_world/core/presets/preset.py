@@ -285,18 +285,19 @@ def _override(document: dict[str, Any], text: str, path: Path) -> None:
         if isinstance(node, list):
             if not step.isdecimal() or int(step) >= len(node):
                 raise where.error(f"--set: {step!r} is no entry of this list", f"it has {len(node)}, counted from 0")
-            step = int(step)  # noqa: PLW2901
+            if last:
+                node[int(step)] = value
+            else:
+                node = node[int(step)]
         elif not isinstance(node, dict):
             raise where.error("--set: leads into a value that has no keys")
-        if last:
+        elif last:
             node[step] = value
-        elif isinstance(node, dict):
+        else:
             if not isinstance(node.get(step), (dict, list)):
                 # A bare text stands for {file: text}: so trajectory.every can be set where the preset names only a
                 # file.
                 node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
-            node = node[step]
-        else:
             node = node[step]
 
 

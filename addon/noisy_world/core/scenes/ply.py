@@ -14,7 +14,7 @@ from functools import cached_property
 from io import BytesIO
 from itertools import chain, repeat
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ _SIZED = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "flo
 _UNSIZED = ("char", "uchar", "short", "ushort", "int", "uint", "float", "double")
 _TYPES = {name: np.dtype(sized) for name, sized in zip(_SIZED + _UNSIZED, _SIZED * 2, strict=True)}
 _LENGTH_TYPES = {name for name, kind in _TYPES.items() if kind.kind in "iu"}
-_BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+_BYTE_ORDERS: dict[str, Literal["=", "<", ">"]] = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _INDEX_NAMES = ("vertex_indices", "vertex_index")
 _COLOUR_SLACK = 1e-3  # of full scale: colours stored as floats may overshoot their range by rounding
@@ -202,6 +202,7 @@ def _parse_text(path: Path, text: bytes, header_lines: int) -> _Body:
             flaw = InputError(path, f"{str(bad[0][:40])[1:]} is not a number", where=where, remedy=_DAMAGED)
             block = block[: bad.start()]
             numbers = _from_text(block, np.float64, len(block.split()))
+            assert numbers is not None, "every word before the first bad one is a number"
         blocks.append(numbers)
     return _Body(path, np.concatenate(blocks).tobytes(), "ascii", flaw)
 
@@ -261,13 +262,15 @@ def _walk(empty: _Rows, rows: int) -> _Int64s:
     """(rows, L) int64: the lengths of the L lists in the first rows, up to the last that the body holds whole."""
     body, element, data, steps, lengths = empty.body, empty.element, empty.body.data, [], []
     at = [int(empty.layout[0][f"{name} length"][0]) for name in element.lists]
-    for name, gap in zip(element.lists, np.diff([*at, at[0] + empty.layout[1][0]]).tolist(), strict=True):
-        code = _BYTE_ORDERS[body.encoding] + body.stored(element.kinds[f"{name} length"]).char
-        steps.append((struct.Struct(code).unpack_from, gap, body.stored(element.kinds[name]).itemsize))
+    codes = [body.stored(element.kinds[f"{name} length"]).char for name in element.lists]
+    gaps = np.diff([*at, at[0] + empty.layout[1][0]]).tolist()
+    for name, code, gap in zip(element.lists, codes, gaps, strict=True):
+        unpack = struct.Struct(_BYTE_ORDERS[body.encoding] + code).unpack_from
+        steps.append((unpack, gap, body.stored(element.kinds[name]).itemsize))
     position = at[0]
     with suppress(struct.error, IndexError, ValueError, OverflowError):  # the end, or no length: the caller reports it
-        if len(at) == 1 and code[1] == "B":  # nearly all files, in a third of the time
-            size = steps[0][2]
+        if codes == ["B"]:  # nearly all files, in a third of the time
+            _, gap, size = steps[0]
             for _ in range(rows):
                 lengths.append(data[position])
                 position += gap + lengths[-1] * size

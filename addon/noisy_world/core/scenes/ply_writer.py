@@ -20,12 +20,12 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
     Colours are left out where the mesh has none. The file is written completely or not at all.
     Raises StorageError where it cannot be written.
     """
-    fan, coloured = _fan(mesh), mesh.rgb is not None
+    fan = _fan(mesh)
     fields = [("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)]
-    vertices = np.empty(len(mesh.vertices_m), fields[: 2 + coloured])
+    vertices = np.empty(len(mesh.vertices_m), fields if mesh.rgb is not None else fields[:2])
     vertices["xyz"] = mesh.vertices_m
     vertices["normal"] = _vertex_normals(mesh, fan) if normals is None else normals
-    if coloured:
+    if mesh.rgb is not None:
         vertices["rgb"] = np.rint(np.clip(mesh.rgb, 0, 1) * 255)
     corners, sizes = mesh.corner_vertices, mesh.face_sizes
     if triangulate:
@@ -33,7 +33,7 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
     length = "uchar" if sizes.max(initial=0) <= 255 else "uint"
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     lines += [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
-    lines += [f"property uchar {name}" for name in ("red", "green", "blue") if coloured]
+    lines += [f"property uchar {name}" for name in ("red", "green", "blue") if mesh.rgb is not None]
     lines += [f"element face {len(sizes)}", f"property list {length} int vertex_indices", "end_header", ""]
     words = np.insert(corners, np.cumsum(sizes) - sizes, sizes).astype("<i4").view(np.uint8).reshape(-1, 4)
     kept = np.ones(words.shape, bool)

@@ -309,6 +309,7 @@ def _walk(room: _Room, rng: np.random.Generator, speed_m_s: float, time_s: Float
     cells = np.flatnonzero(room.plan)
     visited = [int(rng.choice(cells))]
     corners = visited.copy()
+    corners_m = room.centre_m(corners)
     length_m, wanted_m = 0.0, speed_m_s * time_s[-1] + 2.0
     # The speed rises as the smooth step 3 u^2 - 2 u^3; this is its integral.
     u = np.clip(time_s / _START_S, 0.0, 1.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 from ...errors import InputError
 from ..stored import StoredSequence
 from .euroc import EurocLayout
-from .layout import Beyond, Colour, FrameNames, Image, Layout, OutputFormat, SequenceFacts
+from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, SequenceFacts
 from .replica import ReplicaLayout
 from .tum import TumLayout
 
@@ -17,6 +17,7 @@ __all__ = [
     "FrameNames",
     "Image",
     "Layout",
+    "Modality",
     "OutputFormat",
     "SequenceFacts",
     "find_sequence",

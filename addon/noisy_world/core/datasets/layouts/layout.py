@@ -15,9 +15,10 @@ from ...geometry import Intrinsics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.trajectory import Trajectory
-from ..images import UINT16_MAX, encode_colour, encode_depth, grey_bytes, quantise_depth, rgb_bytes
+from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
 from ..stored import StoredSequence
 
+type Modality = Literal["rgb", "depth"]
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
 Beyond = Literal["void", "farthest"]
@@ -94,7 +95,7 @@ class OutputFormat:
     layout: Layout
     image: Image
     colour: Colour
-    modalities: tuple[str, ...]
+    modalities: tuple[Modality, ...]
     depth_scale_per_m: float
     depth_beyond: Beyond = "void"
 
@@ -120,7 +121,7 @@ class OutputFormat:
         """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset."""
         if self.colour == "grey":
             return encode_colour(grey_bytes(rgb), self.image)
-        return encode_colour(rgb if rgb.dtype == np.uint8 else rgb_bytes(rgb), self.image)
+        return encode_colour(as_bytes(rgb), self.image)
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""

@@ -30,7 +30,7 @@ def build_room() -> Mesh:
     quads = np.concatenate(corners)
     return Mesh(
         # Rounded to micrometres, as the last bits of a sine differ between processors.
-        vertices_m=np.concatenate(vertices).round(6) + 0.0,
+        vertices_m=np.concatenate(vertices, dtype=np.float64).round(6) + 0.0,
         rgb=lit(piece).astype(np.float32),
         corner_vertices=quads.ravel(),
         face_starts=np.arange(0, quads.size, 4, dtype=np.int32),

@@ -9,9 +9,12 @@ each vertex.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, WINDOWS_M, Y0, Y1, pane_bars_m
 from .surfaces import Array, Piece, Sheet
+
+type Indices = NDArray[np.integer]
 
 # Chosen by eye: a sunny room whose shadows give features, and which is built within a second or two.
 LATTICE_M = 0.12
@@ -37,11 +40,11 @@ class _Lattice:
 
     points_m: Array
     normals: Array
-    rows: list[Array]
-    columns: list[Array]
+    rows: list[Indices]
+    columns: list[Indices]
 
 
-def _picked(points_m: Array) -> Array:
+def _picked(points_m: Array) -> Indices:
     """The numbers of the rows to sample, about LATTICE_M apart, first and last included."""
     count = len(points_m)
     x, y, z = (points_m[1:] - points_m[:-1]).T
@@ -64,10 +67,10 @@ def _lattice(sheets: tuple[Sheet, ...]) -> _Lattice:
     return _Lattice(np.concatenate(points), np.concatenate(normals), rows, columns)
 
 
-def _spread(coarse: Array, r: Array, c: Array, shape: tuple[int, int]) -> Array:
+def _spread(coarse: Array, r: Indices, c: Indices, shape: tuple[int, int]) -> Array:
     """(len(r), len(c), 3) values -> (R, C, 3) by linear interpolation over row and column numbers."""
 
-    def along(values: Array, at: Array, count: int) -> Array:
+    def along(values: Array, at: Indices, count: int) -> Array:
         if len(at) == count:
             return values
         if len(at) == 1:

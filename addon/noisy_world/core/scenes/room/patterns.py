@@ -73,7 +73,7 @@ def mix(a: Array, b: Array, t: Array) -> Array:
     return a * (1 - w) + b * w
 
 
-def ramp(x: Array, start: float, end: float) -> Array:
+def ramp(x: Array, start: float | Array, end: float | Array) -> Array:
     """0 at start, 1 at end, smooth between; start may be the larger one."""
     t = np.clip((x - start) / (end - start), 0.0, 1.0)
     return t * t * (3 - 2 * t)

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-type Array = NDArray[np.float64]
+type Array = NDArray[np.floating]  # float64, but for the light, which is found in float32
 type Point = tuple[float, float, float]
 # (u_m, v_m), each (R, C) in metres along the surface -> (R, C, 3) display-encoded colours.
 type Painter = Callable[[Array, Array], Array]
@@ -41,6 +41,12 @@ class Piece:
 
     def __add__(self, other: "Piece") -> "Piece":
         return Piece(self.sheets + other.sheets, self.blockers_m + other.blockers_m)
+
+
+def _point(numbers: Iterable[float]) -> Point:
+    """Three numbers as a point."""
+    x, y, z = numbers
+    return x, y, z
 
 
 def joined(pieces: Iterable[Piece]) -> Piece:
@@ -155,7 +161,7 @@ def box(low_m: Point, high_m: Point, cell_m: float, paint: Painter, *, skip: str
         if size[b] > size[a]:
             corner, a_edge, b_edge = corner + a_edge, b_edge, -a_edge
         shift = (1.7 * number + 3.1 * low[0], 2.3 * number + 1.3 * low[1] + 0.7 * low[2])
-        sheets += rect(tuple(corner), tuple(a_edge), tuple(b_edge), cell_m, blank, start_m=shift, glow=glow).sheets
+        sheets += rect(_point(corner), _point(a_edge), _point(b_edge), cell_m, blank, start_m=shift, glow=glow).sheets
     return Piece(_painted(sheets, at, paint), ((low_m, high_m),))
 
 
@@ -194,8 +200,8 @@ def rounded_box(
 
 def ball(centre_m: Point, radius_m: float, cell_m: float, paint: Painter) -> Piece:
     """A sphere made of six bent squares, so that it has no poles."""
-    low = tuple(c - radius_m for c in centre_m)
-    high = tuple(c + radius_m for c in centre_m)
+    low = _point(c - radius_m for c in centre_m)
+    high = _point(c + radius_m for c in centre_m)
     count = max(2, round(0.8 * radius_m / cell_m))
     return rounded_box(low, high, radius_m, 1.0, paint, arc=count)
 
@@ -269,7 +275,7 @@ def rod(start_m: Point, end_m: Point, radius_m: float, cell_m: float, paint: Pai
     """A straight round bar between two points."""
     a, b = np.array(start_m, np.float64), np.array(end_m, np.float64)
     t = spaced(1.0, cell_m / float(np.sqrt(((b - a) ** 2).sum())))
-    return tube([tuple(a + (b - a) * k) for k in t], radius_m, sides, paint)
+    return tube([_point(a + (b - a) * k) for k in t], radius_m, sides, paint)
 
 
 def pillow(width_m: float, height_m: float, thick_m: float, cell_m: float, paint: Painter) -> Piece:
@@ -299,16 +305,19 @@ def _transformed(piece: Piece, rotation: Array, at_m: Point) -> Piece:
     blockers = []
     for low, high in piece.blockers_m:
         corners = turn(np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])) + shift
-        blockers.append((tuple(corners.min(0)), tuple(corners.max(0))))
+        blockers.append((_point(corners.min(0)), _point(corners.max(0))))
     return Piece(sheets, tuple(blockers))
 
 
 def _moved(piece: Piece, by_m: Point) -> Piece:
     shift = np.array(by_m, np.float64)
     sheets = tuple(Sheet(s.points_m + shift, s.normals, s.rgb, s.glow) for s in piece.sheets)
-    x, y, z = by_m
-    moved = (tuple((p[0] + x, p[1] + y, p[2] + z) for p in pair) for pair in piece.blockers_m)
-    return Piece(sheets, tuple(moved))
+    moved = tuple((_sum(low, by_m), _sum(high, by_m)) for low, high in piece.blockers_m)
+    return Piece(sheets, moved)
+
+
+def _sum(a: Point, b: Point) -> Point:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def placed(piece: Piece, at_m: Point, yaw_deg: float = 0.0) -> Piece:

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's objects as the classes that they are, where Blender's own functions promise only a base class or nothing.
+
+What the type stubs of Blender have wrong is written down here too, once, each beside its reason.
+"""
+
+from contextlib import AbstractContextManager
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+
+def new_tree(name: str) -> bpy.types.CompositorNodeTree:
+    """Make an empty node group of the compositor."""
+    tree = bpy.data.node_groups.new(name, "CompositorNodeTree")
+    assert isinstance(tree, bpy.types.CompositorNodeTree)
+    return tree
+
+
+def new_node[T: bpy.types.Node](tree: bpy.types.NodeTree, kind: type[T]) -> T:
+    """Add a node of a class of Blender's own."""
+    node = tree.nodes.new(kind.__name__)
+    assert isinstance(node, kind)
+    return node
+
+
+def get_node[T: bpy.types.Node](tree: bpy.types.NodeTree, name: str, kind: type[T]) -> T:
+    """Return a node by its name."""
+    node = tree.nodes[name]
+    assert isinstance(node, kind)
+    return node
+
+
+def inputs(node: bpy.types.Node) -> bpy.types.NodeInputs:
+    """Return a node's inputs, which the stubs hold to be None in many subclasses."""
+    return node.inputs
+
+
+def outputs(node: bpy.types.Node) -> bpy.types.NodeOutputs:
+    """Return a node's outputs, which the stubs hold to be None in many subclasses."""
+    return node.outputs
+
+
+def group_of(node: bpy.types.CompositorNodeGroup) -> bpy.types.CompositorNodeTree:
+    """Return the group that a group node shows."""
+    assert node.node_tree is not None
+    return node.node_tree
+
+
+def node_tree(material: bpy.types.Material) -> bpy.types.NodeTree:
+    """Return a material's nodes."""
+    assert material.node_tree is not None
+    return material.node_tree
+
+
+def interface(tree: bpy.types.NodeTree) -> bpy.types.NodeTreeInterface:
+    """Return the sockets of a group, seen from outside."""
+    assert tree.interface is not None
+    return tree.interface
+
+
+def new_socket(tree: bpy.types.NodeTree, name: str, kind: str, *, output: bool) -> bpy.types.NodeTreeInterfaceSocket:
+    """Add an input or output to a group. kind: as Blender names it, NodeSocketColor for instance."""
+    return interface(tree).new_socket(
+        name,
+        in_out="OUTPUT" if output else "INPUT",
+        socket_type=kind,  # pyright: ignore[reportArgumentType]  the stubs know no kind but DEFAULT
+    )
+
+
+def set_value(socket: bpy.types.NodeSocket, value: Any) -> None:
+    """Set what an unlinked socket says."""
+    socket.default_value = value  # pyright: ignore[reportAttributeAccessIssue]  each subclass has it, of its own type
+
+
+def get_value(socket: bpy.types.NodeSocket) -> Any:
+    """Return what an unlinked socket says."""
+    return socket.default_value  # pyright: ignore[reportAttributeAccessIssue]  each subclass has it, of its own type
+
+
+def camera_of(item: bpy.types.Object | None) -> bpy.types.Camera:
+    """Return the lens and sensor of a camera object."""
+    assert item is not None
+    assert isinstance(item.data, bpy.types.Camera)
+    return item.data
+
+
+def mesh_of(item: bpy.types.Object) -> bpy.types.Mesh:
+    """Return the vertices and faces of a mesh object."""
+    assert isinstance(item.data, bpy.types.Mesh)
+    return item.data
+
+
+def action_of(item: bpy.types.ID) -> bpy.types.Action:
+    """Return the keyframes of an object or a node group, which has some."""
+    data = item.animation_data  # pyright: ignore[reportAttributeAccessIssue]  each subclass that is animated has it
+    assert data is not None
+    assert data.action is not None
+    return data.action
+
+
+def new_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
+    """Give an object or a node group keyframes of its own."""
+    data = item.animation_data_create()
+    assert data is not None
+    action = bpy.data.actions.new(name)
+    data.action = action
+    return action
+
+
+def interpolation(name: str) -> int:
+    """Return the number that a keyframe's interpolation has in arrays: LINEAR, CONSTANT."""
+    known = bpy.types.Keyframe.bl_rna.properties["interpolation"]
+    assert isinstance(known, bpy.types.EnumProperty)
+    return known.enum_items[name].value
+
+
+def cycles(item: bpy.types.Scene | bpy.types.Material) -> Any:
+    """Return what Cycles, an add-on of its own with no stubs, keeps in a scene or a material."""
+    return item.cycles
+
+
+def use_as_data(image: bpy.types.Image) -> None:
+    """Take an image's values as they are, without colour management."""
+    assert image.colorspace_settings is not None
+    name: Any = "Non-Color"  # the names come from the OpenColorIO configuration
+    image.colorspace_settings.name = name
+
+
+def set_pixels(image: bpy.types.Image, rgba: NDArray[np.float32]) -> None:
+    """Set all values of an image from (H, W, 4) float32, bottom row first."""
+    image.pixels.foreach_set(rgba.ravel())  # pyright: ignore[reportArgumentType]  any buffer will do
+    image.update()
+
+
+def size_px(image: bpy.types.Image) -> tuple[int, int]:
+    """Return an image's width and height."""
+    wide, high = image.size  # pyright: ignore[reportGeneralTypeIssues]  an array of two can be unpacked
+    return wide, high
+
+
+def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header) -> bpy.types.UILayout:
+    """Return what a panel, a menu or a header draws into."""
+    assert item.layout is not None
+    return item.layout
+
+
+def override(**members: Any) -> AbstractContextManager[object]:
+    """Let operators see other members of the context than the user's for the while of a `with`."""
+    return bpy.context.temp_override(**members)  # pyright: ignore[reportReturnType]  the stubs lack __enter__, __exit__
