@@ -44,10 +44,7 @@ class Listener:
         pass
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    fake_session.Session.rendered.clear()
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def run(preset, out, *, frames=None, stop=None, overwrite=False):
