@@ -151,6 +151,15 @@ def test_slerp_turns_evenly_about_the_axis(angle, sign):
     np.testing.assert_allclose(slerp(a, b, 0.0), a, rtol=0, atol=3e-16)
 
 
+@cases("axis", AXES)
+def test_slerp_of_half_a_turn_goes_the_way_that_the_second_quaternion_says(axis):
+    # Both ways are equally short. (0, axis) is half a turn about axis, and (0, -axis) the same one about -axis: the
+    # way there is cos, sin of a quarter of the angle, whichever is named.
+    u = np.linspace(0.0, 1.0, 5)
+    expected = np.column_stack([np.cos(u * math.pi / 2), np.sin(u * math.pi / 2)[:, None] * axis])
+    np.testing.assert_allclose(slerp([1, 0, 0, 0], [0, *axis], u), expected, rtol=0, atol=3e-16)
+
+
 def test_slerp_of_equal_and_opposite_quaternions_is_constant():
     q = quat_wxyz_from_rotation(rodrigues([0.6, 0.0, 0.8], 2.5))
     for other in (q, -q):

@@ -2,15 +2,19 @@
 """Datasets survive: a crash at every single step, damage, full disks, two runs at once and other people's files."""
 
 import errno
+import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_session
 import pytest
+from cases import cases
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.datasets import storage
@@ -18,6 +22,9 @@ from noisy_world.core.errors import InputError, InterruptedRunError, StorageErro
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.run import Run
+
+
+VERSIONS = {name: importlib.import_module(name).__version__ for name in ("cv2", "OpenEXR", "numpy")}
 
 
 class Listener:
@@ -37,10 +44,7 @@ class Listener:
         pass
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    fake_session.Session.rendered.clear()
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def run(preset, out, *, frames=None, stop=None, overwrite=False):
@@ -191,6 +195,17 @@ def test_the_refusal_names_what_differs(world, whole, tmp_path):
     plan = make_plan(read_preset(world, ["render.samples=2"]))
     with pytest.raises(StorageError, match=r"preset\.render\.samples was 1, is 2"):
         Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event()).make_dataset()
+
+
+@cases("package", ["cv2", "OpenEXR", "numpy"])
+def test_another_version_of_what_decides_the_bytes_is_refused(world, tmp_path, package):
+    out = tmp_path / package
+    run(world, out)
+    module, name = sys.modules[package], {"cv2": "opencv", "OpenEXR": "openexr"}.get(package, package)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(module, "__version__", "1.2.3")
+        with pytest.raises(StorageError, match=rf"versions\.{name} was .{re.escape(VERSIONS[package])}., is .1\.2\.3."):
+            run(world, out)
 
 
 def test_other_peoples_folders_are_left_alone(world, tmp_path):
@@ -355,3 +370,31 @@ def test_a_single_modality(tmp_path, layout, modality):
     texts = {"traj.txt"} if layout == "replica" else {"groundtruth.txt", f"{modality}.txt"}
     assert names == images | texts | {"frames.jsonl"}
     assert (out / "overview.png").stat().st_size > 500
+
+
+class LateEncoders:
+    """Stands in for the threads that write: what is queued is done only when it is waited for."""
+
+    queued: list[int] = []  # how many waited when each frame came
+
+    def __init__(self, *_, **__):
+        self._waiting = 0
+
+    def submit(self, work, *arguments):
+        LateEncoders.queued.append(self._waiting)
+        self._waiting += 1
+        return SimpleNamespace(done=lambda: False, result=lambda: self._finish(work, arguments))
+
+    def _finish(self, work, arguments):
+        self._waiting -= 1
+        work(*arguments)
+
+    def shutdown(self, *_, **__):
+        pass
+
+
+def test_at_most_three_frames_wait_for_the_encoders(tmp_path, monkeypatch):
+    LateEncoders.queued.clear()
+    monkeypatch.setattr("noisy_world.pipeline.frame_writer.ThreadPoolExecutor", LateEncoders)
+    run(write_world(tmp_path / "world", frames=9, size=(8, 6)), tmp_path / "out")
+    assert LateEncoders.queued == [0, 1, 2, 3, 3, 3, 3, 3, 3]

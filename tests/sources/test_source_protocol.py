@@ -134,7 +134,8 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     assert not out.exists(), "nothing was made, so nothing stays"
 
 
-def test_a_worker_without_a_run_is_refused(tmp_path):
+def test_a_worker_without_a_run_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
     plan = make_plan(read_preset(write_world(tmp_path / "world", frames=1, size=(8, 6))))
     with pytest.raises(StorageError, match="no run is open here"):
         run_of(plan, tmp_path / "out").take_part({"box": [0]}, 0)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic import look_at
-from worlds import ROOT
+from worlds import ROOT, write_box_ply
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 pytestmark = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
@@ -45,7 +45,7 @@ def install(folder, archive, *options):
 
 
 def poses():
-    """A path (5, 4, 4) on a bow through the embedded room, camera-to-world, OpenCV axes, looking outwards."""
+    """A path (5, 4, 4) on a bow through a box room, camera-to-world, OpenCV axes, looking outwards."""
     angles = np.deg2rad(np.linspace(-30, 210, FRAMES))
     out = np.stack([np.cos(angles), np.sin(angles), np.zeros(FRAMES)], axis=-1)
     eyes = out + np.stack([np.full(FRAMES, -0.7), np.full(FRAMES, -0.3), 1.5 + 0.1 * np.sin(2 * angles)], axis=-1)
@@ -70,6 +70,7 @@ def used(archive, tmp_path_factory):
     """The folder after the work of drive.py, in a profile in which the extension was installed and enabled."""
     folder = tmp_path_factory.mktemp("add_on")
     install(folder, archive, "-e")
+    write_box_ply(folder / "mesh.ply")
     np.savetxt(folder / "trajectory.txt", poses().reshape(FRAMES, 16))
     told = blender(folder, "--enable-event-simulate", "-P", ROOT / "tests/ui/window/drive.py", "--", folder)
     if pictures := os.environ.get("NOISY_WORLD_PICTURES"):
