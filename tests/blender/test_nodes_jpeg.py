@@ -113,7 +113,7 @@ def test_its_inner_groups_are_no_assets():
     found, graphs = {}, [build_group(registry()[NAME])]
     while graphs:
         inner = [node.group for node in graphs.pop().nodes if node.group is not None]
-        found |= {item.name: item.stage for item in inner}
+        found |= {item.name: item.category for item in inner}
         graphs += inner
     assert set(found.values()) == {""}
     assert len(found) == 5
