@@ -25,9 +25,9 @@ class GlassBlur:
     """Blur, take every pixel from a random place nearby a few times, blur again.
 
     After ImageNet-C, whose loop is meant to swap pixels at whole offsets in [-max_delta, max_delta), but copies
-    instead. The loop runs in place from the last pixel to the first, so a pixel that is copied from further on was itself
-    replaced before, and offsets add up. Here each pixel draws the sum of its offsets at once, over the whole frame;
-    outside the frame its border is replicated.
+    instead. The loop runs in place from the last pixel to the first, so a pixel that is copied from further on was
+    itself replaced before, and offsets add up. Here each pixel draws the sum of its offsets at once, over the whole
+    frame; outside the frame its border is replicated.
     """
 
     sigma_px: float = key(
