@@ -20,7 +20,7 @@ from .background_run import BackgroundRun
 from .document import preset_of, to_document
 from .properties import panel_of
 
-STOPPED = "Stopped; what is finished stays, and Generate goes on from there"
+STOPPED = "Stopped; finished frames stay, and Generate continues from there"
 
 
 @dataclass
