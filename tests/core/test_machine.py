@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a process tells of itself."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from worlds import ROOT
 
-from noisy_world.core.machine import peak_memory_bytes
+from noisy_world.core.machine import available_threads, keep_freed_memory, peak_memory_bytes, processor_features
 
 TELL = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from noisy_world.core.machine import peak_memory_bytes
+from noisy_world.core.machine import available_threads, keep_freed_memory, peak_memory_bytes, processor_features
 print(peak_memory_bytes())
 """
 
@@ -28,3 +31,22 @@ def test_the_peak_is_this_process_s_own_and_stays():
     assert peak_memory_bytes() > during - 5e6  # the system counts in batches
     told = subprocess.run([sys.executable, "-c", TELL, str(ROOT / "addon")], capture_output=True, text=True, check=True)
     assert 5e6 < int(told.stdout) < 100e6  # though the process that started it has used more
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no resource module on Windows")
+def test_each_system_tells_its_peak_in_its_own_unit(monkeypatch):
+    import resource
+
+    usage = SimpleNamespace(ru_maxrss=5000)
+    monkeypatch.setattr(resource, "getrusage", lambda _: usage)
+    monkeypatch.setattr(Path, "exists", lambda _: False)  # no /proc
+    for platform, expected in (("darwin", 5000), ("freebsd14", 5000 * 1024), ("win32", None)):
+        monkeypatch.setattr(sys, "platform", platform)
+        assert peak_memory_bytes() == expected, platform
+
+
+def test_threads_and_features_are_there_and_keeping_memory_changes_no_result():
+    assert 1 <= available_threads() <= (os.cpu_count() or 1)
+    assert processor_features() == sorted(set(processor_features()))
+    keep_freed_memory()
+    assert np.ones(1_000_000).sum() == 1_000_000

@@ -27,7 +27,9 @@ def steps() -> at.Steps:
     if SOURCE:
         register_source(SOURCE[0])
     bpy.ops.wm.read_homefile(use_splash=False)
-    bpy.context.preferences.system.use_region_overlap = False  # or the room is drawn again wherever the mouse goes
+    system = bpy.context.preferences.system
+    system.use_region_overlap = False  # or the room is drawn again wherever the mouse goes
+    system.viewport_aa = "OFF"
     yield lambda: hasattr(bpy.context.scene, "noisy_world")
     yield 1.0
     yield from at.go(*at.middle(at.region("WINDOW")))
@@ -131,6 +133,7 @@ def preview() -> at.Steps:
     yield lambda: at.view().spaces.active.region_3d.view_perspective == "CAMERA"
     yield 1.0
     smooth = at.graininess()
+    bpy.context.scene.eevee.taa_samples = 1  # of 16, each of which is drawn on the processor
     yield from at.choose_shading("RENDERED")
     seen = smooth
     # The compiler of shaders pauses and the picture grows: what tells it is there is its noise.

@@ -31,7 +31,7 @@ PICTURES = (
 def blender(folder, *arguments, timeout_s=900):
     """Run Blender with a profile of its own in a folder."""
     profile = folder / "profile"
-    places = {"BLENDER_USER": str(profile), "BLENDER_USER_RESOURCES": str(profile)}
+    places = {"BLENDER_USER": str(profile), "BLENDER_USER_RESOURCES": str(profile), "SCREEN": "1280x800x24"}
     command = [BLENDER, *map(str, arguments)]
     return subprocess.run(
         command, capture_output=True, text=True, timeout=timeout_s, check=False, cwd=folder, env=os.environ | places
@@ -138,7 +138,7 @@ def test_the_copied_command_goes_on_with_the_panels_dataset(used):
     assert content(used / "dataset") == before
 
 
-def test_enabling_and_reloading_twenty_times_leaves_nothing(archive, tmp_path):
+def test_enabling_and_reloading_leave_nothing(archive, tmp_path):
     install(tmp_path, archive)
     result = tmp_path / "result.json"
     told = blender(tmp_path, "-P", ROOT / "tests/ui/window/leftovers.py", "--", MODULE, result)
