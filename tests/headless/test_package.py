@@ -216,19 +216,20 @@ def python(code, folder):
 
 @pytest.fixture(scope="session")
 def zips(tmp_path_factory):
-    """The zips of two platforms, built twice, by platform."""
+    """The zips of two platforms, by platform; one of them is built twice."""
     folders = [tmp_path_factory.mktemp("zips") for _ in range(2)]
-    for folder in folders:
+    for folder, platforms in zip(folders, (("linux-x64", "macos-arm64"), ("linux-x64",)), strict=True):
         command = [sys.executable, str(ROOT / "headless/tools/package.py"), "--out", str(folder)]
-        command += ["--platform", "linux-x64", "--platform", "macos-arm64"]
+        for platform in platforms:
+            command += ["--platform", platform]
         done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
         if "pip got no wheels" in done.stderr:
             pytest.skip(f"wheels cannot be fetched here: {done.stderr.strip()}")
         assert done.returncode == 0, done.stderr
     first, second = ({path.name: path for path in folder.glob("*.zip")} for folder in folders)
-    assert {name: path.read_bytes() for name, path in first.items()} == {
-        name: path.read_bytes() for name, path in second.items()
-    }, "two runs, other bytes"
+    assert len(second) == 1
+    for name, path in second.items():
+        assert first[name].read_bytes() == path.read_bytes(), "two runs, other bytes"
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
     found = {platform: first.pop(f"{ID}-{version}-{platform}.zip") for platform in ("linux_x64", "macos_arm64")}
     assert not first

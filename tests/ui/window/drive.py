@@ -133,7 +133,8 @@ def preview() -> at.Steps:
     yield lambda: at.view().spaces.active.region_3d.view_perspective == "CAMERA"
     yield 1.0
     smooth = at.graininess()
-    bpy.context.scene.eevee.taa_samples = 1  # of 16, each of which is drawn on the processor
+    # EEVEE's shaders alone take a minute to compile for a processor.
+    bpy.context.scene.render.engine, bpy.context.scene.display.viewport_aa = "BLENDER_WORKBENCH", "OFF"
     yield from at.choose_shading("RENDERED")
     seen = smooth
     # The compiler of shaders pauses and the picture grows: what tells it is there is its noise.
