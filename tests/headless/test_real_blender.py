@@ -71,7 +71,7 @@ def test_interrupted_and_resumed(tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
-    assert "the same command goes on from there" in errors
+    assert "the same command continues from there" in errors
     assert 0 < len(list(results.glob("depth*"))) < 40
     again = subprocess.run(command, capture_output=True, text=True, check=True)
     assert " kept" in again.stdout

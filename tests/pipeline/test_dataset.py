@@ -181,7 +181,7 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
     other = write_world(tmp_path / "other", frames=3, size=(8, 6))
     (out / "notes.txt").write_text("mine")
     (out / "clean/box/mine.txt").write_text("mine too")
-    with pytest.raises(StorageError, match=r"whole: holds a dataset made otherwise \(.*--overwrite"):
+    with pytest.raises(StorageError, match=r"whole: holds a different dataset \(.*--overwrite"):
         run(other, out)
     assert (out / "same/box/results/frame000003.png").exists()
     run(other, out, overwrite=True)

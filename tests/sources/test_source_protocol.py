@@ -127,7 +127,7 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     if changed is None:
         run.make_dataset()
         return
-    with pytest.raises(StorageError, match="the run was opened otherwise") as error:
+    with pytest.raises(StorageError, match="the run was opened with another identity") as error:
         run.make_dataset()
     assert "\n" not in str(error.value)
     assert str(out) in str(error.value)

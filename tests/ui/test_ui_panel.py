@@ -36,7 +36,7 @@ def test_the_list_keeps_the_propagation_order():
     settings().steps[1].severity = 5
     assert bpy.ops.noisy_world.move_step_up() == {"FINISHED"}
     assert (settings().steps[0].severity, settings().active_step) == (5, 0)
-    with pytest.raises(RuntimeError, match="acts once"):
+    with pytest.raises(RuntimeError, match="acts only once"):
         bpy.ops.noisy_world.add_step(perturbation="desync")
 
 

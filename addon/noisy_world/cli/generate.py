@@ -28,7 +28,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         return do(options, entry)
     except InterruptedRunError:
         again = entry.pasteable(own_arguments(options))
-        say(f"stopped; what is finished stays, and the same command goes on from there:\n  {again}")
+        say(f"stopped; finished frames stay, and the same command continues from there:\n  {again}")
         return INTERRUPTED
     except NoisyWorldError as error:
         return fail(str(error), options, entry)

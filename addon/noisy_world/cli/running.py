@@ -42,7 +42,7 @@ def stop_on_signal(stream: IO[str] | None) -> threading.Event:
             raise KeyboardInterrupt
         stop.set()
         if stream is not None:
-            print("\nstopping after the frames in hand", file=stream, flush=True)
+            print("\nstopping after the current frames", file=stream, flush=True)
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)

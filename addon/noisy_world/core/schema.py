@@ -17,7 +17,7 @@ from .errors import InputError
 
 
 class Dataclass(Protocol):
-    """What @dataclass makes of a class."""
+    """Every dataclass, for annotations."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 

@@ -19,7 +19,7 @@ class DepthEdgeErosion:
     """Blocks of 7 x 7 pixels become void, centred on a share of the edge pixels, drawn without repetition.
 
     A pixel is on an edge where the depth jumps by more than 5 % of the nearer depth to one of its four neighbours, or
-    that neighbour is void. The published toolbox erases every edge pixel besides: here only where `erase_edges` asks.
+    that neighbour is void. The published toolbox also erases every edge pixel; here only `erase_edges` does.
     """
 
     rate: float = key("share of the edge pixels that lose their block", default=0.025, minimum=0, maximum=1)

@@ -17,7 +17,7 @@ from ._void import without_void
 class DepthGaussianNoise:
     """Independent normal noise on every pixel; void stays void, and what is not positive becomes void.
 
-    The published toolbox adds scale x mean(D) to every pixel as well: here only where `bias` asks for it.
+    The published toolbox also adds scale x mean(D) to every pixel; here only `bias` does.
     """
 
     scale: float = key(

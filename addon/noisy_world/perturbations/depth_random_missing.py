@@ -17,8 +17,8 @@ PATCH = 0.1  # of the frame's height and width, as the published toolbox
 class DepthRandomMissing:
     """Rectangles of a tenth of the height by a tenth of the width become void until they cover a share of the frame.
 
-    They may overlap; the last one is cut to the rows that bring the share nearest. Void that was there counts for
-    nothing. The published toolbox always takes ten of them.
+    They may overlap; the last one is cut to as many rows as bring the share closest. Pixels that were void before are
+    counted like others. The published toolbox always takes ten rectangles.
     """
 
     missing_percent: float = key("share of the frame that is covered", default=20.0, unit="%", minimum=0, maximum=90)

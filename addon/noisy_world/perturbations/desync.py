@@ -13,7 +13,7 @@ from ..core.schema import key
 
 @dataclass(frozen=True)
 class Desync:
-    """Which depth goes with which colour, and what becomes of the ends."""
+    """Which depth is paired with which colour, and what happens at the ends."""
 
     offset: int = key(
         "depth of frame i + offset goes with colour of frame i",

@@ -12,7 +12,7 @@ from ..core.schema import key
 
 @dataclass(frozen=True)
 class FasterMotion:
-    """How much faster; the frames between are left out."""
+    """The factor of the speed; the poses between are left out."""
 
     factor: int = key("how many times as fast the camera goes", default=2, minimum=1, maximum=1000)
 

@@ -23,8 +23,8 @@ _EXTINCTION = -math.log(CONTRAST_THRESHOLD)
 class FogDepth:
     """Koschmieder's law: image * t + airlight * (1 - t), with t = 0.05^(distance / visibility), in linear light.
 
-    The fog is the same everywhere; the distance is the planar depth, since the law is given no intrinsics, so that the
-    corners of a wide view are fogged a little too thinly. What has no depth is infinitely far: pure airlight.
+    The fog is homogeneous. Planar depth is used as the distance, so the corners of a wide view get a little too little
+    fog. Void counts as infinitely far: pure airlight.
     """
 
     visibility_m: float = key(

@@ -24,10 +24,10 @@ TABLE_ZERO = 128  # the byte that stands for an offset of 0
 class GlassBlur:
     """Blur, take every pixel from a random place nearby a few times, blur again.
 
-    After ImageNet-C, whose loop means to swap a pixel with one at whole offsets in [-max_delta, max_delta), and copies
-    it. The loop runs from the last pixel to the first, in place: what it takes from further on has been replaced
-    already, so that offsets add up. Here each pixel draws that sum at once, over the whole frame; what lies outside has
-    the border's value.
+    After ImageNet-C, whose loop is meant to swap pixels at whole offsets in [-max_delta, max_delta), but copies
+    instead. The loop runs in place from the last pixel to the first, so a pixel that is copied from further on was
+    itself replaced before, and offsets add up. Here each pixel draws the sum of its offsets at once, over the whole
+    frame; outside the frame its border is replicated.
     """
 
     sigma_px: float = key(

@@ -13,7 +13,7 @@ from ..core.trajectories.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class MotionDeviation:
-    """Standard deviations of a normal deviation, drawn anew for each pose; 0 leaves the pose as it is."""
+    """Standard deviations of a normal deviation, drawn independently for each pose; 0 does not change poses."""
 
     rotation_deg: float = key("standard deviation, each camera axis", unit="deg", default=3.0, minimum=0, maximum=180)
     translation_m: float = key("standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100)

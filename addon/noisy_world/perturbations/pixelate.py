@@ -34,7 +34,7 @@ TURNS = (2.5, 4.5, 20.5, 74.5, 302.5, 1204.5, 4820.5)
 class Pixelate:
     """Blocks of whole pixels, each its mean: PIL's BOX down to int(size x factor), nearest at pixel centres up.
 
-    As ImageNet-C, whose means round half up (here a thousandth of a byte on every mean), but once and not twice.
+    As ImageNet-C, but means are rounded once instead of twice. Ties round up, by a thousandth of a byte on every mean.
     """
 
     factor: float = key("width and height of the small image, of the frame's", default=0.4, minimum=0.001, maximum=1)

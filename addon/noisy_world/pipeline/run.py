@@ -104,7 +104,7 @@ class Run:
         return self.report
 
     def _identity(self) -> dict[str, Any]:
-        return identity(self._plan, renderer_versions(self._plan))
+        return identity(self._plan, versions_of(self._plan))
 
     def _missing(self) -> Work:
         """Find what is to be rendered: the source frames that a sequence needs for a missing file."""
@@ -227,15 +227,17 @@ class Run:
         return whole
 
 
-def renderer_versions(plan: Plan) -> dict[str, str]:
+def versions_of(plan: Plan) -> dict[str, str]:
     """Return the versions of Blender and of what else renders the plan."""
     if not plan.needs_blender:
         return {}
-    from ..blender import session
-
     if not plan.renders_anything:
-        return session.blender_version()
-    return session.renderer_versions(plan.preset.spec.render.engine, plan.preset.spec.render.device)
+        from ..blender.session import blender_version
+
+        return blender_version()
+    from ..blender.session import renderer_versions
+
+    return renderer_versions(plan.preset.spec.render.engine, plan.preset.spec.render.device)
 
 
 def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from types import ModuleType
 
 MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "asset_library", "panels", "presets")
-"""In the order of registration; panels stand in the tab in the same order."""
+"""In the order of registration, which is also the order of the panels in the tab."""
 
 
 def modules() -> list[ModuleType]:

@@ -145,7 +145,7 @@ class NoisyWorldGenerateAnew(bpy.types.Operator):
 
 
 class NoisyWorldGenerateCancel(bpy.types.Operator):
-    """Stop after the frame in hand; pressed again, at once. What is finished stays, and Generate goes on from there"""
+    """Stop after the current frame; pressed again, at once. Finished frames stay, and Generate continues from there"""
 
     bl_idname = "noisy_world.generate_cancel"
     bl_label = "Cancel"

@@ -128,7 +128,7 @@ class NoisyWorldSetCamera(OnScene, bpy.types.Operator):
 
 
 class NoisyWorldAddStep(OnScene, bpy.types.Operator):
-    """Add this perturbation, in the place that the propagation order gives it"""
+    """Add this perturbation to the list, in the order of propagation"""
 
     bl_idname = "noisy_world.add_step"
     bl_label = "Add Perturbation"
@@ -157,7 +157,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
             return CANCELLED
         once = isinstance(registry()[name], SEQUENCE_KINDS)
         if once and any(step.perturbation == name for step in panel.steps):
-            self.report({"ERROR"}, f"{title(registry()[name].label)} is there already: it acts once on a sequence")
+            self.report({"ERROR"}, f"{title(registry()[name].label)} is in the list already: it acts only once")
             return CANCELLED
         add_step(panel, name)
         return DONE
@@ -218,7 +218,7 @@ class _MoveStep(_OnStep):
 
 
 class NoisyWorldMoveStepUp(_MoveStep, bpy.types.Operator):
-    """Move the selected perturbation before its equal"""
+    """Move the selected perturbation before the one of the same name"""
 
     bl_idname = "noisy_world.move_step_up"
     bl_label = "Move Up"
@@ -227,7 +227,7 @@ class NoisyWorldMoveStepUp(_MoveStep, bpy.types.Operator):
 
 
 class NoisyWorldMoveStepDown(_MoveStep, bpy.types.Operator):
-    """Move the selected perturbation behind its equal"""
+    """Move the selected perturbation after the one of the same name"""
 
     bl_idname = "noisy_world.move_step_down"
     bl_label = "Move Down"

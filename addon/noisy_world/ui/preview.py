@@ -26,7 +26,7 @@ RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation_deg", "deviation_translation_m",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
 }  # fmt: skip
-"""What moves or changes the camera, by the names that listeners are told."""
+"""Properties that move or change the camera, by the names that listeners get."""
 SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RENDERED_BY
 """What a preview depends on."""
 

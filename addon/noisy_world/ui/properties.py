@@ -114,7 +114,7 @@ def _step_members() -> dict[str, Any]:
         ),
         "temporal": bpy.props.EnumProperty(
             name="Pattern",
-            description="How a random pattern goes on from frame to frame",
+            description="How a random pattern changes from frame to frame",
             items=[
                 ("fresh", "Fresh", "A new random pattern for each frame"),
                 ("fixed", "Fixed", "One random pattern for all frames"),

@@ -20,7 +20,7 @@ from .background_run import BackgroundRun
 from .document import preset_of, to_document
 from .properties import panel_of
 
-STOPPED = "Stopped; what is finished stays, and Generate goes on from there"
+STOPPED = "Stopped; finished frames stay, and Generate continues from there"
 
 
 @dataclass
@@ -76,7 +76,7 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     """Start the generator on a scene's panel. Raises NoisyWorldError where its dataset cannot be made."""
     panel = panel_of(scene)
     out = output_folder(panel)
-    preset_of(panel)  # what is wrong is told now, not when another Blender has started
+    preset_of(panel)  # raises at once what would otherwise be reported only by the started Blender
     folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
     try:
         preset = saved_preset(panel) or temporary_preset(panel, folder)

@@ -121,7 +121,7 @@ class Dataset:
         if difference and not overwrite and self.holds_frames():
             self._lock.release()
             raise StorageError(
-                f"{self.out}: holds a dataset made otherwise ({difference}); choose another folder with --out, or "
+                f"{self.out}: holds a different dataset ({difference}); choose another folder with --out, or "
                 "replace it with --overwrite"
             )
         if there is not None and (overwrite or difference):
@@ -144,8 +144,8 @@ class Dataset:
         # Through JSON, as the file is: JSON turns tuples into lists, for instance.
         if difference := first_difference(opened, json.loads(canonical(identity))):
             raise StorageError(
-                f"{self.out}: the run was opened otherwise ({difference}); leave its inputs alone while it lasts, and "
-                "start it again"
+                f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
+                "while it runs, and start it again"
             )
 
     def close(self) -> None:

@@ -74,7 +74,7 @@ class Node:
     name: str = ""
 
 
-class Socket:  # noqa: PLW1641 - a hash would need an equality that tells
+class Socket:  # noqa: PLW1641 - not hashable, as == raises
     """A value in a graph: an output of a node, or an input of the group. Arithmetic and < and > on it make nodes.
 
     Its value is known only when Blender calculates, so Python cannot decide by it: truth (`if`, `and`, `max`, `in`,

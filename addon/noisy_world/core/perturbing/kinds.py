@@ -203,7 +203,7 @@ class Perturbation:
                 raise ValueError(f"{self.name}: {name} has to be a parameter with {len(SEVERITIES)} severities")
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
-            raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, which presets use otherwise")
+            raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
 
     def at_severity(self, severity: float, **given: Any) -> Any:
         """Return the parameters at a severity, interpolated linearly in the table; `given` override them.

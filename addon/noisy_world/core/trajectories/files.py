@@ -196,7 +196,7 @@ def _matrix_poses(table: _Table) -> NDArray[np.float64]:
 def _tum_poses(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     stamps_s, position, quat_xyzw = table.values[:, 0], table.values[:, 1:4], table.values[:, 4:]
     late = np.concatenate([[False], np.diff(stamps_s) <= 0.0])
-    remedy = "sort the lines by time and leave out what stands twice"
+    remedy = "sort the lines by time and leave out duplicates"
     table.fail_where(late, "the time stamp {} does not come after the one before it", of=stamps_s, remedy=remedy)
     length = np.array([math.hypot(*quat) for quat in quat_xyzw.tolist()])
     wrong = np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE

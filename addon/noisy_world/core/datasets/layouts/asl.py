@@ -147,7 +147,7 @@ def _check_order(path: Path, stamps_s: Sequence[float]) -> None:
     late = np.flatnonzero(np.diff(np.asarray(stamps_s)) <= 0)
     if late.size:
         problem = f"row {late[0] + 2} is not later than the one before it"
-        raise InputError(path, problem, remedy="sort the rows by time and leave out what stands twice")
+        raise InputError(path, problem, remedy="sort the rows by time and leave out duplicates")
 
 
 # --- sensor.yaml ---
@@ -242,7 +242,7 @@ def _camera(path: Path, document: dict[str, Any]) -> Intrinsics | None:
     if (model := document.get("camera_model", "pinhole")) != "pinhole":
         raise InputError(path, f"is {model!r}, but only pinhole can be read", where="camera_model")
     if np.any(_numbers(path, "distortion_coefficients", document.get("distortion_coefficients", [0.0]))):
-        remedy = "undistort the images, and say so with zeros"
+        remedy = "undistort the images, and set these to zeros"
         raise InputError(path, "are not zero: the lens distorts", where="distortion_coefficients", remedy=remedy)
     width_px, height_px = _numbers(path, "resolution", document.get("resolution"), 2)
     fx_px, fy_px, cx_px, cy_px = _numbers(path, "intrinsics", document["intrinsics"], 4).tolist()

@@ -247,7 +247,7 @@ SHELF_W_M, SHELF_H_M, SHELF_D_M = 2.46, 2.22, 0.32  # width, height and depth
 
 
 def _shelf_fill(bay: int, level: int, width_m: float, room_m: float) -> Piece:
-    """What stands in one compartment, about its lower left front corner."""
+    """The content of one compartment; the origin is its lower left front corner."""
     number = bay + 3 * level
     odd = {1: 0, 6: 1, 8: 2, 10: 1, 15: 2, 17: 0}
     if number not in odd:
