@@ -71,7 +71,10 @@ def photograph(name: str) -> at.Steps:
 
 def load_room() -> at.Steps:
     """Load a room of six walls: on a processor, drawing the embedded one again and again takes minutes."""
-    settings().mesh_source, settings().mesh_path = "FILE", str(FOLDER / "mesh.ply")
+    item = settings()
+    item.mesh_source, item.mesh_path = "FILE", str(FOLDER / "mesh.ply")
+    item.width_px, item.height_px, item.fx_px, item.fy_px = 800, 450, 400, 400
+    item.cx_px, item.cy_px = 399.5, 224.5
     yield from at.push("noisy_world.load_scene")
     yield lambda: any(item.type == "MESH" for item in bpy.data.objects)
 
