@@ -19,7 +19,7 @@ _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_onc
 LARGEST_INT = 2**31 - 1  # of Blender's integer properties, which have 32 bits
 _LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are inclusive; chosen
 _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
-_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s", "steps/m": "steps/m"}
+_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
 _NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
 _CHOICES = {
     "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
