@@ -18,7 +18,7 @@ from types import FrameType, FunctionType
 import bpy
 
 MODULE, RESULT = sys.argv[sys.argv.index("--") + 1 :]
-RELOADS = 3  # what one leaves behind, the next would add to
+RELOADS = 20
 SETTLE_S = 0.2
 SEEN: dict[str, dict] = {}
 
