@@ -8,8 +8,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.dataset import Dataset, FrameRecord
+from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
+from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth

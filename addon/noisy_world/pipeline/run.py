@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ..core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset, FrameRecord
+from ..core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import identity, manifest, render_seed
+from ..core.datasets.records import FrameRecord
 from ..core.errors import InterruptedRunError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import estimate

@@ -13,13 +13,14 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..errors import StorageError
 from ..presets.preset import canonical
 from .layouts import LAYOUTS, Layout, OutputFormat
+from .records import FrameRecord, joined_records, read_records
 from .storage import (
     FolderLock,
     link_or_copy,
@@ -34,62 +35,6 @@ MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"
 FRAMES = "frames.jsonl"
-
-
-@dataclass(frozen=True)
-class FrameRecord:
-    """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
-
-    perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
-    """
-
-    frame: int
-    time_s: float
-    files: dict[str, str]
-    perturbed: dict[str, Any] = field(default_factory=dict)
-
-    def line(self) -> str:
-        """The record as a line of JSON."""
-        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
-        if self.perturbed:
-            record["perturbed"] = self.perturbed
-        return json.dumps(record, separators=(", ", ": ")) + "\n"
-
-    def joined(self, other: "FrameRecord") -> "FrameRecord":
-        """Return both records as one: colour and depth of a frame may be finished at different times."""
-        files = {**self.files, **other.files}
-        perturbed = {**self.perturbed, **other.perturbed}
-        return FrameRecord(
-            self.frame,
-            self.time_s,
-            {name: files[name] for name in sorted(files, reverse=True)},
-            {name: perturbed[name] for name in sorted(perturbed)},
-        )
-
-
-def _read_records(path: Path) -> Iterator[FrameRecord]:
-    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
-            if record := _parse_record(line):
-                yield record
-
-
-def _parse_record(line: str) -> FrameRecord | None:
-    """Read a line of a journal; None for a torn line."""
-    try:
-        record = json.loads(line)
-        done = dict(record.get("perturbed", {}))
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
-    except (ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
-def _joined(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
-    found: dict[int, FrameRecord] = {}
-    for record in records:
-        there = found.get(record.frame)
-        found[record.frame] = there.joined(record) if there else record
-    return {frame: found[frame] for frame in sorted(found)}
 
 
 class Dataset:
@@ -207,7 +152,9 @@ class Dataset:
 
         Records of lost or damaged files are dropped, so that from then on the journals alone say what is finished.
         """
-        intact = {frame: self._intact(folder, record) for frame, record in _joined(self._recorded(folder)).items()}
+        intact = {
+            frame: self._intact(folder, record) for frame, record in joined_records(self._recorded(folder)).items()
+        }
         intact = {frame: record for frame, record in intact.items() if record.files}
         kept = self._work / folder / "journal-kept.jsonl"
         if intact:
@@ -219,14 +166,14 @@ class Dataset:
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
         """Return the records of a sequence's finished frames by frame, in order."""
-        return _joined(record for path in self._journals(folder) for record in _read_records(path))
+        return joined_records(record for path in self._journals(folder) for record in read_records(path))
 
     def _journals(self, folder: str) -> list[Path]:
         return sorted((self._work / folder).glob("journal-*.jsonl"))
 
     def _recorded(self, folder: str) -> Iterator[FrameRecord]:
         for path in (self.out / folder / FRAMES, *self._journals(folder)):
-            yield from _read_records(path)
+            yield from read_records(path)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
         """Return the record without the files whose hashes are others."""

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The records of finished frames: the lines of a sequence's journals during a run, and of its frames.jsonl after it."""
+
+import contextlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
+
+    perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
+    """
+
+    frame: int
+    time_s: float
+    files: dict[str, str]
+    perturbed: dict[str, Any] = field(default_factory=dict)
+
+    def line(self) -> str:
+        """The record as a line of JSON."""
+        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        if self.perturbed:
+            record["perturbed"] = self.perturbed
+        return json.dumps(record, separators=(", ", ": ")) + "\n"
+
+    def joined(self, other: "FrameRecord") -> "FrameRecord":
+        """Return both records as one: colour and depth of a frame may be finished at different times."""
+        files = {**self.files, **other.files}
+        perturbed = {**self.perturbed, **other.perturbed}
+        return FrameRecord(
+            self.frame,
+            self.time_s,
+            {name: files[name] for name in sorted(files, reverse=True)},
+            {name: perturbed[name] for name in sorted(perturbed)},
+        )
+
+
+def read_records(path: Path) -> Iterator[FrameRecord]:
+    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file."""
+    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if record := _parse_record(line):
+                yield record
+
+
+def _parse_record(line: str) -> FrameRecord | None:
+    """Read a line of a journal; None for a torn line."""
+    try:
+        record = json.loads(line)
+        done = dict(record.get("perturbed", {}))
+        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
+    """Return one record for each frame, by frame, in order."""
+    found: dict[int, FrameRecord] = {}
+    for record in records:
+        there = found.get(record.frame)
+        found[record.frame] = there.joined(record) if there else record
+    return {frame: found[frame] for frame in sorted(found)}
