@@ -2,61 +2,19 @@
 """A dataset takes new settings, scenes and frames: what is there stays, and the end is as if it were made at once."""
 
 import json
-import sys
 from pathlib import Path
 
 import fake_session
 import numpy as np
 import pytest
-import yaml
 from cases import cases
-from worlds import content, path_poses, write_box_ply, write_replica, write_world
+from growing import CLEAN, FAST, FOG, NOISE, PATH, SHAKY, THREE, at_once, change, marks, world
+from worlds import content, path_poses, write_box_ply, write_replica
 from written import run
 
 from noisy_world.core.errors import StorageError
 
 pytestmark = pytest.mark.usefixtures("no_blender")
-
-CLEAN = {"name": "clean"}
-FOG = {"name": "fog", "perturb": [{"fog": {"severity": 3}}]}
-NOISE = {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 2}}, {"depth_gaussian_noise": {"severity": 2}}]}
-LATE = {"name": "late", "perturb": [{"desync": {"offset": 1}}]}
-FAST = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
-SHAKY = {"name": "shaky", "perturb": [{"motion_deviation": {"rotation_deg": 3, "translation_m": 0.05}}]}
-THREE = [CLEAN, FOG, LATE]
-
-
-def world(folder, **keys):
-    """A world of eight poses; the preset uses the first six."""
-    path = write_world(folder, frames=8, size=(16, 12), **{"settings": THREE, **keys})
-    return change(path, {"scenes.0.trajectory": {"file": "traj.txt", "stop": 6}})
-
-
-def change(path, values):
-    """Change a preset's file as an editor would. values: by dotted keys."""
-    document = yaml.safe_load(path.read_text())
-    for name, value in values.items():
-        *keys, last = (int(key) if key.isdecimal() else key for key in name.split("."))
-        node = document
-        for key in keys:
-            node = node[key]
-        node[last] = value
-    path.write_text(yaml.safe_dump(document))
-    return path
-
-
-def marks(folder):
-    """The bytes, the time of change and the inode of every image and text file but those of the whole dataset."""
-    return {
-        str(path.relative_to(folder)): (path.read_bytes(), path.stat().st_mtime_ns, path.stat().st_ino)
-        for path in folder.glob("*/**/*")
-        if path.is_file()
-    }
-
-
-def at_once(preset, tmp_path):
-    run(preset, tmp_path / "at_once")
-    return content(tmp_path / "at_once")
 
 
 def grown(tmp_path, values, *, first=None, **keys):
@@ -173,87 +131,6 @@ def test_an_overview_is_drawn_or_left_out(tmp_path):
     assert (out / "overview.png").is_file()
     run(change(tmp_path / "world/preset.yaml", {"output.overview": False}), out)
     assert not (out / "overview.png").exists()
-
-
-REMEDY = "choose another folder with --out, or replace the dataset with --overwrite"
-FOG_STEP = "settings.1.perturb.0.fog"
-PATH = "scenes.0.trajectory"
-
-
-@cases(
-    "values, words",
-    [
-        ({f"{FOG_STEP}.severity": 4}, "settings: fog (severity) was 3, is 4; give it another name, "),
-        ({f"{FOG_STEP}.mode": "dynamic"}, "settings: fog (mode) was static, is dynamic; give it another name, "),
-        ({f"{FOG_STEP}.uniform": True}, "settings: fog (uniform) was false, is true; give it another name, "),
-        ({"settings.1.perturb": [{"contrast": None}]}, "settings: fog was fog, is contrast; give it another name, "),
-        ({"settings.1.perturb": []}, "settings: fog was fog, is clean; give it another name, "),
-        ({"settings.1.backend": "compositor"}, "settings: fog (backend) was reference, is compositor; give it another"),
-        ({"settings.2.perturb.0.desync.offset": 2}, "settings: late (offset) was 1, is 2; give it another name, "),
-        ({"seed": 4}, f"seed was 3, is 4; {REMEDY}"),
-        ({"camera.fx": 9.0}, f"camera.fx was 8, is 9; {REMEDY}"),
-        ({"camera.width": 17}, f"camera.width was 16, is 17; {REMEDY}"),
-        ({"camera.far_m": 9.5}, f"camera.far_m was 1000, is 9.5; {REMEDY}"),
-        ({"render.samples": 2}, f"render.samples was 1, is 2; {REMEDY}"),
-        ({"output.image": "jpg"}, f"output.image was png, is jpg; {REMEDY}"),
-        ({"output.layout": "tum"}, f"output.layout was replica, is tum; {REMEDY}"),
-        ({f"{PATH}.stop": 3}, f"{PATH}.stop was 6, is 3; keep the path, and choose its first frames with --frames 0:3"),
-        ({f"{PATH}.every": 2}, f"{PATH}.every was 1, is 2, which makes another path; give it another name, "),
-        ({f"{PATH}.start": 1}, f"{PATH}.start was 0, is 1, which makes another path; give it another name, "),
-        ({f"{PATH}.rate_hz": 10}, f"{PATH}.rate_hz was 20, is 10, which makes another path; give it another name, "),
-        ({"scenes.0.mesh": "embedded:room"}, "scenes.0.mesh was mesh.ply, is embedded:room; give it another name, "),
-    ],
-)
-def test_what_differs_is_refused_in_words_of_the_preset(made, values, words):
-    preset, out, before = made
-    kept = preset.read_text()
-    try:
-        change(preset, values)
-        with pytest.raises(StorageError) as error:
-            run(preset, out)
-    finally:
-        preset.write_text(kept)
-    assert str(error.value).startswith(f"{out}: holds another dataset: {words}"), str(error.value)
-    assert str(error.value).endswith(REMEDY)
-    assert "\n" not in str(error.value)
-    assert marks(out) == before
-
-
-@cases(
-    "name, old, new, words",
-    [
-        (
-            "mesh.ply",
-            "200 60 50",
-            "201 60 50",
-            "scenes.0.mesh: mesh.ply is not what the dataset was made from; give it",
-        ),
-        ("traj.txt", "1.2", "1.3", "scenes.0.trajectory: traj.txt has other poses or stamps; give it another name, "),
-    ],
-)
-def test_a_file_that_changed_is_named(made, name, old, new, words):
-    preset, out, before = made
-    path = preset.with_name(name)
-    kept = path.read_text()
-    try:
-        path.write_text(kept.replace(old, new, 1))
-        with pytest.raises(StorageError) as error:
-            run(preset, out)
-    finally:
-        path.write_text(kept)
-    assert str(error.value).startswith(f"{out}: holds another dataset: {words}"), str(error.value)
-    assert marks(out) == before
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """A preset, its dataset, and the marks of its files."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-        folder = tmp_path_factory.mktemp("made")
-        preset = world(folder / "world")
-        run(preset, folder / "out")
-        return preset, folder / "out", marks(folder / "out")
 
 
 @cases(
