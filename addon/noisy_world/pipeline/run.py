@@ -111,7 +111,7 @@ class Run:
         """Find what is to be rendered: the source frames that a sequence needs for a missing file."""
         work: Work = {}
         for render in self._plan.renders:
-            names = self._dataset.format.names(render.scene.source.stamps_s)
+            names = self._dataset.format.names(render.scene.source.frame_stamps)
             missing: set[int] = set()
             for sequence in render.sequences:
                 there = self._dataset.take_stock(sequence.folder)
@@ -202,24 +202,28 @@ class Run:
                 if not records:
                     continue  # --frames chose none of it
                 paths = written_paths(sequence, self._paths_of(render))
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths)
+                stamps = render.scene.source.frame_stamps
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
                 texts = format_.layout.sequence_texts(facts)
+                if self._plan.camera is None:
+                    texts |= format_.setting_texts(render.camera)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
+        of_setting = {} if self._plan.camera is None else format_.setting_texts(self._plan.camera)
         for setting in {folder.split("/")[0]: None for folder in counts}:
-            for name, text in format_.setting_texts(self._plan.camera).items():
+            for name, text in of_setting.items():
                 path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if self._plan.preset.spec.output.overview:
-            stamps_s = {scene.name: scene.source.stamps_s for scene in self._plan.scenes}
-            picture = draw_overview(self._dataset.out, format_, pictured, stamps_s)
+            stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
+            picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         self._dataset.write_text(MANIFEST, canonical(manifest(self._plan, made_from, files, counts)))
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
-        names = self._dataset.format.names(render.scene.source.stamps_s)
+        names = self._dataset.format.names(render.scene.source.frame_stamps)
         records = self._dataset.records(sequence.folder)
         whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
         if lost := [frame for frame in sequence.frames if frame not in whole]:
@@ -245,8 +249,8 @@ def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
     """Return how the frames of a render are made, in one of `jobs` processes that share the machine."""
     spec = plan.preset.spec
     return RenderOptions(
-        near_m=spec.camera.near_m,
-        far_m=spec.camera.far_m,
+        near_m=spec.mesh_camera.near_m,
+        far_m=spec.mesh_camera.far_m,
         samples=spec.render.samples,
         seed=render_seed(spec.seed),
         engine=spec.render.engine,

@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import StorageError
 from ..presets.preset import canonical
 from .layouts import LAYOUTS, Layout, OutputFormat
-from .records import FrameRecord, joined_records, read_records
+from .records import FRAMES, FrameRecord, joined_records, read_records
 from .storage import (
     FolderLock,
     link_or_copy,
@@ -34,7 +34,6 @@ WORK_FOLDER = ".noisy_world"
 MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"
-FRAMES = "frames.jsonl"
 
 
 class Dataset:

@@ -5,11 +5,13 @@ import platform
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..planning.plan import Plan
 
@@ -83,21 +85,15 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
     files: SHA-256 by name of the dataset's own files and, a level deeper, of each sequence's and setting's.
     frames: how many frames each sequence has.
     """
-    camera = plan.camera
     spec = plan.preset.spec
+    if plan.camera is not None:
+        cameras = {"camera": _camera_content(plan, plan.camera)}
+    else:
+        cameras = {"cameras": {scene: _camera_content(plan, camera) for scene, camera in plan.cameras.items()}}
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},
-        "camera": {
-            "width_px": camera.width_px,
-            "height_px": camera.height_px,
-            "fx_px": camera.fx_px,
-            "fy_px": camera.fy_px,
-            "cx_px": camera.cx_px,
-            "cy_px": camera.cy_px,
-            "near_m": spec.camera.near_m,
-            "far_m": spec.camera.far_m,
-        },
+        **cameras,
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
@@ -106,6 +102,11 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "frames": frames,
         "files": files,
     }
+
+
+def _camera_content(plan: Plan, camera: Intrinsics) -> dict[str, float]:
+    seen = plan.preset.spec.mesh_camera
+    return {**asdict(camera), "near_m": seen.near_m, "far_m": seen.far_m}
 
 
 def render_seed(seed: int) -> int:

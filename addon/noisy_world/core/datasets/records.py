@@ -8,22 +8,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+FRAMES = "frames.jsonl"
+
 
 @dataclass(frozen=True)
 class FrameRecord:
     """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
 
     perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
+    depth_time_s: the time stamp of its depth, where it is another.
     """
 
     frame: int
     time_s: float
     files: dict[str, str]
     perturbed: dict[str, Any] = field(default_factory=dict)
+    depth_time_s: float | None = None
 
     def line(self) -> str:
         """The record as a line of JSON."""
-        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s}
+        if self.depth_time_s is not None:
+            record["depth_time_s"] = self.depth_time_s
+        record["sha256"] = self.files
         if self.perturbed:
             record["perturbed"] = self.perturbed
         return json.dumps(record, separators=(", ", ": ")) + "\n"
@@ -37,6 +44,7 @@ class FrameRecord:
             self.time_s,
             {name: files[name] for name in sorted(files, reverse=True)},
             {name: perturbed[name] for name in sorted(perturbed)},
+            self.depth_time_s,
         )
 
 
@@ -53,7 +61,8 @@ def _parse_record(line: str) -> FrameRecord | None:
     try:
         record = json.loads(line)
         done = dict(record.get("perturbed", {}))
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
+        depth_time_s = float(record["depth_time_s"]) if "depth_time_s" in record else None
+        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done, depth_time_s)
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
 
