@@ -174,7 +174,7 @@ def sensor_yaml(
     depth_scale_per_m: float | None = None,
 ) -> str:
     """Return the text of a sensor.yaml. rate_hz: None for a single frame, which has no rate."""
-    matrix = (",\n" + " " * 9).join(", ".join(map(repr, row)) for row in (body_from_sensor + 0.0).tolist())
+    matrix = (",\n" + " " * 9).join(", ".join(map(_yaml_number, row)) for row in (body_from_sensor + 0.0).tolist())
     rows = [
         f"sensor_type: {kind}",
         f"comment: {comment}",
@@ -192,7 +192,7 @@ def sensor_yaml(
         rows += [
             f"resolution: [{camera.width_px}, {camera.height_px}]",
             "camera_model: pinhole",
-            f"intrinsics: [{', '.join(repr(float(value)) for value in numbers)}] # fu, fv, cu, cv",
+            f"intrinsics: [{', '.join(map(_yaml_number, numbers))}] # fu, fv, cu, cv",
             "distortion_model: radial-tangential",
             "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]",
         ]
@@ -200,9 +200,15 @@ def sensor_yaml(
         rows += [
             "",
             "# Planar depth in 16 bits, 0 where there is none; steps a metre.",
-            f"{DEPTH_SCALE_KEY}: {float(depth_scale_per_m)!r}",
+            f"{DEPTH_SCALE_KEY}: {_yaml_number(depth_scale_per_m)}",
         ]
     return lines(rows)
+
+
+def _yaml_number(value: float) -> str:
+    """Return a number with a point: PyYAML and others that follow YAML 1.1 take 1e-05 for a text."""
+    digits, e, exponent = repr(float(value)).partition("e")
+    return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
 
 
 def read_sensor_yaml(path: Path) -> AslSensor:
