@@ -87,6 +87,8 @@ def print_plan(plan: "Plan", out: Path) -> int:
     camera = plan.camera
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
     print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
+    if plan.format.note:
+        print(f"note       {plan.format.note}")
     print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:

@@ -4,29 +4,42 @@
 import contextlib
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from .depth_range import OutOfRange
+
+OUT_OF_RANGE = "depth_out_of_range"  # the key in a record, and in the manifest
 
 
 @dataclass(frozen=True)
 class FrameRecord:
     """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
 
-    perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
+    perturbed: what was done to it: for colour and depth a list of steps with name, stream, severity and parameters; for
+    pairing and motion what the frame shows. out_of_range: the depth that its image cannot hold, None if it holds all.
     """
 
     frame: int
     time_s: float
     files: dict[str, str]
     perturbed: dict[str, Any] = field(default_factory=dict)
+    out_of_range: OutOfRange | None = None
 
     def line(self) -> str:
         """The record as a line of JSON."""
         record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        if self.out_of_range is not None:
+            record[OUT_OF_RANGE] = self.out_of_range.content()
         if self.perturbed:
             record["perturbed"] = self.perturbed
         return json.dumps(record, separators=(", ", ": ")) + "\n"
+
+    def with_motion(self, motion: dict[str, Any]) -> "FrameRecord":
+        """Return the record with what motion did to the frame."""
+        perturbed = {**self.perturbed, "motion": motion}
+        return replace(self, perturbed={name: perturbed[name] for name in sorted(perturbed)})
 
     def joined(self, other: "FrameRecord") -> "FrameRecord":
         """Return both records as one: colour and depth of a frame may be finished at different times."""
@@ -37,6 +50,7 @@ class FrameRecord:
             self.time_s,
             {name: files[name] for name in sorted(files, reverse=True)},
             {name: perturbed[name] for name in sorted(perturbed)},
+            other.out_of_range or self.out_of_range,
         )
 
 
@@ -53,7 +67,8 @@ def _parse_record(line: str) -> FrameRecord | None:
     try:
         record = json.loads(line)
         done = dict(record.get("perturbed", {}))
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
+        lost = OutOfRange.of_content(record[OUT_OF_RANGE]) if OUT_OF_RANGE in record else None
+        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done, lost)
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
 

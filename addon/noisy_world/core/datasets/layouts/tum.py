@@ -10,6 +10,12 @@ from ..stored import StampedFile, StoredSequence, pair_by_stamp, read_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_depth_scale
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix
 
+# The benchmark's files begin with three lines of comments. Readers rely on them: ORB-SLAM's mono_tum leaves out three
+# lines of rgb.txt whatever they are, NICE-SLAM and its successors one of groundtruth.txt.
+_NO_BAG = "# file: none; written by Noisy World"
+_LISTED = "# timestamp filename"
+_POSES_HEADER = lines(["# ground truth trajectory", _NO_BAG, "# timestamp tx ty tz qx qy qz qw"])
+
 
 class TumLayout(Layout):
     """`rgb/*.png`, `depth/*.png`, their lists `rgb.txt` and `depth.txt`, `associations.txt` and `groundtruth.txt`."""
@@ -46,12 +52,15 @@ class TumLayout(Layout):
         names, modalities = facts.names, facts.format.modalities
         rgb = [f"{stamp} {names.rgb(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
         depth = [f"{stamp} {names.depth(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
-        texts = {f"groundtruth{path_suffix(name)}.txt": tum_text(path) for name, path in facts.chosen.named().items()}
+        texts = {
+            f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path)
+            for name, path in facts.chosen.named().items()
+        }
         if "rgb" in modalities:
-            texts["rgb.txt"] = lines(["# color images", "# timestamp filename", *rgb])
+            texts["rgb.txt"] = lines(["# color images", _NO_BAG, _LISTED, *rgb])
         if "depth" in modalities:
-            texts["depth.txt"] = lines(["# depth maps", "# timestamp filename", *depth])
-        if len(modalities) == 2:
+            texts["depth.txt"] = lines(["# depth maps", _NO_BAG, _LISTED, *depth])
+        if len(modalities) == 2:  # without comments: ORB-SLAM's rgbd_tum reads every line as a pair
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
