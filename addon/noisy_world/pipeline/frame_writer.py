@@ -51,8 +51,8 @@ class Lost:
 class FrameWriter:
     """Perturbs, encodes and writes frames in threads beside the rendering, for every sequence that shows them.
 
-    An image that several sequences share is written once and linked. first_lost: the first frame to be written whose
-    depth 16 bits do not hold, None while there is none.
+    An image that several sequences share is written once and linked. first_lost: the first frame that was
+    written whose depth 16 bits do not hold, None while there is none.
     """
 
     def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
@@ -64,7 +64,7 @@ class FrameWriter:
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
-        self._waiting: deque[Future[None]] = deque()
+        self._waiting: deque[Future[Lost | None]] = deque()
         self._lock = threading.Lock()
         self.first_lost: Lost | None = None
 
@@ -78,7 +78,7 @@ class FrameWriter:
         self._waiting.append(self._pool.submit(self._write, clean, colours))
         finished = 0
         while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
-            self._waiting.popleft().result()
+            self._take_next()
             finished += 1
         return finished
 
@@ -86,18 +86,27 @@ class FrameWriter:
         """Wait for all queued frames; return how many were finished."""
         finished = len(self._waiting)
         while self._waiting:
-            self._waiting.popleft().result()
+            self._take_next()
         return finished
 
-    def _write(self, clean: CleanFrame, colours: Colours) -> None:
+    def _take_next(self) -> None:
+        # In the frames' order, so that the first to lose depth is the same in every run.
+        lost = self._waiting.popleft().result()
+        self.first_lost = self.first_lost or lost
+
+    def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
+        """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
+        lost = None
         files = CleanFiles(self._dataset, clean)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
             with self._lock:
                 for record in records:
                     journal.append(record)
-                    if self.first_lost is None and record.out_of_range is not None:
-                        self.first_lost = Lost(sequence, record.frame, record.out_of_range)
+            for record in records:
+                if lost is None and record.out_of_range is not None:
+                    lost = Lost(sequence, record.frame, record.out_of_range)
+        return lost
 
     def _write_rgb(
         self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours

@@ -191,6 +191,7 @@ class Run:
         scene, range_ = lost.sequence.scene, self._plan.format.depth_range
         self._told_lost.add(scene)
         told = range_.told_of_image(lost.out_of_range, self._pixels(scene))
+        told = range_.with_remedy(told, lost.out_of_range.farthest_m)
         self._progress.note(f"{scene}: frame {lost.frame} of {lost.sequence.setting.name}: {told}", subject=scene)
 
     def _pixels(self, scene: str) -> int:

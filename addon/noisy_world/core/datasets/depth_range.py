@@ -121,12 +121,9 @@ class DepthRange:
     beyond: Beyond
 
     def told_of_image(self, image: OutOfRange, pixels: int) -> str:
-        """Say what of an image of `pixels` pixels is out of range: "43.1 % of its pixels lie beyond 10 m ...".
-
-        A scale that keeps it need not keep all of the next image.
-        """
+        """Say what of an image of `pixels` pixels is out of range: "43.1 % of its pixels lie beyond 10 m ..."."""
         loss = RangeLoss(image.pixels / pixels, 1, image.farthest_m, image.infinite)
-        return self._mended(f"{_percent(loss.share)} of its pixels {self._fate(loss, 'become')}", image.farthest_m)
+        return f"{_percent(loss.share)} of its pixels {self._fate(loss, 'become')}"
 
     def told_of_scene(self, losses: Mapping[str, RangeLoss], frames: Mapping[str, int]) -> str:
         """Say in a sentence what of a scene is out of range: that of its worst setting.
@@ -144,10 +141,14 @@ class DepthRange:
         among = f", the most of {len(losses)} settings" if len(losses) > 1 else ""
         where = f"{worst} (in {loss.frames} of {frames[worst]} frames{among})"
         told = f"{_percent(loss.share)} of the pixels of {where} {self._fate(whole, 'became')}"
-        return self._mended(told, whole.farthest_m)
+        return self.with_remedy(told, whole.farthest_m)
 
-    def _mended(self, told: str, farthest_m: float | None) -> str:
-        return f"{told}; {remedy}" if (remedy := self.remedy(farthest_m)) else told
+    def with_remedy(self, told: str, farthest_m: float | None) -> str:
+        """Add to a sentence which keys keep depth as far as that, with values that do.
+
+        farthest_m: finite; None if there is none to keep.
+        """
+        return f"{told}; {remedy}" if (remedy := self._remedy(farthest_m)) else told
 
     def _fate(self, loss: RangeLoss, verb: str) -> str:
         reach = "infinitely far" if loss.farthest_m is None else f"as far as {_digits(loss.farthest_m, 4, math.ceil)} m"
@@ -159,11 +160,8 @@ class DepthRange:
     def _becomes(self) -> str:
         return "void" if self.beyond == "void" else _limit(self.scale_per_m)
 
-    def remedy(self, farthest_m: float | None) -> str:
-        """Name the keys that keep such depth, with values that do; "" where none does.
-
-        farthest_m: the farthest finite depth to keep. A scale below a step a metre is no remedy.
-        """
+    def _remedy(self, farthest_m: float | None) -> str:
+        # A scale below a step a metre is no remedy.
         ways: list[str] = []
         if farthest_m is not None and (scale_per_m := scale_that_holds(farthest_m)) >= 1:
             held = f"{_limit(scale_per_m)} in steps of {1000 / scale_per_m:g} mm"
