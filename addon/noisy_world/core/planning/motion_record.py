@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..geometry import invert_pose, quat_wxyz_from_rotation
+from ..geometry import quat_wxyz_from_rotation
 from ..perturbing.execution import chosen_poses, drawn_motion
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
@@ -28,9 +28,12 @@ def motion_of_frames(render: Render, sequence: Sequence, paths: SensorPaths) -> 
         for frame, pose in zip(found, planned.tolist(), strict=True):
             frame["source_frame"] = pose
     if paths.nominal is not None:
-        deviation = invert_pose(paths.nominal.c2w[rows]) @ paths.rgb.c2w[rows]
-        quats = quat_wxyz_from_rotation(deviation[:, :3, :3]).tolist()
-        for frame, translation_m, quat_wxyz in zip(found, deviation[:, :3, 3].tolist(), quats, strict=True):
+        nominal, true = paths.nominal.c2w[rows], paths.rgb.c2w[rows]
+        to_camera = nominal[:, :3, :3].swapaxes(1, 2)
+        # The difference first: far from the origin, little of it would be left of the product of poses.
+        moved_m = (to_camera @ (true[:, :3, 3:] - nominal[:, :3, 3:]))[..., 0] + 0.0
+        quats_wxyz = quat_wxyz_from_rotation(to_camera @ true[:, :3, :3]) + 0.0
+        for frame, translation_m, quat_wxyz in zip(found, moved_m.tolist(), quats_wxyz.tolist(), strict=True):
             frame["deviation"] = {"translation_m": translation_m, "quat_wxyz": quat_wxyz}
     for name, made in drawn_motion(render.moving, count, render.identifiers).items():
         for frame, row in zip(found, rows, strict=True):
