@@ -81,10 +81,10 @@ class Run:
             if self._dataset.holds_frames():
                 self._progress.note("checking the frames that are there")
             work = self._missing()
-            if self._plan.format.note:
-                self._note(self._plan.format.note)
             self._warn_of_space(sum(map(len, work.values())))
             self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+            if self._plan.format.note:
+                self._note(self._plan.format.note)
             if self._jobs > 1 and self._workers is not None and work:
                 self.report.merge(self._workers(split_work(work, self._jobs), self._progress))
             else:

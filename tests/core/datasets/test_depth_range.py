@@ -157,3 +157,12 @@ def test_a_scene_is_told_by_its_worst_setting():
         "31 % of the pixels of noisy (in 4 of 5 frames, the most of 3 settings) lie beyond 10 m, as far as 66 m, and "
         "became void; output.depth_scale_per_m: 500 holds 131 m in steps of 2 mm"
     )
+    losses["late"] = RangeLoss(0.2, 2, 67.0, 0)
+    told = DepthRange(6553.5, "void").told_of_scene(losses, {"clean": 4, "noisy": 5, "late": 4})
+    assert (
+        "(in 4 of 5 frames, the most of 3 settings, of which one reaches 67 m) lie beyond 10 m, as far as 66 m" in told
+    )
+    told = DepthRange(6553.5, "void").told_of_scene({"clean": RangeLoss(1.0, 2, None, 9)}, {"clean": 2})
+    assert told.startswith(
+        "100 % of the pixels of clean (in 2 of 2 frames) lie beyond 10 m, infinitely far, and became"
+    )

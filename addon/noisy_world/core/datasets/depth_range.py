@@ -131,17 +131,13 @@ class DepthRange:
         losses: by the setting's name, at least one. frames: how many each setting has.
         """
         worst = max(losses, key=lambda name: losses[name].share)
-        loss = losses[worst]
-        whole = RangeLoss(
-            loss.share,
-            loss.frames,
-            _farthest(losses.values()),
-            sum(item.infinite for item in losses.values()),
-        )
+        loss, farthest_m = losses[worst], _farthest(losses.values())
         among = f", the most of {len(losses)} settings" if len(losses) > 1 else ""
+        if farthest_m is not None and farthest_m != loss.farthest_m:
+            among += f", of which one reaches {_digits(farthest_m, 4, math.ceil)} m"
         where = f"{worst} (in {loss.frames} of {frames[worst]} frames{among})"
-        told = f"{_percent(loss.share)} of the pixels of {where} {self._fate(whole, 'became')}"
-        return self.with_remedy(told, whole.farthest_m)
+        told = f"{_percent(loss.share)} of the pixels of {where} {self._fate(loss, 'became')}"
+        return self.with_remedy(told, farthest_m)
 
     def with_remedy(self, told: str, farthest_m: float | None) -> str:
         """Add to a sentence which keys keep depth as far as that, with values that do.
