@@ -56,17 +56,17 @@ def out_of_range(depth_m: NDArray[np.float32], scale_per_m: float) -> OutOfRange
     scale_per_m: steps per metre. These are exactly the pixels that `images.quantise_depth` does not keep for being too
     far; void, negative values and NaN are no depth.
     """
+    limit_m = UINT16_MAX / scale_per_m
     # Most images hold nothing that far: their maximum is known in a twentieth of the time. NaN goes on.
-    if depth_m.size == 0 or float(depth_m.max()) * scale_per_m <= UINT16_MAX:
+    if depth_m.size == 0 or float(depth_m.max()) <= limit_m:
         return None
-    beyond = depth_steps(depth_m, scale_per_m) > UINT16_MAX
-    pixels = int(np.count_nonzero(beyond))
-    if not pixels:
+    far_m = depth_m[depth_m > limit_m]
+    lost_m = far_m[depth_steps(far_m, scale_per_m) > UINT16_MAX]
+    if not lost_m.size:
         return None
-    lost_m = depth_m[beyond]
     finite_m = lost_m[np.isfinite(lost_m)]
     farthest_m = float(finite_m.max()) if finite_m.size else None
-    return OutOfRange(pixels, int(np.count_nonzero(depth_m > 0)), farthest_m, pixels - finite_m.size)
+    return OutOfRange(lost_m.size, int(np.count_nonzero(depth_m > 0)), farthest_m, lost_m.size - finite_m.size)
 
 
 @dataclass(frozen=True)
