@@ -214,6 +214,19 @@ def test_a_run_that_is_taken_up_grown_or_divided_says_the_same(hall, tmp_path):
             assert lines(tmp_path / name, setting["name"]) == lines(tmp_path / "whole", setting["name"])
 
 
+def test_settings_that_are_added_take_the_counts_with_the_files(hall, tmp_path):
+    whole = world(tmp_path / "w", settings=SETTINGS)
+    make(whole, tmp_path / "whole")
+    make(world(tmp_path / "w", settings=SETTINGS[:1]), tmp_path / "out")
+    make(world(tmp_path / "w", settings=SETTINGS[:2]), tmp_path / "out")
+    make(world(tmp_path / "w", settings=SETTINGS[2:]), tmp_path / "out")  # the other two stay
+    assert manifest(tmp_path / "out")["depth_out_of_range"] == manifest(tmp_path / "whole")["depth_out_of_range"]
+    for setting in SETTINGS:
+        assert lines(tmp_path / "out", setting["name"]) == lines(tmp_path / "whole", setting["name"])
+    clean, late = (tmp_path / f"out/{name}/box/results/depth00000{k}.png" for name, k in (("clean", 2), ("late", 0)))
+    assert clean.samefile(late)
+
+
 def test_of_several_processes_the_first_to_lose_depth_says_so(hall):
     heard, subjects = Listener(), set()
     for text, subject in (("a", "hall"), ("b", "hall"), ("c", "room"), ("d", "")):
@@ -266,12 +279,12 @@ def test_infinite_depth_is_said_and_written_in_json_that_all_read(hall, tmp_path
 
 def test_layouts_say_who_does_not_find_colour(tmp_path, hall):
     preset = world(tmp_path / "w", image="png", depth_scale_per_m=1000)
-    _, report = make(preset, tmp_path / "out")
-    (note,) = report.notes
+    heard, _ = make(preset, tmp_path / "out")
+    ((_, note),) = heard.said
     assert "look for results/frame*.jpg" in note
     assert "output.image: jpg" in note
     for overrides in (["output.image=jpg"], ["output.layout=tum"], ["output.modalities=[depth]"]):
-        assert make(preset, tmp_path / "quiet", overrides=overrides)[1].notes == []
+        assert make(preset, tmp_path / "quiet", overrides=overrides)[0].said == []
         shutil.rmtree(tmp_path / "quiet")
     said = generate_here(preset, "--dry-run").stdout
     assert f"note       {note}" in said
