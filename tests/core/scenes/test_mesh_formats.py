@@ -26,8 +26,8 @@ IMPORTED = {
 }
 OTHER = {"COLLADA (DAE)": [DAE], "OFF": [b"OFF\n3 1 0\n", b"COFF 3 1 0\n", b"STOFF\n"]}
 SUFFIXES = {
-    "glTF": ("gltf", "glb", "GLB"), "OBJ": ("obj",), "STL": ("stl",), "FBX": ("fbx",), "USD": ("usd", "usda", "usdc", "usdz"),
-    "COLLADA (DAE)": ("dae",), "OFF": ("off",),
+    "glTF": ("gltf", "glb", "GLB"), "OBJ": ("obj",), "STL": ("stl",), "FBX": ("fbx",),
+    "USD": ("usd", "usda", "usdc", "usdz"), "COLLADA (DAE)": ("dae",), "OFF": ("off",),
 }  # fmt: skip
 
 

@@ -147,7 +147,7 @@ def test_a_number_of_no_texture(folder, number):
     rows = [((0, 1, 2), (0.0,) * 6, number)]
     comments = ("comment TextureFile a.png", "comment TextureFile a.png")
     data = ply("binary_big_endian", bare(), ("face", (*INDICES, TEXCOORD, f"{kind} texnumber"), rows), extra=comments)
-    with pytest.raises(InputError, match="face 0: texnumber .* is none of its 2 textures"):
+    with pytest.raises(InputError, match=r"face 0: texnumber .* is none of its 2 textures"):
         read_ply(write(folder, data))
 
 
