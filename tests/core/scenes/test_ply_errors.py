@@ -90,6 +90,12 @@ class TestErrors:
         assert message.startswith("vertex 2: a coordinate is NaN or infinite, at 2 of 6 vertices")
 
     @cases("encoding", ENCODINGS)
+    def test_a_coordinate_beyond_float32(self, refuse, encoding):
+        points = [*POINTS[:4], (0.0, 0.0, -1e39), (1e300, 0.0, 0.0)]
+        data = ply(encoding, vertex(("double x", "double y", "double z"), points), face(QUADS))
+        assert refuse(data).startswith("vertex 4: a coordinate is too large for float32; ")
+
+    @cases("encoding", ENCODINGS)
     @cases("faces", [QUADS, MIXED, [(), (0, 1), (0, 1, 2)]])
     def test_index_out_of_range(self, refuse, encoding, faces):
         for bad in (6, -1, 2147483647, -2147483648):

@@ -10,7 +10,7 @@ from ..errors import InputError
 from .mesh import Mesh
 from .ply_colours import check_textures, read_colours, used_textures
 from .ply_faces import INDEX_NAMES, read_faces
-from .ply_file import Element, Rows, check_finite, read_elements, read_header
+from .ply_file import DAMAGED, Element, Rows, check_finite, read_elements, read_header
 
 _COARSE_M = 1e-4  # float32 coordinates whose resolution is coarser than this are worth a note; chosen
 
@@ -67,6 +67,9 @@ def _vertices(rows: Rows, notes: list[str]) -> NDArray[np.float64]:
     vertices_m = np.stack(columns, axis=1, dtype=np.float64, casting="unsafe")
     check_finite(rows, vertices_m, "coordinate")
     farthest_m = np.float32(abs(vertices_m).max())
+    if np.isinf(farthest_m):
+        where = f"vertex {np.flatnonzero(np.isinf(vertices_m.astype(np.float32)).any(axis=1))[0]}"
+        raise InputError(rows.body.path, "a coordinate is too large for float32", where=where, remedy=DAMAGED)
     apart_m = np.spacing(farthest_m)
     if apart_m > _COARSE_M and any(column.dtype.str[1:] == "f4" for column in columns):
         stored = f"coordinates near {farthest_m:.0f} m are stored as float32, {1000 * apart_m:.2f} mm apart"
