@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The source of a mesh and a path through it, whose frames Blender renders."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -104,16 +105,18 @@ class MeshSource:
 
     def hashes(self) -> dict[str, Any]:
         """Return the names and hashes of the mesh, of its textures if it has any, and of the path's file."""
-        textures = {}
-        if self.mesh_path is not None:
-            for file in texture_files(self.mesh_path):
-                textures[file.relative_to(self.mesh_path.parent).as_posix()] = sha256_of_file(file)
+        textures = [] if self.mesh_path is None else texture_files(self.mesh_path)
+        digests = "".join(sha256_of_file(file) or "" for file in textures)
+        texture_hashes = {
+            "mesh_textures": ", ".join(file.name for file in textures),
+            "mesh_textures_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+        }
         return {
             "mesh": EMBEDDED_ROOM if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else sha256_of_file(self.path_file),
-            **({"textures_sha256": textures} if textures else {}),
+            **(texture_hashes if textures else {}),
         }
 
     @contextmanager
