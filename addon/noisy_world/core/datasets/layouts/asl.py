@@ -5,6 +5,7 @@ Where these files lie in a sequence is decided in `euroc`.
 """
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
@@ -25,6 +26,7 @@ from ...geometry import (
     rotation_from_quat_wxyz,
 )
 from ...trajectories.trajectory import Trajectory
+from ...yaml_reading import read_yaml
 from ..stored import StampedFile, read_text
 from .layout import lines
 
@@ -210,14 +212,9 @@ def read_sensor_yaml(path: Path) -> AslSensor:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
     # Some tools begin the file with OpenCV's line %YAML:1.0, which is not valid YAML.
     text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(path, "is not valid YAML") from error
+    document = read_yaml(text, path)
     if not isinstance(document, dict):
         raise InputError(path, "describes no sensor")
     return document
@@ -262,10 +259,8 @@ def _numbers(path: Path, name: str, value: object, count: int | None = None) -> 
     wanted = "numbers" if count is None else f"{count} numbers"
     if not isinstance(value, list) or (count is not None and len(value) != count):
         raise InputError(path, f"has to be {wanted}", where=name)
-    try:
-        numbers = np.array([float(item) for item in value])
-    except (TypeError, ValueError) as error:
-        raise InputError(path, f"has to be {wanted}", where=name) from error
-    if not np.isfinite(numbers).all():
+    if any(isinstance(item, bool) or not isinstance(item, (int, float)) for item in value):
+        raise InputError(path, f"has to be {wanted}", where=name)
+    if not all(abs(item) <= sys.float_info.max for item in value):
         raise InputError(path, "has to be finite numbers", where=name)
-    return numbers
+    return np.array([float(item) for item in value])
