@@ -54,7 +54,8 @@ def test_values_are_those_of_the_safe_loader(text):
 
 
 def test_the_differences_from_the_safe_loader():
-    assert read_yaml("[1e-3, 1E5, -.5e3, 1.e2, 2001-01-01]", "a") == [1e-3, 1e5, -500.0, 100.0, "2001-01-01"]
+    assert read_yaml("[1e-3, 1E5, -.5e3, 1.e2, +.5, -.5]", "a") == [1e-3, 1e5, -500.0, 100.0, 0.5, -0.5]
+    assert read_yaml("[2001-01-01, 2001-99-99]", "a") == ["2001-01-01", "2001-99-99"]
 
 
 def test_aliases_are_values_of_their_own():

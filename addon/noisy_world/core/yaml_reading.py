@@ -2,7 +2,7 @@
 """Reading YAML: plain values out, in bounded time and memory, or one line that names the place in the text.
 
 What is read is what PyYAML's safe loader reads of YAML 1.1, with these differences. Numbers as YAML 1.2 spells them
-(1e-3) are numbers, and dates are texts. Refused is what has no plain value (!!set, !!omap, !!pairs, !!binary, dates by
+(1e-3, -.5) are numbers, and dates are texts. Refused is what has no plain value (!!set, !!omap, !!pairs, !!binary, dates by
 their tag, tags of programs), keys that are no texts or are given twice, numbers that YAML 1.1 and 1.2 read differently
 (010, 1:30), texts that cannot be stored or shown (lone surrogates, NUL), anchors inside themselves, and what exceeds
 the limits below.
@@ -31,7 +31,7 @@ _TAG = "tag:yaml.org,2002:"
 _TRUTH = {"yes": True, "no": False, "true": True, "false": False, "on": True, "off": False}
 _WHOLE = re.compile(r"([-+]?)(0b[01_]*[01][01_]*|0x[0-9a-fA-F_]*[0-9a-fA-F][0-9a-fA-F_]*|[0-9][0-9_]*)")
 _NUMBER = re.compile(r"[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?")
-_NUMBER_1_2 = re.compile(r"^[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+$")
+_NUMBER_1_2 = re.compile(r"^[-+]?(?:\.[0-9]+(?:[eE][-+]?[0-9]+)?|[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+)$")
 _SEXAGESIMAL = re.compile(r"[-+]?[0-9][0-9_]*(?::[0-5]?[0-9])+(?:\.[0-9_]*)?")
 _NOT_FINITE = {".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
