@@ -2,10 +2,10 @@
 """Reading YAML: plain values out, in bounded time and memory, or one line that names the place in the text.
 
 What is read is what PyYAML's safe loader reads of YAML 1.1, with these differences. Numbers as YAML 1.2 spells them
-(1e-3, -.5) are numbers, and dates are texts. Refused is what has no plain value (!!set, !!omap, !!pairs, !!binary, dates by
-their tag, tags of programs), keys that are no texts or are given twice, numbers that YAML 1.1 and 1.2 read differently
-(010, 1:30), texts that cannot be stored or shown (lone surrogates, NUL), anchors inside themselves, and what exceeds
-the limits below.
+(1e-3, -.5) are numbers, and dates are texts. Refused is what has no plain value (!!set, !!omap, !!pairs, !!binary, a
+date by its tag, tags of programs), keys that are no texts or are given twice, numbers that YAML 1.1 and 1.2 read
+differently (010, 1:30), texts that cannot be stored or shown (lone surrogates, NUL), anchors inside themselves, and
+what exceeds the limits below.
 """
 
 import math
