@@ -72,7 +72,7 @@ class Recording:
         digests = "".join(sha256_of_file(file) or "" for file in self.stored.files)
         return {
             "sequence": self.stored.folder.name,
-            "files_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "trajectory": path.name,
             "trajectory_sha256": sha256_of_file(path),
         }

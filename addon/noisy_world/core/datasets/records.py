@@ -8,6 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .json_text import parse_json
+
+LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
+
 
 @dataclass(frozen=True)
 class FrameRecord:
@@ -41,21 +45,33 @@ class FrameRecord:
 
 
 def read_records(path: Path) -> Iterator[FrameRecord]:
-    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file."""
-    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
+    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file.
+
+    Of a file that cannot be read on, the lines before that count.
+    """
+    if not path.is_file():
+        return
+    with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             if record := _parse_record(line):
                 yield record
 
 
 def _parse_record(line: str) -> FrameRecord | None:
-    """Read a line of a journal; None for a torn line."""
+    """Read a line of a journal; None for a torn line and for what no run wrote."""
     try:
-        record = json.loads(line)
-        done = dict(record.get("perturbed", {}))
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
-    except (ValueError, KeyError, TypeError, AttributeError):
+        record = parse_json(line)
+    except ValueError:
         return None
+    match record:
+        case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:
+            done = record.get("perturbed", {})
+        case _:
+            return None
+    told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
+    if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
+        return None
+    return FrameRecord(frame, float(time_s), files, done)
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
