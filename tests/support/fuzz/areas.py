@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fuzz import presets, recordings, trajectories
+from fuzz import meshes, presets, recordings, trajectories
 
 
 @dataclass(frozen=True)
@@ -31,4 +31,5 @@ AREAS = {
     "presets": _area(presets),
     "trajectories": _area(trajectories),
     "recordings": _area(recordings),
+    "meshes": _area(meshes),
 }

@@ -79,7 +79,7 @@ def judge(area, folder, peer=None):
 def _judge_refusal(message, folder):
     if not message.isprintable():
         return Outcome("finding", f"not one line: {message!r}")
-    if str(folder) not in message:
+    if str(folder) not in message and not message.startswith("/"):  # a list of images may name others
         return Outcome("finding", f"names no file: {message}")
     return Outcome("refused", message)
 
