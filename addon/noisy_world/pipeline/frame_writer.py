@@ -161,7 +161,7 @@ class FrameWriter:
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
         rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
-        return FrameRecord(frame, rgb_s, files, done, None if depth_s == rgb_s else depth_s, lost)
+        return FrameRecord(frame, rgb_s, files, done, lost, None if depth_s == rgb_s else depth_s)
 
     def __enter__(self) -> "FrameWriter":
         return self

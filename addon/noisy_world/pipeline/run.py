@@ -5,7 +5,7 @@ import json
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,8 @@ from .colour import colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
 from .stock import take_stock
+
+FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
 type Work = dict[str, list[int]]
 """The source frames to render, by the name of the render."""
@@ -167,7 +169,7 @@ class Run:
                 continue
             start_s = time.perf_counter()
             paths = self._paths_of(render)
-            options = render_options(self._plan, render, self._jobs)
+            options = render_options(self._plan, render, work[render.name], self._jobs)
 
             def note(text: str, render: Render = render) -> None:
                 self._note(f"{render.name}: {text}")
@@ -300,9 +302,13 @@ def versions_of(plan: Plan) -> dict[str, str]:
     return renderer_versions(plan.preset.spec.render.engine, plan.preset.spec.render.device)
 
 
-def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
-    """Return how the frames of a render are made, in one of `jobs` processes that share the machine."""
+def render_options(plan: Plan, render: Render, frames: Iterable[int] = (), jobs: int = 1) -> RenderOptions:
+    """Return how frames of a render are made, in one of `jobs` processes that share the machine.
+
+    A process that makes the first of them, or shares the render with one that does, looks at the first ones.
+    """
     spec = plan.preset.spec
+    judging = not spec.render.allow_empty and (jobs > 1 or not set(render.frames[:1]).isdisjoint(frames))
     return RenderOptions(
         near_m=spec.mesh_camera.near_m,
         far_m=spec.mesh_camera.far_m,
@@ -313,6 +319,7 @@ def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
         rgb="rgb" in plan.format.modalities or render.needs_rgb,
         depth="depth" in plan.format.modalities or render.needs_depth,
         threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
+        first_frames=render.frames[:FIRST_FRAMES] if judging else (),
     )
 
 

@@ -29,8 +29,8 @@ class FrameRecord:
     time_s: float
     files: dict[str, str]
     perturbed: dict[str, Any] = field(default_factory=dict)
-    depth_time_s: float | None = None
     out_of_range: OutOfRange | None = None
+    depth_time_s: float | None = None
 
     def line(self) -> str:
         """The record as a line of JSON."""
@@ -58,8 +58,8 @@ class FrameRecord:
             self.time_s,
             {name: files[name] for name in sorted(files, reverse=True)},
             {name: perturbed[name] for name in sorted(perturbed)},
-            self.depth_time_s,
             other.out_of_range or self.out_of_range,
+            self.depth_time_s,
         )
 
 
@@ -92,7 +92,7 @@ def _parse_record(line: str) -> FrameRecord | None:
     told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
     if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
         return None
-    return FrameRecord(frame, float(time_s), files, done, depth_time_s, lost)
+    return FrameRecord(frame, float(time_s), files, done, lost, depth_time_s)
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:

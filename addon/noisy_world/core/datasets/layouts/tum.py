@@ -21,7 +21,6 @@ SECONDS_PER_YEAR = 31_557_600  # Julian
 _ONE_STAMP = "an image has a stamp of its own"
 # float() would also take "nan", "1_000" and digits of other scripts.
 _NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?"
-
 # The benchmark's files begin with three lines of comments. Readers rely on them: ORB-SLAM's mono_tum leaves out three
 # lines of rgb.txt whatever they are, NICE-SLAM and its successors one of groundtruth.txt.
 _NO_BAG = "# file: none; written by Noisy World"
