@@ -279,3 +279,43 @@ def test_perturbations_that_cannot_be_shown_leave_the_panel_alone(of_ones_own, t
     with pytest.raises(RuntimeError, match="levels cannot be shown"):
         use(path, part="PERTURBATIONS")
     assert described() == before
+
+
+# --- home folders ---
+
+
+def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
+    from noisy_world.ui import runs
+    from noisy_world.ui.document import open_preset, to_document
+
+    monkeypatch.setenv("HOME", str(tmp_path))
+    use_files(tmp_path)
+    item = settings()
+    item.mesh_path, item.trajectory_path, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
+    assert runs.output_folder(item) == tmp_path / "sets/one"
+    (scene,) = to_document(item)["scenes"]
+    assert (scene["mesh"], scene["trajectory"]["file"]) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
+    assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
+    assert bpy.ops.noisy_world.save_preset(filepath="~/mine.yaml") == {"FINISHED"}
+    assert item.preset_path == str(tmp_path / "mine.yaml")
+    text = (tmp_path / "mine.yaml").read_text().replace("mesh: square.ply", "mesh: ~/square.ply")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "theirs.yaml").write_text(text.replace("file: traj.txt", "file: ~/traj.txt"))
+    item.mesh_path = item.trajectory_path = ""
+    assert use("~/sub/theirs.yaml") == {"FINISHED"}
+    assert (item.mesh_path, item.trajectory_path) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
+    open_preset(item, tmp_path / "sub" / "theirs.yaml")
+    assert runs.saved_preset(item) == tmp_path / "sub" / "theirs.yaml"
+
+
+def test_a_user_who_is_not_there_is_a_line(tmp_path):
+    use_files(tmp_path)
+    item = settings()
+    item.output_folder = "~nobody-of-this-name/x"
+    with pytest.raises(RuntimeError, match="Output: there is no user 'nobody-of-this-name' here"):
+        bpy.ops.noisy_world.generate()
+    with pytest.raises(RuntimeError, match="there is no user"):
+        bpy.ops.noisy_world.save_preset(filepath="~nobody-of-this-name/x.yaml")
+    item.mesh_path = "~nobody-of-this-name/x.ply"
+    with pytest.raises(RuntimeError, match="PLY File: there is no user"):
+        bpy.ops.noisy_world.load_scene()

@@ -39,7 +39,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     if not glob.has_magic(pattern):
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
-    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    folder, pattern = preset.located(pattern, place.at(kind))
+    found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -48,7 +49,7 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     for text in found:
         parts = _matched_parts(pattern, text)
         name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
+        scenes.append(make(preset, place, spec, name, folder / text, parts=parts))
     return scenes
 
 
@@ -89,7 +90,7 @@ def _check_name(name: str, place: Place) -> None:
 
 
 def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
-    path = preset.path.parent / text
+    path = preset.file(text, place)
     if not (path.is_dir() if folder else path.is_file()):
         raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
     return path

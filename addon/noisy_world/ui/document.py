@@ -9,6 +9,7 @@ import bpy
 
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
+from ..core.home import with_home
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
@@ -75,7 +76,15 @@ def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
 
 
 def absolute(path: str) -> str:
-    """Return a path of the panel as an absolute one, with forward slashes; "" stays ""."""
+    """Return a path of the panel as an absolute one, with forward slashes; "" stays "".
+
+    ~ and ~user are home folders; the name of a user who is not there stays, and is refused when the file is read.
+    """
+    if path.startswith("~"):
+        try:
+            path = str(with_home(path))
+        except LookupError:
+            return path
     return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""
 
 
@@ -285,13 +294,13 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     assert scene.trajectory is not None
     panel.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
     if scene.mesh != EMBEDDED_ROOM:
-        panel.mesh_path = str(preset.path.parent / scene.mesh)
+        panel.mesh_path = str(preset.file(scene.mesh, preset.place("scenes.0.mesh")))
     panel.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
     handheld = scene.trajectory.handheld
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
         assert scene.trajectory.file is not None
-        panel.trajectory_path = str(preset.path.parent / scene.trajectory.file)
+        panel.trajectory_path = str(preset.file(scene.trajectory.file, preset.place("scenes.0.trajectory")))
         for name, field in TRAJECTORY.items():
             set_value(panel, name, getattr(scene.trajectory, field))
     else:

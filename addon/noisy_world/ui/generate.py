@@ -61,10 +61,10 @@ class NoisyWorldGenerate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate and wait for the end, for scripts, which are told what will not be in the dataset."""
-        if text := left_out.sentence(context.scene):
-            self.report({"WARNING"}, text)
         if not self._start(context):
             return {"CANCELLED"}
+        if text := left_out.sentence(context.scene):
+            self.report({"WARNING"}, text)
         assert self._run is not None
         self._run.background.wait()
         return self._conclude(context)

@@ -10,6 +10,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..blender.typed import layout_of
 from ..core.errors import InputError
+from ..core.home import with_home
 from ..core.perturbing.steps import Step
 from .described import title
 from .document import add_perturbations, open_preset, save_preset
@@ -107,7 +108,7 @@ def takes_perturbations(path: Path, part: str) -> bool:
 
 def _open(context: bpy.types.Context, path: Path, part: str, setting: str = "") -> str:
     """Take a preset into the panel; return what was done."""
-    panel = panel_of(context.scene)
+    panel, path = panel_of(context.scene), _in_home(path)
     if not takes_perturbations(path, part):
         open_preset(panel, path, setting)
         return f"{preset_label(path)}: scene, path, camera, perturbations and output are the preset's"
@@ -175,8 +176,17 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
 
 
 def _save(context: bpy.types.Context, path: Path) -> str:
+    path = _in_home(path)
     save_preset(panel_of(context.scene), path)
     return f"saved {path}"
+
+
+def _in_home(path: Path) -> Path:
+    """Return a file's path with ~ replaced. Raises InputError where there is no such user."""
+    try:
+        return with_home(str(path))
+    except LookupError as error:
+        raise InputError(path, str(error)) from error
 
 
 class NoisyWorldAddPreset(OnScene, bpy.types.Operator):

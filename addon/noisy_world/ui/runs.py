@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
+from ..core.home import with_home
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
@@ -69,7 +70,10 @@ def output_folder(panel: Any) -> Path:
         raise InputError("Output", "no folder is named", remedy="choose one")
     if text.startswith("//") and not bpy.data.filepath:
         raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
-    return Path(bpy.path.abspath(text)).resolve()
+    try:
+        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
+    except LookupError as error:
+        raise InputError("Output", str(error)) from error
 
 
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
@@ -107,7 +111,9 @@ def _placed(preset: Preset) -> PresetSpec:
     """Return a preset's content with absolute paths, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
-        return name if name in (None, EMBEDDED_ROOM) else (preset.path.parent / str(name)).resolve().as_posix()
+        if name in (None, EMBEDDED_ROOM):
+            return name
+        return preset.file(str(name), preset.place("scenes")).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
 from ..blender.typed import camera_of, fcurves_of, mesh_of
-from ..core.errors import NoisyWorldError
+from ..core.errors import InputError, NoisyWorldError
+from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
@@ -69,8 +70,14 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
 
 
 def _mesh_path(panel: Any) -> Path | None:
-    """Return the file of the mesh that the panel names; None is the embedded room."""
-    return None if panel.mesh_source == "ROOM" else Path(absolute(panel.mesh_path))
+    """Return the file of the mesh that the panel names; None is the embedded room. Raises InputError."""
+    if panel.mesh_source == "ROOM":
+        return None
+    try:
+        split_home(panel.mesh_path)
+    except LookupError as error:
+        raise InputError("PLY File", str(error)) from error
+    return Path(absolute(panel.mesh_path))
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:

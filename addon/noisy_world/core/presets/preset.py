@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
+from ..home import split_home
 from ..schema import Place, key, parse
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 
@@ -191,6 +192,23 @@ class Preset:
     def place(self, path: str) -> Place:
         """Return the place of a key, for errors."""
         return Place(self.path, path)
+
+    def located(self, text: str, place: Place) -> tuple[Path, str]:
+        """Return the folder that a path or glob pattern of the preset is relative to, and the path in it.
+
+        That is the preset's folder, or a home folder where the path begins with ~ or ~user. place: of the path. Raises
+        InputError where there is no such user.
+        """
+        try:
+            home, rest = split_home(text)
+        except LookupError as error:
+            raise place.error(str(error)) from error
+        return (self.path.parent if home is None else home), rest
+
+    def file(self, text: str, place: Place) -> Path:
+        """Return the file or folder that a path of the preset means. Raises InputError as `located` does."""
+        folder, rest = self.located(text, place)
+        return folder / rest
 
 
 def read_preset(path: Path, overrides: Sequence[str] = ()) -> Preset:
