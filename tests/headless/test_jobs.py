@@ -60,6 +60,7 @@ def fail_to_import():
 def test_a_warning_that_concerns_nobody_is_left_out_and_all_others_are_printed(capfd):
     with missing._relevant_output():
         os.write(1, b"00:00.253  system.path      | WARNING Could not get a list of mounted file-systems\n")
+        os.write(1, b'00:00.253  translation      | WARNING Falling back to standard locale ("C")\n')
         os.write(1, b"00:00.254  system.path      | WARNING the disk burns\n")
         print("from Python")
         os.write(2, b"on standard error\n")

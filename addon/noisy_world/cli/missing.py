@@ -10,8 +10,9 @@ from ..core.requirements import missing_packages, missing_sentence
 from .entry import Entry
 from .system_libraries import advice, missing_libraries
 
-# Blender warns on standard output of a missing /etc/mtab, as in small containers: its file browser lists the disks.
-OF_NO_USE_HERE = "Could not get a list of mounted file-systems"
+# What Blender warns of on standard output when it is imported, which is of use only to its windows: that /etc/mtab is
+# missing, from which its file browser lists the disks, and that the locale that LANG names is not installed.
+OF_NO_USE_HERE = (b"Could not get a list of mounted file-systems", b"Falling back to standard locale")
 
 
 def missing_package(names: Iterable[str], entry: Entry) -> str:
@@ -49,4 +50,4 @@ def _relevant_output() -> Iterator[None]:
             os.dup2(kept, 1)
             os.close(kept)
             held.seek(0)
-            os.write(1, b"".join(line for line in held if OF_NO_USE_HERE.encode() not in line))
+            os.write(1, b"".join(line for line in held if not any(text in line for text in OF_NO_USE_HERE)))

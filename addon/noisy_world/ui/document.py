@@ -250,7 +250,7 @@ def _take(panel: Any, preset: Preset, wanted: str) -> None:
         panel.preset_settings = "\n".join(item.name for item in found)
 
 
-def _settings_of(preset: Preset, wanted: str) -> tuple[list[Setting], Setting]:
+def _settings_of(preset: Preset, wanted: str) -> tuple[tuple[Setting, ...], Setting]:
     """Return a preset's settings, and that which is wanted: "" is the first that is not clean."""
     place = preset.place("settings")
     found = parse_settings(preset.spec.settings, place, registry(), preset.spec.render.backend)
