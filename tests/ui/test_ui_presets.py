@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets in the tab: taken in, saved and kept; what the panel cannot show is refused."""
 
+import json
 from pathlib import Path
 
 import bpy
@@ -33,7 +34,7 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
         open_preset(settings(), path, name)
         save_preset(settings(), tmp_path / "saved.yaml")
         saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("camera", "render", "seed", "scenes", "rig"):
+        for part in ("mesh_camera", "render", "seed", "scenes", "rig"):
             assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
         assert saved.spec.output.layout == shipped.spec.output.layout
         assert saved.spec.output.overview == shipped.spec.output.overview
@@ -44,6 +45,18 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
                 assert getattr(one, member) == getattr(other, member), (name, member)
             level = one.severity or None
             assert one.parameters(level) == other.parameters(level), name
+
+
+def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
+    from noisy_world.ui.document import open_preset, to_document
+    from noisy_world.ui.runs import saved_preset
+
+    path = tmp_path / "short.yaml"
+    path.write_text(json.dumps({key: value for key, value in to_document(settings()).items() if key != "camera"}))
+    open_preset(settings(), path)
+    assert saved_preset(settings()) == path
+    settings().width_px -= 1
+    assert saved_preset(settings()) is None
 
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):

@@ -4,6 +4,8 @@
 import os
 from pathlib import Path
 
+from .schema import Place
+
 
 def with_home(text: str) -> Path:
     """Return a path with ~ or ~user at its beginning replaced by that home folder; any other path as it is.
@@ -29,3 +31,22 @@ def split_home(text: str) -> tuple[Path | None, str]:
         raise LookupError(
             f"there is {whose} here, which {user} stands for; write ./{text} for what has this name"
         ) from error
+
+
+def located(folder: Path, text: str, place: Place) -> tuple[Path, str]:
+    """Return the folder that a path or glob pattern of a preset is relative to, and the path in it.
+
+    folder: the preset's, which counts unless the path begins with ~ or ~user. place: of the path. Raises InputError
+    where there is no such user.
+    """
+    try:
+        home, rest = split_home(text)
+    except LookupError as error:
+        raise place.error(str(error)) from error
+    return (folder if home is None else home), rest
+
+
+def path_in(folder: Path, text: str, place: Place) -> Path:
+    """Return the file or folder that a path of a preset in `folder` means. Raises InputError as `located` does."""
+    base, rest = located(folder, text, place)
+    return base / rest

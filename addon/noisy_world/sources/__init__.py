@@ -8,14 +8,14 @@ import glob
 import re
 from pathlib import Path
 
-from ..core.datasets.layouts import find_sequence
+from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory
 from .mesh import MeshSource, selected_poses
-from .recording import Recording
+from .recording import read_recording
 
 
 def find_scenes(preset: Preset) -> list[Scene]:
@@ -39,8 +39,10 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     if not glob.has_magic(pattern):
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
-    folder, pattern = preset.located(pattern, place.at(kind))
+    folder, pattern = located(preset.path.parent, pattern, place.at(kind))
     found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
+    if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
+        found = [text for text in found if not (folder / text).is_file()]
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -56,8 +58,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
 def _recorded_scene(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
 ) -> Scene:
-    del preset, spec, parts
-    return _scene(name, place, Recording(find_sequence(path), place))
+    del preset, parts
+    return _scene(name, place, read_recording(path, place, spec.rate_hz))
 
 
 def _mesh_scene(
@@ -90,7 +92,7 @@ def _check_name(name: str, place: Place) -> None:
 
 
 def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
-    path = preset.file(text, place)
+    path = path_in(preset.path.parent, text, place)
     if not (path.is_dir() if folder else path.is_file()):
         raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
     return path

@@ -9,7 +9,7 @@ import bpy
 
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
-from ..core.home import with_home
+from ..core.home import path_in, with_home
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
@@ -294,13 +294,14 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     assert scene.trajectory is not None
     panel.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
     if scene.mesh != EMBEDDED_ROOM:
-        panel.mesh_path = str(preset.file(scene.mesh, preset.place("scenes.0.mesh")))
+        panel.mesh_path = str(path_in(preset.path.parent, scene.mesh, preset.place("scenes.0.mesh")))
     panel.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
     handheld = scene.trajectory.handheld
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
         assert scene.trajectory.file is not None
-        panel.trajectory_path = str(preset.file(scene.trajectory.file, preset.place("scenes.0.trajectory")))
+        file = path_in(preset.path.parent, scene.trajectory.file, preset.place("scenes.0.trajectory"))
+        panel.trajectory_path = str(file)
         for name, field in TRAJECTORY.items():
             set_value(panel, name, getattr(scene.trajectory, field))
     else:
@@ -312,7 +313,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
 def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
     panel.seed = spec.seed
     for name, field in CAMERA.items():
-        set_value(panel, name, getattr(spec.camera, field))
+        set_value(panel, name, getattr(spec.mesh_camera, field))
     panel.engine, panel.samples = spec.render.engine, spec.render.samples
     panel.backend = setting.backend
     output = spec.output.format

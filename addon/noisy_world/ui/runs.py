@@ -15,7 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.home import with_home
+from ..core.home import path_in, with_home
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
@@ -108,18 +108,19 @@ def saved_preset(panel: Any) -> Path | None:
 
 
 def _placed(preset: Preset) -> PresetSpec:
-    """Return a preset's content with absolute paths, as the panel has them."""
+    """Return a preset's content with absolute paths and the camera written out, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
         if name in (None, EMBEDDED_ROOM):
             return name
-        return preset.file(str(name), preset.place("scenes")).resolve().as_posix()
+        return path_in(preset.path.parent, str(name), preset.place("scenes")).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory
         return replace(scene, mesh=whole(scene.mesh), trajectory=path and replace(path, file=whole(path.file)))
 
-    return replace(preset.spec, scenes=tuple(placed(scene) for scene in preset.spec.scenes))
+    scenes = tuple(placed(scene) for scene in preset.spec.scenes)
+    return replace(preset.spec, scenes=scenes, camera=preset.spec.mesh_camera)
 
 
 def temporary_preset(panel: Any, folder: Path) -> Path:

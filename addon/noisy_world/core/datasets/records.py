@@ -8,22 +8,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .json_text import finite_number, parse_json
+
+LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
+FRAMES = "frames.jsonl"
+
 
 @dataclass(frozen=True)
 class FrameRecord:
     """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
 
     perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
+    depth_time_s: the time stamp of its depth, where it is another.
     """
 
     frame: int
     time_s: float
     files: dict[str, str]
     perturbed: dict[str, Any] = field(default_factory=dict)
+    depth_time_s: float | None = None
 
     def line(self) -> str:
         """The record as a line of JSON."""
-        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s}
+        if self.depth_time_s is not None:
+            record["depth_time_s"] = self.depth_time_s
+        record["sha256"] = self.files
         if self.perturbed:
             record["perturbed"] = self.perturbed
         return json.dumps(record, separators=(", ", ": ")) + "\n"
@@ -37,25 +47,39 @@ class FrameRecord:
             self.time_s,
             {name: files[name] for name in sorted(files, reverse=True)},
             {name: perturbed[name] for name in sorted(perturbed)},
+            self.depth_time_s,
         )
 
 
 def read_records(path: Path) -> Iterator[FrameRecord]:
-    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file."""
-    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
+    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file.
+
+    Of a file that cannot be read on, the lines before that count.
+    """
+    if not path.is_file():
+        return
+    with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             if record := _parse_record(line):
                 yield record
 
 
 def _parse_record(line: str) -> FrameRecord | None:
-    """Read a line of a journal; None for a torn line."""
+    """Read a line of a journal; None for a torn line and for what no run wrote."""
     try:
-        record = json.loads(line)
-        done = dict(record.get("perturbed", {}))
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done)
-    except (ValueError, KeyError, TypeError, AttributeError):
+        record = parse_json(line)
+    except ValueError:
         return None
+    match record:
+        case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:
+            done = record.get("perturbed", {})
+            depth_time_s = finite_number(record.get("depth_time_s"))
+        case _:
+            return None
+    told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
+    if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
+        return None
+    return FrameRecord(frame, float(time_s), files, done, depth_time_s)
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
