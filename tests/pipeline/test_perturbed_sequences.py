@@ -45,7 +45,7 @@ def test_an_existing_sequence_is_perturbed_as_rendered_frames_are(out, tmp_path,
         assert np.abs(a - b).max() <= 1
     identity = json.loads((tmp_path / "again/manifest.json").read_text())["identity"]
     assert "blender" not in identity["versions"]
-    assert len(identity["inputs"]["box"]["files_sha256"]) == 64
+    assert len(identity["scenes"]["box"]["inputs"]["sequence_sha256"]) == 64
 
 
 def test_a_tum_sequence_is_read_by_its_stamps(out, tmp_path):

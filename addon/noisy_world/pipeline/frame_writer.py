@@ -3,7 +3,7 @@
 
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -11,13 +11,14 @@ from typing import Any
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_file
+from ..core.datasets.storage import sha256_of_file, sha256_of_regular_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours
+from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
@@ -37,10 +38,15 @@ class FrameWriter:
         self._camera = Camera(render.camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
+        self._finished = Finished(dataset, self._sequences, self._names)
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[None]] = deque()
         self._lock = threading.Lock()
+
+    def lacking_colour(self, sequences: Iterable[Sequence], sources: Iterable[int]) -> list[Sequence]:
+        """Return those of the sequences that lack the colour of some source frames."""
+        return [item for item in sequences if item.frames and self._finished.lacks(item, "rgb", sources)]
 
     def submit(self, clean: CleanFrame, colours: Colours) -> int:
         """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
@@ -64,7 +70,7 @@ class FrameWriter:
         return finished
 
     def _write(self, clean: CleanFrame, colours: Colours) -> None:
-        files = CleanFiles(self._dataset, clean)
+        files = CleanFiles(self._dataset, clean, self._finished)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
             with self._lock:
@@ -75,7 +81,7 @@ class FrameWriter:
         self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours
     ) -> Iterator[FrameRecord]:
         format_ = self._dataset.format
-        for frame in sequence.showing("rgb", clean.source) if "rgb" in format_.modalities else ():
+        for frame in self._finished.missing(sequence, "rgb", clean.source):
             pixels, notes = colours[sequence.folder, frame]() if sequence.setting.rgb else (None, [])
             name = self._names.rgb(frame)
             if pixels is None:
@@ -85,9 +91,8 @@ class FrameWriter:
             yield self._record(frame, {name: digest}, {"rgb": notes} if notes else {})
 
     def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles") -> Iterator[FrameRecord]:
-        format_ = self._dataset.format
         written: dict[int, tuple[Path, str, list[dict[str, Any]]]] = {}  # by the frame that the depth belongs to
-        for frame in sequence.showing("depth", clean.source) if "depth" in format_.modalities else ():
+        for frame in self._finished.missing(sequence, "depth", clean.source):
             name = self._names.depth(frame)
             taken = sequence.shown(frame).depth_frame
             if taken in written:
@@ -115,8 +120,8 @@ class FrameWriter:
         return self._dataset.write_file(sequence.folder, name, data), notes
 
     def _record(self, frame: int, files: dict[str, str], done: dict[str, Any]) -> FrameRecord:
-        rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
-        return FrameRecord(frame, rgb_s, files, done, None if depth_s == rgb_s else depth_s)
+        time_s, depth_time_s = self._stamps.told(frame)
+        return FrameRecord(frame, time_s, files, done, depth_time_s)
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -129,11 +134,15 @@ class FrameWriter:
 
 
 class CleanFiles:
-    """The clean images of one frame, each encoded when it is first needed and linked afterwards."""
+    """The clean images of one frame, each encoded when it is first needed and linked afterwards.
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame) -> None:
+    One that a sequence of the dataset has already is linked too.
+    """
+
+    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished) -> None:
         self._dataset = dataset
         self._clean = clean
+        self._finished = finished
         self._written: dict[Modality, tuple[Path, str]] = {}
 
     def give(self, modality: Modality, folder: str, name: str) -> str:
@@ -143,6 +152,11 @@ class CleanFiles:
             if digest is None:
                 raise InputError(path, "is gone")
             self._written[modality] = (path, digest)
+        if modality not in self._written:
+            for path in self._finished.clean_files(modality, self._clean.source):
+                if digest := sha256_of_regular_file(path):
+                    self._written[modality] = (path, digest)
+                    break
         if modality in self._written:
             path, digest = self._written[modality]
             self._dataset.link_file(path, folder, name)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run: it renders a plan's frames once, writes them for every setting, and completes the dataset."""
 
+import json
 import shutil
 import threading
 import time
@@ -10,14 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from ..core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset
+from ..core.datasets.dataset import Dataset
+from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import identity, manifest, render_seed
+from ..core.datasets.provenance import identity, manifest, render_seed, scene_cameras, shared_camera
 from ..core.datasets.records import FrameRecord
-from ..core.errors import InterruptedRunError
+from ..core.datasets.standing import OVERVIEW, RUN
+from ..core.errors import InterruptedRunError, StorageError
 from ..core.machine import available_threads, peak_memory_bytes
-from ..core.planning.estimate import estimate
+from ..core.planning.estimate import image_bytes, size_text
 from ..core.planning.plan import Plan, Render, source_paths
 from ..core.planning.sequence import Sequence, written_paths
 from ..core.planning.source import OpenSource, RenderOptions
@@ -28,6 +31,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import colour_of
 from .frame_writer import FrameWriter
 from .report import Report
+from .stock import take_stock
 
 type Work = dict[str, list[int]]
 """The source frames to render, by the name of the render."""
@@ -72,20 +76,19 @@ class Run:
         another run of the same plan continues from there.
         """
         start_s = time.perf_counter()
-        made_from = self._identity()
-        self._dataset.open(made_from, overwrite=self._overwrite)
+        self._open()
         try:
             if self._dataset.holds_frames():
                 self._progress.note("checking the frames that are there")
-            work = self._missing()
-            self._warn_of_space(sum(map(len, work.values())))
+            work, needed_bytes = self._missing()
+            self._check_space(needed_bytes)
             self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
             if self._jobs > 1 and self._workers is not None and work:
                 self.report.merge(self._workers(split_work(work, self._jobs), self._progress))
             else:
                 self._render(work, worker=0)
             self._progress.finish()
-            self._finish(made_from)
+            self._finish()
             self.report.total_s = time.perf_counter() - start_s
             self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
             self._dataset.write_text(RUN, canonical(self.report.content()))
@@ -100,38 +103,52 @@ class Run:
 
         Raises StorageError where that run was opened with other inputs or versions than this process finds.
         """
-        self._dataset.join(self._identity())
+        self._dataset.join(self._identity(paths=False))
         self._render(work, worker)
         return self.report
 
-    def _identity(self) -> dict[str, Any]:
-        return identity(self._plan, versions_of(self._plan))
+    def _open(self) -> None:
+        """Take the folder, where what it holds can grow into the plan."""
+        made_from = self._identity(paths=True)
 
-    def _missing(self) -> Work:
-        """Find what is to be rendered: the source frames that a sequence needs for a missing file."""
+        def refusal(there: dict[str, Any]) -> str | None:
+            return why_not(there, made_from, self._plan)
+
+        self._dataset.open(made_from, refusal, overwrite=self._overwrite)
+        for text in self._dataset.notes:
+            self._note(text)
+
+    def _identity(self, *, paths: bool) -> dict[str, Any]:
+        # Through JSON, as the file is that it is compared with.
+        return json.loads(canonical(identity(self._plan, versions_of(self._plan), paths=paths)))
+
+    def _missing(self) -> tuple[Work, int]:
+        """Find what is to be rendered: the source frames that a sequence needs for a missing file.
+
+        Returns that, and roughly how many bytes the missing files will have.
+        """
         work: Work = {}
+        needed_bytes = 0
         for render in self._plan.renders:
-            names = self._dataset.format.names(render.scene.source.frame_stamps)
-            missing: set[int] = set()
-            for sequence in render.sequences:
-                there = self._dataset.take_stock(sequence.folder)
-                for frame in sequence.frames:
-                    lacking = names.of(frame) - there.get(frame, set())
-                    shown = sequence.shown(frame)
-                    if names.rgb(frame) in lacking:
-                        missing.add(shown.rgb_source)
-                    if names.depth(frame) in lacking:
-                        missing.add(shown.depth_source)
-            self.report.frames_kept += len(render.frames) - len(missing)
-            if missing:
-                work[render.name] = sorted(missing)
-        return work
+            lacking = take_stock(self._dataset, self._plan, render)
+            needed_bytes += lacking.bytes_to_write
+            self.report.frames_kept += len(render.frames) - len(lacking.sources)
+            if lacking.sources:
+                work[render.name] = lacking.sources
+        return work, needed_bytes
 
-    def _warn_of_space(self, missing_frames: int) -> None:
-        needed = estimate(self._plan).bytes_written * missing_frames / max(self._plan.frame_count, 1)
-        free = shutil.disk_usage(self._dataset.out).free
-        if needed > free:
-            self._note(f"about {needed / 1e9:.1f} GB are to be written and {free / 1e9:.1f} GB are free")
+    def _check_space(self, needed_bytes: int) -> None:
+        """Say where the disk is too small; raise StorageError where not even a frame fits. The sizes are rough."""
+        out, free_bytes = self._dataset.out, shutil.disk_usage(self._dataset.out).free
+        if needed_bytes <= free_bytes:
+            return
+        told = f"about {size_text(needed_bytes)} are to be written and {size_text(free_bytes)} are free"
+        render = self._plan.renders[0]
+        frame_bytes = sum(image_bytes(self._plan, render, modality) for modality in self._plan.format.modalities)
+        if free_bytes < min(needed_bytes, frame_bytes):
+            remedy = "make room there and run the same command again, or choose another folder with --out"
+            raise StorageError(f"{out}: no space left: {told}; {remedy}")
+        self._note(f"this will hardly fit: {told} in {out}; a run that fills the disk goes on once there is room")
 
     def _note(self, text: str) -> None:
         self.report.notes.append(text)
@@ -165,7 +182,7 @@ class Run:
         size_px = (render.camera.width_px, render.camera.height_px)
         with (
             FrameWriter(self._dataset, render, worker) as writer,
-            colour_of(coloured, camera, size_px) as colour,
+            colour_of(writer.lacking_colour(coloured, frames), camera, size_px) as colour,
         ):
             for frame in frames:
                 if self._stop.is_set():
@@ -190,12 +207,13 @@ class Run:
 
     # --- text files ---
 
-    def _finish(self, made_from: dict[str, Any]) -> None:
+    def _finish(self) -> None:
         """Write the text files beside the images, and the manifest."""
         files: dict[str, object] = {}
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
         format_ = self._plan.format
+        shared = shared_camera(self._dataset.identity)
         for render in self._plan.renders:
             for sequence in render.sequences:
                 records = self._finished_frames(render, sequence)
@@ -205,12 +223,13 @@ class Run:
                 stamps = render.scene.source.frame_stamps
                 facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
                 texts = format_.layout.sequence_texts(facts)
-                if self._plan.camera is None:
+                if shared is None:
                     texts |= format_.setting_texts(render.camera)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
-        of_setting = {} if self._plan.camera is None else format_.setting_texts(self._plan.camera)
+        files |= {} if shared else self._texts_beside()
+        of_setting = format_.setting_texts(shared) if shared else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in of_setting.items():
                 path = f"{setting}/{name}"
@@ -219,7 +238,20 @@ class Run:
             stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
             picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
-        self._dataset.write_text(MANIFEST, canonical(manifest(self._plan, made_from, files, counts)))
+        self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts))
+
+    def _texts_beside(self) -> dict[str, object]:
+        """Write the intrinsics of the sequences that stay beside the plan's: their settings' files no longer say them.
+
+        Returns the files of these sequences by folder.
+        """
+        cameras = scene_cameras(self._dataset.identity)
+        files: dict[str, object] = {}
+        for folder, there in self._dataset.kept.items():
+            texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])
+            written = {name: self._dataset.write_text(f"{folder}/{name}", text) for name, text in texts.items()}
+            files[folder] = there | written
+        return files
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""

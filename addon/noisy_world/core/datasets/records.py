@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .json_text import parse_json
+
 FRAMES = "frames.jsonl"
+LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
 
 
 @dataclass(frozen=True)
@@ -49,22 +52,39 @@ class FrameRecord:
 
 
 def read_records(path: Path) -> Iterator[FrameRecord]:
-    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file."""
-    with contextlib.suppress(FileNotFoundError), path.open(encoding="utf-8", errors="replace") as file:
+    """Yield the records of a journal or a frames.jsonl, without torn lines; none where there is no such file.
+
+    Of a file that cannot be read on, the lines before that count.
+    """
+    if not path.is_file():
+        return
+    with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             if record := _parse_record(line):
                 yield record
 
 
 def _parse_record(line: str) -> FrameRecord | None:
-    """Read a line of a journal; None for a torn line."""
+    """Read a line of a journal; None for a torn line and for what no run wrote."""
     try:
-        record = json.loads(line)
-        done = dict(record.get("perturbed", {}))
-        depth_time_s = float(record["depth_time_s"]) if "depth_time_s" in record else None
-        return FrameRecord(int(record["frame"]), float(record["time_s"]), dict(record["sha256"]), done, depth_time_s)
-    except (ValueError, KeyError, TypeError, AttributeError):
+        record = parse_json(line)
+    except ValueError:
         return None
+    match record:
+        case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:
+            done = record.get("perturbed", {})
+        case _:
+            return None
+    told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
+    depth_time_s = record.get("depth_time_s", time_s)
+    if not told or isinstance(frame, bool) or not (_is_time(time_s) and _is_time(depth_time_s)):
+        return None
+    own_depth_s = float(depth_time_s) if "depth_time_s" in record else None
+    return FrameRecord(frame, float(time_s), files, done, own_depth_s)
+
+
+def _is_time(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_S
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:

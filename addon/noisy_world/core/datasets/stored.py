@@ -62,8 +62,8 @@ class StoredSequence:
 
     trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
     depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
-    stamps; None where there is none, so that they follow from a rate. camera: its intrinsics, and camera_path the file
-    that says them; None where none does. notes: sentences that the user should see.
+    stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
+    camera_path the file that says them; None where none does. notes: sentences that the user should see.
     """
 
     folder: Path
@@ -77,6 +77,7 @@ class StoredSequence:
     camera: Intrinsics | None = None
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
+    counted_hz: float | None = None
 
     @cached_property
     def _first_image(self) -> tuple[SizePx, str | None]:

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 
+from ..datasets.layouts import Modality
 from .plan import Plan, Render
 
 # Measured on two cores at 1200 x 680, and rounded.
@@ -20,6 +21,19 @@ class Estimate:
 
     bytes_written: int
     seconds: float
+
+
+def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
+    """Estimate the bytes of an image of a render."""
+    kind = plan.format.image if modality == "rgb" else "depth"
+    return int(render.camera.width_px * render.camera.height_px * BYTES_PER_PIXEL[kind])
+
+
+def size_text(count: int) -> str:
+    """Return a number of bytes in words: "3.2 GB", "17 MB", "0.4 MB"."""
+    if count >= 1e9:
+        return f"{count / 1e9:.1f} GB"
+    return f"{count / 1e6:.0f} MB" if count >= 1e7 else f"{count / 1e6:.1f} MB"
 
 
 def estimate(plan: Plan) -> Estimate:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ..datasets.layouts import Modality, OutputFormat
 from ..errors import InputError
 from ..geometry import Intrinsics
@@ -175,9 +177,13 @@ def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int,
 # --- paths ---
 
 
-def source_paths(plan: Plan, render: Render) -> SensorPaths:
-    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate."""
+def source_paths(plan: Plan, render: Render, count: int | None = None) -> SensorPaths:
+    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate.
+
+    count: how many of the scene's first poses are taken, if not all.
+    """
     planned = render.scene.source.trajectory()
+    planned = planned if count is None else take_poses(planned, np.arange(count))
     if not render.moving:
         return _sensor_paths(plan, planned)
     moved = move(render.moving, planned, render.identifiers)

@@ -98,6 +98,7 @@ class ReplicaLayout(Layout):
             params.camera if params else None,
             params.path if params else None,
             notes,
+            None if stamps_path else rate_hz or RATE_HZ,
         )
 
 
