@@ -155,6 +155,18 @@ def test_a_dataset_takes_in_a_scene_with_another_camera(tmp_path, layout):
         assert run(grown, out).frames_rendered == 0
 
 
+@pytest.mark.parametrize("value", [None, "8", -8, [8], {}, 10**400])
+def test_a_manifest_whose_camera_is_none_is_one_line(tmp_path, value):
+    out = recorded(tmp_path).parents[1]
+    path = out / "manifest.json"
+    content = json.loads(path.read_text())
+    content["identity"]["scenes"]["box"]["camera"]["fx"] = value
+    path.write_text(json.dumps(content))
+    other = {"name": "other", "sequence": str(out / "clean/box")}
+    with pytest.raises(StorageError, match=r"manifest\.json lacks what an identity holds"):
+        run(preset_of(tmp_path / "p", other, output={"image": "png"}), out)
+
+
 def test_depth_of_another_camera_is_refused(tmp_path):
     source = recorded(tmp_path, "euroc")
     path = source / "mav0/depth0/sensor.yaml"

@@ -15,7 +15,7 @@ from ..core.datasets.dataset import Dataset
 from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import identity, manifest, render_seed, scene_cameras, shared_camera
+from ..core.datasets.provenance import cameras_agree, cameras_of, identity, manifest, render_seed
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.standing import OVERVIEW, RUN
 from ..core.errors import InterruptedRunError, StorageError
@@ -213,7 +213,7 @@ class Run:
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
         format_ = self._plan.format
-        shared = shared_camera(self._dataset.identity)
+        one_camera = cameras_agree(self._dataset.identity)
         for render in self._plan.renders:
             for sequence in render.sequences:
                 records = self._finished_frames(render, sequence)
@@ -223,13 +223,13 @@ class Run:
                 stamps = render.scene.source.frame_stamps
                 facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
                 texts = format_.layout.sequence_texts(facts)
-                if shared is None:
+                if not one_camera:
                     texts |= format_.setting_texts(render.camera)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
-        files |= {} if shared else self._texts_beside()
-        of_setting = format_.setting_texts(shared) if shared else {}
+        files |= {} if one_camera else self._texts_beside()
+        of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in of_setting.items():
                 path = f"{setting}/{name}"
@@ -245,7 +245,7 @@ class Run:
 
         Returns the files of these sequences by folder.
         """
-        cameras = scene_cameras(self._dataset.identity)
+        cameras = cameras_of(self._dataset.identity)
         files: dict[str, object] = {}
         for folder, there in self._dataset.kept.items():
             texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])

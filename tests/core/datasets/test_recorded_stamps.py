@@ -94,9 +94,9 @@ LINE = {"frame": 0, "time_s": 0.0}
         ([{"frame": 0, "time_s": "0"}], "line 1: has no time stamp"),
         ([{"frame": 0, "time_s": 0, "depth_time_s": None}], "line 1: has no time stamp"),
         (['{"frame": 0, "time_s": NaN}'], "line 1: is not valid JSON"),
-        (['{"frame": 0, "time_s": 1e999}'], "line 1: is not valid JSON"),
+        (['{"frame": 0, "time_s": 1e999}'], "line 1: is not valid JSON: it holds 1e999"),
         (['{"frame": 0, "ti'], "line 1: is not valid JSON"),
-        (["[" * 100_000], "line 1: is nested too deeply"),
+        (["[" * 100_000], "line 1: is not valid JSON: it is nested too deeply"),
         ([], "has no line for frame 0"),
     ],
 )

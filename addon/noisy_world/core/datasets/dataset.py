@@ -21,10 +21,9 @@ from ..presets.preset import canonical
 from .differences import ANOTHER_FOLDER, first_difference
 from .layouts import FrameNames, OutputFormat
 from .merging import merged_identity, merged_manifest
-from .records import FrameRecord, joined_records, read_records
+from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
 from .standing import (
-    FRAMES,
     IDENTITY,
     JOURNALS,
     MANIFEST,

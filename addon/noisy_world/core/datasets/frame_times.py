@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..trajectories.stamps import FrameStamps, Stamps
-from .json_reading import finite_number, given_json
+from .json_text import finite_number, parse_given_json
 from .records import FRAMES
 from .stored import read_text
 
@@ -45,7 +45,7 @@ def _times(path: Path) -> dict[int, tuple[float, float]]:
         if not line.strip():
             continue
         where = f"line {number}"
-        record = given_json(line, path, where=where, remedy=_REMEDY)
+        record = parse_given_json(line, path, where=where, remedy=_REMEDY)
         if not isinstance(record, dict) or not _is_frame(record.get("frame")) or record["frame"] in times_s:
             raise InputError(path, "is no line for a frame of its own", where=where, remedy=_REMEDY)
         time_s = finite_number(record.get("time_s"))

@@ -65,6 +65,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     """
     spec = plan.preset.spec
     rendered = plan.renders_anything
+    cameras = {render.scene.name: render.camera for render in plan.renders}
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
         "format": FORMAT,
@@ -76,7 +77,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "rig": None if plan.rig is None else {"rgb": _sensor(plan.rig.rgb), "depth": _sensor(plan.rig.depth)},
         "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
         "output": _output(plan.format),
-        "scenes": {scene.name: _scene(plan, scene, plan.cameras[scene.name], paths) for scene in plan.scenes},
+        "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
         "settings": {setting.name: _setting(setting) for setting in plan.settings},
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
         "versions": _versions(plan, renderer),
@@ -201,12 +202,12 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
     """
     spec = plan.preset.spec
     seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
-    cameras = {scene: asdict(camera) | seen for scene, camera in scene_cameras(identity_).items()}
-    one = shared_camera(identity_) is not None
+    cameras = {name: asdict(camera) | seen for name, camera in cameras_of(identity_).items()}
+    shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},
-        **({"camera": next(iter(cameras.values()))} if one else {"cameras": cameras}),
+        **({"cameras": cameras} if shared is None else {"camera": shared}),
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
@@ -217,20 +218,18 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
     }
 
 
-def scene_cameras(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
-    """Return the intrinsics of every scene of a dataset by its name, given the dataset's identity."""
-    return {name: _intrinsics(scene["camera"]) for name, scene in identity_["scenes"].items()}
+def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
+    """Return the camera of each scene of a dataset, by its identity; scenes that an earlier run made are in it."""
+    found = {name: scene["camera"] for name, scene in identity_["scenes"].items()}
+    return {
+        name: Intrinsics(camera["width"], camera["height"], *(camera[key] for key in ("fx", "fy", "cx", "cy")))
+        for name, camera in found.items()
+    }
 
 
-def shared_camera(identity_: dict[str, Any]) -> Intrinsics | None:
-    """Return the intrinsics of a dataset; None where its scenes have different ones."""
-    cameras = set(scene_cameras(identity_).values())
-    return cameras.pop() if len(cameras) == 1 else None
-
-
-def _intrinsics(camera: dict[str, Any]) -> Intrinsics:
-    sizes, values = (camera["width"], camera["height"]), (camera["fx"], camera["fy"], camera["cx"], camera["cy"])
-    return Intrinsics(*sizes, *values)
+def cameras_agree(identity_: dict[str, Any]) -> bool:
+    """Tell whether all scenes of a dataset have one camera, so that a setting can say it for all of them."""
+    return len(set(cameras_of(identity_).values())) == 1
 
 
 def render_seed(seed: int) -> int:

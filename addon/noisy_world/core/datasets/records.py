@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .json_text import parse_json
+from .json_text import finite_number, parse_json
 
-FRAMES = "frames.jsonl"
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
+FRAMES = "frames.jsonl"
 
 
 @dataclass(frozen=True)
@@ -73,18 +73,13 @@ def _parse_record(line: str) -> FrameRecord | None:
     match record:
         case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:
             done = record.get("perturbed", {})
+            depth_time_s = finite_number(record.get("depth_time_s"))
         case _:
             return None
     told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
-    depth_time_s = record.get("depth_time_s", time_s)
-    if not told or isinstance(frame, bool) or not (_is_time(time_s) and _is_time(depth_time_s)):
+    if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
         return None
-    own_depth_s = float(depth_time_s) if "depth_time_s" in record else None
-    return FrameRecord(frame, float(time_s), files, done, own_depth_s)
-
-
-def _is_time(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST_S
+    return FrameRecord(frame, float(time_s), files, done, depth_time_s)
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:

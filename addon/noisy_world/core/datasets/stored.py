@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
-from .json_reading import finite_number
+from .json_text import finite_number
 
 RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
 INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics

@@ -26,7 +26,7 @@ from ...geometry import (
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import StampedFiles
-from ..json_reading import finite_number
+from ..json_text import finite_number
 from ..stored import checked_intrinsics, read_text
 from .layout import lines
 

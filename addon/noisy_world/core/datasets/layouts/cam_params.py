@@ -9,7 +9,7 @@ from typing import Any
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ..json_reading import finite_number, given_json
+from ..json_text import finite_number, parse_given_json
 from ..stored import checked_intrinsics, read_text
 
 CAM_PARAMS = "cam_params.json"
@@ -55,7 +55,7 @@ def read_cam_params(folder: Path) -> CamParams | None:
 
 
 def _read(path: Path) -> CamParams:
-    document = given_json(read_text(path), path, remedy=_REMEDY)
+    document = parse_given_json(read_text(path), path, remedy=_REMEDY)
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
