@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -152,9 +153,10 @@ def checked_intrinsics(path: Path, places: tuple[str, ...], values: tuple[object
 
 def check_files(listing: Path, files: tuple[Path, ...]) -> None:
     """Raise InputError where a file that a list names is not there."""
-    lost = next((file for file in files if not file.is_file()), None)
+    # Not Path.is_file, which raises OSError for a name that no file can have.
+    lost = next((file for file in files if not os.path.isfile(file)), None)  # noqa: PTH113
     if lost is not None:
-        raise InputError(listing, f"names {lost.name}, which is not there", remedy=f"looked for {lost}")
+        raise InputError(listing, f"names {_short(lost.name)}, which is not there", remedy=f"looked in {lost.parent}")
 
 
 def read_text(path: Path) -> str:
@@ -163,6 +165,10 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 80 else f"{name[:77]}..."
 
 
 def _read_steps(path: Path) -> NDArray[np.uint16]:
