@@ -33,7 +33,7 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
         open_preset(settings(), path, name)
         save_preset(settings(), tmp_path / "saved.yaml")
         saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("camera", "render", "seed", "scenes", "rig"):
+        for part in ("mesh_camera", "render", "seed", "scenes", "rig"):
             assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
         assert saved.spec.output.layout == shipped.spec.output.layout
         assert saved.spec.output.overview == shipped.spec.output.overview
