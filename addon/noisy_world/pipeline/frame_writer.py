@@ -160,8 +160,8 @@ class FrameWriter:
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
-        rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
-        return FrameRecord(frame, rgb_s, files, done, lost, None if depth_s == rgb_s else depth_s)
+        time_s, depth_time_s = self._stamps.told(frame)
+        return FrameRecord(frame, time_s, files, done, lost, depth_time_s)
 
     def __enter__(self) -> "FrameWriter":
         return self

@@ -193,6 +193,11 @@ class Dataset:
 
     # --- frames ---
 
+    @property
+    def kept(self) -> dict[str, dict[str, str]]:
+        """The files of the finished sequences that stay as they are, SHA-256 by name, by the sequence's folder."""
+        return {folder: self._there.files[folder] for folder in self._kept if folder in self._there.finished}
+
     def take_stock(self, folder: str, names: FrameNames, count: int) -> dict[int, set[str]]:
         """Return by frame the files of a sequence that exist as they were written.
 
@@ -282,7 +287,14 @@ class Dataset:
     def write_manifest(self, content: dict[str, Any]) -> None:
         """Write the manifest, with what stays beside the run's part of the dataset."""
         drawn = self._there.files.get(OVERVIEW)
-        self.write_text(MANIFEST, canonical(merged_manifest(self._there, content, self._kept)))
+        merged = merged_manifest(self._there, content, self._kept)
+        self.write_text(MANIFEST, canonical(merged))
+        settings = {folder.split("/")[0] for folder in self._there.finished}
+        for name in (f"{setting}/{file}" for setting in settings for file in self.format.layout.setting_files):
+            digest = self._there.files.get(name)  # of a setting whose sequences have files of their own now
+            if name not in merged["files"] and digest and sha256_of_regular_file(self.out / name) == digest:
+                with storage_errors(self.out / name):
+                    (self.out / name).unlink()
         path = self.out / OVERVIEW
         if OVERVIEW not in content["files"] and drawn is not None and sha256_of_regular_file(path) == drawn:
             with storage_errors(path):
@@ -331,7 +343,7 @@ def _cut_torn_line(path: Path) -> None:
 
 def _plausible(record: FrameRecord, names: FrameNames, count: int) -> FrameRecord | None:
     """Return a record with those of its files that the frame has; None for what is no record of the sequence."""
-    if not 0 <= record.frame < count or record.time_s != float(names.stamps.rgb.seconds[record.frame]):
+    if not 0 <= record.frame < count or (record.time_s, record.depth_time_s) != names.stamps.told(record.frame):
         return None
     own = names.of(record.frame)
     return replace(record, files={name: digest for name, digest in record.files.items() if name in own})
