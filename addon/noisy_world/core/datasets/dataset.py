@@ -36,6 +36,7 @@ from .standing import (
 )
 from .storage import (
     FolderLock,
+    link_on_the_way,
     link_or_copy,
     sha256_of_bytes,
     sha256_of_regular_file,
@@ -203,6 +204,9 @@ class Dataset:
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
             raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
+        for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
+            if link := link_on_the_way(self.out, place):
+                raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
         found = joined_records(
             part for record in self._recorded(folder) if (part := _plausible(record, names, count)) is not None
         )
