@@ -96,6 +96,7 @@ class Dataset:
     def _begin(
         self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
     ) -> None:
+        self._check_folders(identity["sequences"])
         there = read_standing(self.out) or NOTHING
         problem = there.problem
         if not problem and there.identity is not None:
@@ -111,6 +112,8 @@ class Dataset:
         if there.note:
             self.notes.append(there.note)
             self._forget_undescribed()
+        elif not (self._work / IDENTITY).exists():
+            self._note_changed_records(sorted(there.finished & named))
         self._forget_finished(journal_folders(self._work) - named)
         begun = journal_folders(self._work) - named
         self._kept = sorted((there.finished | begun) - named)
@@ -119,6 +122,13 @@ class Dataset:
         self.identity = merged_identity(there.identity or identity, identity, there.finished - named)
         empty_scratch(self.scratch)
         self._write(self._work / IDENTITY, canonical(self._opened))
+
+    def _check_folders(self, sequences: Iterable[str]) -> None:
+        """Refuse links in place of folders: what is written or removed has to be the dataset's own."""
+        for folder in sequences:
+            for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
+                if link := link_on_the_way(self.out, place):
+                    raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
 
     def _forget_undescribed(self) -> None:
         """Remove the records of frames that only an identity described which cannot be read."""
@@ -129,6 +139,13 @@ class Dataset:
             if sha256_of_regular_file(path) != self._there.files[folder].get(FRAMES):
                 with storage_errors(path):
                     path.unlink(missing_ok=True)
+
+    def _note_changed_records(self, folders: Iterable[str]) -> None:
+        """Say which records of finished sequences somebody changed. What they say of the files is checked, no more."""
+        for folder in folders:
+            name = f"{folder}/{FRAMES}"
+            if sha256_of_regular_file(self.out / name) != self._there.files[folder].get(FRAMES):
+                self.notes.append(f"{name} is not as it was written; frames that it does not describe are made again")
 
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
@@ -204,9 +221,6 @@ class Dataset:
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
             raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
-        for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
-            if link := link_on_the_way(self.out, place):
-                raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
         found = joined_records(
             part for record in self._recorded(folder) if (part := _plausible(record, names, count)) is not None
         )
