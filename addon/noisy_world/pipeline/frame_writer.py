@@ -35,9 +35,9 @@ class FrameWriter:
     def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
         """Open the journals."""
         self._dataset = dataset
-        self._stamps_s = render.scene.source.stamps_s
-        self._camera = Camera(render.camera, self._stamps_s)
-        self._names = dataset.format.names(self._stamps_s)
+        self._stamps = render.scene.source.frame_stamps
+        self._camera = Camera(render.camera, self._stamps.depth.seconds)
+        self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = Finished(dataset, self._sequences, self._names)
         self._journals: list[Journal] = []
@@ -126,7 +126,8 @@ class FrameWriter:
         return self._dataset.write_file(sequence.folder, name, data), notes
 
     def _record(self, frame: int, files: dict[str, str], done: dict[str, Any]) -> FrameRecord:
-        return FrameRecord(frame, float(self._stamps_s[frame]), files, done)
+        rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
+        return FrameRecord(frame, rgb_s, files, done, None if depth_s == rgb_s else depth_s)
 
     def __enter__(self) -> "FrameWriter":
         return self

@@ -15,7 +15,7 @@ from ..core.datasets.dataset import Dataset
 from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import identity, manifest, render_seed
+from ..core.datasets.provenance import cameras_agree, identity, manifest, render_seed
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.standing import OVERVIEW, RUN
 from ..core.errors import InterruptedRunError, StorageError
@@ -213,30 +213,35 @@ class Run:
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
         format_ = self._plan.format
+        one_camera = cameras_agree(self._dataset.identity)
         for render in self._plan.renders:
             for sequence in render.sequences:
                 records = self._finished_frames(render, sequence)
                 if not records:
                     continue  # --frames chose none of it
                 paths = written_paths(sequence, self._paths_of(render))
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths)
+                stamps = render.scene.source.frame_stamps
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
                 texts = format_.layout.sequence_texts(facts)
+                if not one_camera:
+                    texts |= format_.setting_texts(render.camera)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
+        of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
-            for name, text in format_.setting_texts(self._plan.camera).items():
+            for name, text in of_setting.items():
                 path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if self._plan.preset.spec.output.overview:
-            stamps_s = {scene.name: scene.source.stamps_s for scene in self._plan.scenes}
-            picture = draw_overview(self._dataset.out, format_, pictured, stamps_s)
+            stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
+            picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts))
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
-        names = self._dataset.format.names(render.scene.source.stamps_s)
+        names = self._dataset.format.names(render.scene.source.frame_stamps)
         records = self._dataset.records(sequence.folder)
         whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
         if lost := [frame for frame in sequence.frames if frame not in whole]:
@@ -262,8 +267,8 @@ def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
     """Return how the frames of a render are made, in one of `jobs` processes that share the machine."""
     spec = plan.preset.spec
     return RenderOptions(
-        near_m=spec.camera.near_m,
-        far_m=spec.camera.far_m,
+        near_m=spec.mesh_camera.near_m,
+        far_m=spec.mesh_camera.far_m,
         samples=spec.render.samples,
         seed=render_seed(spec.seed),
         engine=spec.render.engine,

@@ -25,7 +25,7 @@ class Lacking:
 
 def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
     """Check the files of a render's sequences, and return what is missing."""
-    names = dataset.format.names(render.scene.source.stamps_s)
+    names = dataset.format.names(render.scene.source.frame_stamps)
     needed: set[int] = set()
     size = 0
     there = {

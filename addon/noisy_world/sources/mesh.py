@@ -23,6 +23,7 @@ from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
 from ..core.trajectories.handheld import handheld_path
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
 
 if TYPE_CHECKING:
@@ -69,11 +70,20 @@ class MeshSource:
         return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
 
     @property
+    def frame_stamps(self) -> FrameStamps:
+        """Those of the path: colour and depth are rendered at one moment."""
+        return self._frame_stamps
+
+    @cached_property
+    def _frame_stamps(self) -> FrameStamps:
+        return FrameStamps.of(self.stamps_s)
+
+    @property
     def robot_axes(self) -> Axes | None:
         """The axes that the preset declares for the path."""
         return self.spec.axes
 
-    def camera(self, asked: Intrinsics) -> Intrinsics:
+    def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics asked for: a mesh can be rendered through any camera."""
         return asked
 

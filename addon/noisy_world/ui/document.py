@@ -292,7 +292,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
 def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
     panel.seed = spec.seed
     for name, field in CAMERA.items():
-        set_value(panel, name, getattr(spec.camera, field))
+        set_value(panel, name, getattr(spec.mesh_camera, field))
     panel.engine, panel.samples = spec.render.engine, spec.render.samples
     panel.backend = setting.backend
     output = spec.output.format

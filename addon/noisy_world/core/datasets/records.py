@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .json_text import parse_json
+from .json_text import finite_number, parse_json
 
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
+FRAMES = "frames.jsonl"
 
 
 @dataclass(frozen=True)
@@ -18,16 +19,21 @@ class FrameRecord:
     """The finished part of a frame: its number, its time stamp, and the SHA-256 of each file by name in the sequence.
 
     perturbed: what was done to it, by modality: a list of steps with name, stream, severity and parameters.
+    depth_time_s: the time stamp of its depth, where it is another.
     """
 
     frame: int
     time_s: float
     files: dict[str, str]
     perturbed: dict[str, Any] = field(default_factory=dict)
+    depth_time_s: float | None = None
 
     def line(self) -> str:
         """The record as a line of JSON."""
-        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s, "sha256": self.files}
+        record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s}
+        if self.depth_time_s is not None:
+            record["depth_time_s"] = self.depth_time_s
+        record["sha256"] = self.files
         if self.perturbed:
             record["perturbed"] = self.perturbed
         return json.dumps(record, separators=(", ", ": ")) + "\n"
@@ -41,6 +47,7 @@ class FrameRecord:
             self.time_s,
             {name: files[name] for name in sorted(files, reverse=True)},
             {name: perturbed[name] for name in sorted(perturbed)},
+            self.depth_time_s,
         )
 
 
@@ -66,12 +73,13 @@ def _parse_record(line: str) -> FrameRecord | None:
     match record:
         case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:
             done = record.get("perturbed", {})
+            depth_time_s = finite_number(record.get("depth_time_s"))
         case _:
             return None
     told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
     if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
         return None
-    return FrameRecord(frame, float(time_s), files, done)
+    return FrameRecord(frame, float(time_s), files, done, depth_time_s)
 
 
 def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:

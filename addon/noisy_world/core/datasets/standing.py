@@ -9,14 +9,13 @@ from typing import Any
 
 from .json_text import read_json
 from .provenance import FORMAT
-from .records import read_records
+from .records import FRAMES, read_records
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
 MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"
-FRAMES = "frames.jsonl"
 JOURNALS = "journal-*.jsonl"
 
 
