@@ -90,6 +90,8 @@ def print_plan(plan: "Plan", out: Path) -> int:
     for scene, camera in cameras.items():
         whose = f"{scene}: " if scene else ""
         print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    if plan.format.note:
+        print(f"note       {plan.format.note}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:
         settings = ", ".join(sequence.setting.name for sequence in render.sequences)

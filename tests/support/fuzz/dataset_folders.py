@@ -84,7 +84,9 @@ def differs(folder, meaning, peer=None):
     made = {name: value for name, value in made.items() if name in wanted or name not in whole}
     lost = sorted(name for name, value in wanted.items() if made.get(name) != value and name not in LOOSE)
     added = sorted(
-        name for name in set(made) - set(whole) if Path(name).name != "notes.txt" and "/mine.txt" not in name
+        name
+        for name in set(made) - set(whole)
+        if Path(name).name not in ("notes.txt", "mine.txt") and (meaning["grown"] or not name.startswith("dim"))
     )
     return f"other bytes: {lost}" if lost else f"added: {added}" if added else ""
 
@@ -125,7 +127,7 @@ class _Silent:
     def advance(self, count=1):
         pass
 
-    def note(self, text):
+    def note(self, text, subject=""):
         pass
 
     def finish(self):

@@ -149,8 +149,8 @@ class Dataset:
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
         for folder in folders:
-            recorded = {record.line() for record in read_records(self.out / folder / FRAMES)}
-            if {record.line() for record in self.records(folder).values()} <= recorded:
+            recorded = {(record.frame, *record.files.items()) for record in read_records(self.out / folder / FRAMES)}
+            if {(record.frame, *record.files.items()) for record in self.records(folder).values()} <= recorded:
                 remove_journals(self._work, folder)
 
     def _note_kept(self, begun: Iterable[str]) -> None:

@@ -24,7 +24,9 @@ from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
+from .depth_range import RangeLoss
 from .layouts import OutputFormat
+from .records import OUT_OF_RANGE
 
 FORMAT = 2  # version of the identity and the manifest; raised when their keys change
 
@@ -194,11 +196,17 @@ def _perturbation_packages(plan: Plan) -> dict[str, str]:
 # --- the manifest ---
 
 
-def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
+def manifest(
+    plan: Plan,
+    identity_: dict[str, Any],
+    files: dict[str, Any],
+    frames: dict[str, int],
+    losses: Mapping[str, RangeLoss],
+) -> dict[str, Any]:
     """Return the manifest's content.
 
     files: SHA-256 by name of the dataset's own files and, a level deeper, of each sequence's and setting's.
-    frames: how many frames each sequence has.
+    frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
     spec = plan.preset.spec
     seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
@@ -211,6 +219,7 @@ def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frame
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
+        OUT_OF_RANGE: {folder: loss.content() for folder, loss in losses.items()},
         "colour": plan.format.colour,
         "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,

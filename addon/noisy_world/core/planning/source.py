@@ -53,7 +53,11 @@ class Gives:
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """How sources that render make their frames. threads: 0 for as many as the machine has."""
+    """How sources that render make their frames.
+
+    threads: 0 for as many as the machine has. first_frames: the first frames of the path; a source refuses a path where
+    all of them see nothing, unless there are none here.
+    """
 
     near_m: float
     far_m: float
@@ -64,6 +68,7 @@ class RenderOptions:
     rgb: bool = True
     depth: bool = True
     threads: int = 0
+    first_frames: tuple[int, ...] = ()
 
 
 class OpenSource(Protocol):

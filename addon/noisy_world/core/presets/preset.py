@@ -144,6 +144,7 @@ class RenderSpec:
         "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
     )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
+    allow_empty: bool = key("whether a path may begin with frames that see nothing, which is an error", default=False)
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,13 @@ from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
+from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
 from ..stored import StoredSequence
 
 type Modality = Literal["rgb", "depth"]
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
-Beyond = Literal["void", "farthest"]
 type StampsLike = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
@@ -63,6 +63,11 @@ class Layout(ABC):
     @abstractmethod
     def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image; stamp_ns: when it was taken, nanoseconds."""
+
+    def image_note(self, image: Image) -> str:
+        """Return a sentence on who does not find colour images of this kind, or ""."""
+        del image
+        return ""
 
     def stamps_problem(self, stamps: StampsLike) -> str:
         """Return why frames with these stamps cannot be written, or "" where they can."""
@@ -115,6 +120,16 @@ class OutputFormat:
         """The folders of a sequence that hold its images."""
         return {str(PurePosixPath(name).parent) for name in self.names([0.0]).of(0)}
 
+    @property
+    def note(self) -> str:
+        """A sentence on what readers of the layout will not find; "" where they find all."""
+        return self.layout.image_note(self.image) if "rgb" in self.modalities else ""
+
+    @property
+    def depth_range(self) -> DepthRange:
+        """The range of its depth images, for sentences on what lies beyond it."""
+        return DepthRange(self.depth_scale_per_m, self.depth_beyond)
+
     def names(self, stamps: StampsLike) -> "FrameNames":
         """Return the names of the images of a sequence whose i-th frame has the i-th time stamps."""
         return FrameNames(self, FrameStamps.of(stamps))
@@ -132,6 +147,15 @@ class OutputFormat:
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
         return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
+
+    def out_of_range(self, depth_m: NDArray[np.float32]) -> OutOfRange | None:
+        """Count the pixels whose depth a depth image of the dataset cannot hold; None where it holds all."""
+        return out_of_range(depth_m, self.depth_scale_per_m)
+
+    def stored_depth_m(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return planar depth (H, W) in metres, 0 = void, as it is read back from a depth image of the dataset."""
+        steps = quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond)
+        return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,15 @@ class ReplicaLayout(Layout):
         del stamp_ns
         return f"{RESULTS}/depth{frame:06d}.png"
 
+    def image_note(self, image: Image) -> str:
+        """Say that PNG is not found: NICE-SLAM and its successors list results/frame*.jpg."""
+        if image == "jpg":
+            return ""
+        return (
+            "NICE-SLAM, Co-SLAM, GO-SLAM, SplaTAM and others that read this layout look for results/frame*.jpg and "
+            f"find no colour in {image}; set output.image: jpg for them"
+        )
+
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path."""
         return {f"traj{path_suffix(name)}.txt": replica_text(path) for name, path in facts.chosen.named().items()}

@@ -21,6 +21,11 @@ SECONDS_PER_YEAR = 31_557_600  # Julian
 _ONE_STAMP = "an image has a stamp of its own"
 # float() would also take "nan", "1_000" and digits of other scripts.
 _NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?"
+# The benchmark's files begin with three lines of comments. Readers rely on them: ORB-SLAM's mono_tum leaves out three
+# lines of rgb.txt whatever they are, NICE-SLAM and its successors one of groundtruth.txt.
+_NO_BAG = "# file: none; written by Noisy World"
+_LISTED = "# timestamp filename"
+_POSES_HEADER = lines(["# ground truth trajectory", _NO_BAG, "# timestamp tx ty tz qx qy qz qw"])
 
 
 class TumLayout(Layout):
@@ -64,13 +69,16 @@ class TumLayout(Layout):
             f"{at} {names.depth(frame)}" for at, frame in zip(_stamp_texts(taken.depth), facts.frames, strict=True)
         ]
         paths, _ = facts.timed
-        texts = {f"groundtruth{path_suffix(name)}.txt": tum_text(path) for name, path in paths.named().items()}
+        texts = {
+            f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path)
+            for name, path in paths.named().items()
+        }
         if "rgb" in modalities:
-            texts["rgb.txt"] = lines(["# color images", "# timestamp filename", *rgb])
+            texts["rgb.txt"] = lines(["# color images", _NO_BAG, _LISTED, *rgb])
         if "depth" in modalities:
             order = np.argsort(taken.depth.seconds, kind="stable").tolist()
-            texts["depth.txt"] = lines(["# depth maps", "# timestamp filename", *(depth[row] for row in order)])
-        if len(modalities) == 2:
+            texts["depth.txt"] = lines(["# depth maps", _NO_BAG, _LISTED, *(depth[row] for row in order)])
+        if len(modalities) == 2:  # without comments: ORB-SLAM's rgbd_tum reads every line as a pair
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
