@@ -11,7 +11,7 @@ from pathlib import Path
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
-from ..core.schema import Place
+from ..core.schema import Place, shown
 from ..core.trajectories.files import read_trajectory
 from .mesh import MeshSource, selected_poses
 from .recording import read_recording
@@ -91,8 +91,13 @@ def _check_name(name: str, place: Place) -> None:
 
 def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
     path = preset.path.parent / text
-    if not (path.is_dir() if folder else path.is_file()):
-        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
+    kind = "folder" if folder else "file"
+    try:
+        there = path.is_dir() if folder else path.is_file()
+    except OSError as error:  # a name that is too long, for instance
+        raise place.error(f"{shown(text)} cannot be a {kind}: {error.strerror}") from error
+    if not there:
+        raise place.error(f"no such {kind}: {path}", "paths are relative to the preset")
     return path
 
 
