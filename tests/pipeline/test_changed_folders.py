@@ -6,15 +6,13 @@ import json
 import os
 import shutil
 
-import numpy as np
 import pytest
 from cases import cases
-from fuzz import dataset_folders
 from growing import CLEAN, FOG, change, marks, stopped, world
 from worlds import content
 from written import run
 
-from noisy_world.core.errors import NoisyWorldError, StorageError
+from noisy_world.core.errors import StorageError
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -232,16 +230,3 @@ def test_without_the_identity_of_a_run_that_adds_the_finished_part_stays(finishe
     assert report.frames_rendered == 6
     assert {name: marks(out)[name] for name in before} == before
     assert content(out) == whole(preset, tmp_path)
-
-
-@pytest.mark.parametrize("number", range(30))
-def test_a_change_by_chance(tmp_path, number):
-    dataset_folders.write(tmp_path, np.random.default_rng([1, number]))
-    refusal, problem = "", ""
-    try:
-        problem = dataset_folders.differs(tmp_path, dataset_folders.read(tmp_path))
-    except NoisyWorldError as error:
-        refusal = str(error)
-    assert problem == ""
-    assert "\n" not in refusal
-    assert not refusal or str(tmp_path) in refusal
