@@ -133,7 +133,8 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
             continue  # a file may be called otherwise
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
-            return f"{place}.{key}: {_short(now.get(key))} is not what the dataset was made from; {ANOTHER_NAME}"
+            what = f"{place}.{key}: {_short(now[key])} is" if key in now else f"{place}: its {key} are"
+            return f"{what} not what the dataset was made from; {ANOTHER_NAME}"
         return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
     if there["camera"] != here["camera"]:
         return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
