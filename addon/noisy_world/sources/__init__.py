@@ -10,11 +10,10 @@ from pathlib import Path
 
 from ..core.datasets.layouts import find_sequence
 from ..core.planning.source import Scene, Source
-from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
+from ..core.presets.preset import EMBEDDED_ROOM, REPLICA_CAMERA, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place
-from ..core.trajectories.files import read_trajectory
-from .mesh import MeshSource, selected_poses
+from .mesh import MeshSource, read_path
 from .recording import Recording
 
 
@@ -70,12 +69,9 @@ def _mesh_scene(
     if spec.trajectory.file is None:
         return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
-    path = _found(preset, where, text)
-    whole = read_trajectory(
-        path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
-    )
-    chosen = selected_poses(whole, spec.trajectory, where)
-    return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, path, chosen, seed))
+    path = _found(preset, where, text, folder=(preset.path.parent / text).is_dir())
+    chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.camera or REPLICA_CAMERA)
+    return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed))
 
 
 def _scene(name: str, place: Place, source: Source) -> Scene:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The source of a mesh and a path through it, whose frames Blender renders."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,13 +16,15 @@ from ..core.datasets.storage import sha256_of_file
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
-from ..core.presets.preset import EMBEDDED_ROOM, HandheldSpec, TrajectorySpec
+from ..core.presets.preset import EMBEDDED_ROOM, CameraSpec, HandheldSpec, TrajectorySpec
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.ply import read_ply
 from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
+from ..core.trajectories.files import read_trajectory_file
 from ..core.trajectories.handheld import handheld_path
+from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
 
@@ -70,8 +73,8 @@ class MeshSource:
 
     @property
     def robot_axes(self) -> Axes | None:
-        """The axes that the preset declares for the path."""
-        return self.spec.axes
+        """The axes of the path's poses: the preset's, or else those of the file."""
+        return "opencv" if self.spec.axes == "auto" else self.spec.axes
 
     def camera(self, asked: Intrinsics) -> Intrinsics:
         """Return the intrinsics asked for: a mesh can be rendered through any camera."""
@@ -108,7 +111,7 @@ class MeshSource:
             "mesh": EMBEDDED_ROOM if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
-            "trajectory_sha256": None if self.path_file is None else sha256_of_file(self.path_file),
+            "trajectory_sha256": None if self.path_file is None else _sha256_of_path(self.path_file),
         }
 
     @contextmanager
@@ -119,7 +122,7 @@ class MeshSource:
         from ..blender.session import Session
 
         mesh = load_mesh(self.mesh_path)
-        for text in mesh.notes:
+        for text in (*mesh.notes, *self.trajectory().notes):
             note(text)
         with Session(mesh, self.name, paths, camera, options) as session:
             if session.origin_m.any():
@@ -178,16 +181,43 @@ def _read(path: Path, _changed_ns: int) -> Mesh:
     return read_ply(path)
 
 
+def _sha256_of_path(path: Path) -> str | None:
+    """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
+    if path.is_file():
+        return sha256_of_file(path)
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()
+
+
 def forget_meshes() -> None:
     """Keep no mesh in memory."""
     _room.cache_clear()
     _read.cache_clear()
 
 
+def read_path(path: Path, spec: TrajectorySpec, place: Place, camera: CameraSpec) -> tuple[Trajectory, TrajectorySpec]:
+    """Read and select the poses of a file; return also the keys with the conventions that it was read with.
+
+    camera: the preset's; a file that states another gets a note. Raises InputError.
+    """
+    found = read_trajectory_file(
+        path, format=spec.format, direction=spec.pose, axes=spec.axes, rate_hz=spec.rate_hz, stamp_unit=spec.stamp_unit
+    )
+    chosen = selected_poses(found.trajectory, spec, place)
+    asked = Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
+    difference = "" if found.camera is None else found.camera.difference(asked)
+    notes = [f"{path.name}: {note}" for note in (*chosen.notes, difference) if note]
+    return replace(chosen, notes=tuple(notes)), replace(spec, pose=found.direction, axes=found.axes)
+
+
 def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
-    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left."""
+    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left, or too many."""
     if spec.resample_hz is not None:
-        trajectory = resample(trajectory, spec.resample_hz)
+        try:
+            trajectory = resample(trajectory, spec.resample_hz)
+        except ValueError as error:
+            remedy = "lower it, or mend the stamps of the file"
+            raise place.at("resample_hz").error(str(error), remedy) from error
     try:
         return subsample(trajectory, spec.start, spec.stop, spec.every)
     except ValueError as error:

@@ -4,7 +4,6 @@
 Where these files lie in a sequence is decided in `euroc`.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Decimal
@@ -22,8 +21,8 @@ from ...geometry import (
     pose,
     quat_wxyz_from_rotation,
     rotation_error,
-    rotation_from_quat_wxyz,
 )
+from ...trajectories.files import read_trajectory
 from ...trajectories.trajectory import Trajectory
 from ..stored import StampedFile, read_text
 from .layout import lines
@@ -33,12 +32,10 @@ LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 yea
 IMAGES_HEADER = "#timestamp [ns],filename"
 # The first columns of EuRoC's own header.
 POSES_HEADER = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
-POSE_COLUMNS = (8, 17)  # 17 with an IMU's velocities and biases
 DEPTH_SCALE_KEY = "depth_scale_per_m"
 
 # As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
-_QUAT_NORM_TOLERANCE = 1e-2
 
 
 # --- time stamps ---
@@ -101,23 +98,7 @@ def read_images_csv(path: Path) -> list[StampedFile]:
 
 def read_poses_csv(path: Path) -> Trajectory:
     """Read the poses of a body, body-to-world; of 17 columns the last nine (velocities and biases) are not needed."""
-    stamps_s: list[float] = []
-    values: list[list[float]] = []
-    for where, cells in _rows(path):
-        if len(cells) not in POSE_COLUMNS:
-            columns = " or ".join(map(str, POSE_COLUMNS))
-            raise InputError(path, f"has {len(cells)} columns, but poses have {columns}", where=where)
-        stamps_s.append(_stamp_s(path, where, cells[0]))
-        row = [_number(path, where, cell) for cell in cells[1:8]]
-        if abs(math.hypot(*row[3:]) - 1.0) > _QUAT_NORM_TOLERANCE:
-            problem = f"the quaternion has length {math.hypot(*row[3:]):.6g}, not 1"
-            raise InputError(path, problem, where=where, remedy="a row is t, x, y, z, qw, qx, qy, qz")
-        values.append(row)
-    if not values:
-        raise InputError(path, "holds no pose")
-    _check_order(path, stamps_s)
-    table = np.array(values)
-    return Trajectory(pose(rotation_from_quat_wxyz(table[:, 3:]), table[:, :3]), np.array(stamps_s))
+    return read_trajectory(path, format="euroc")
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
@@ -131,16 +112,6 @@ def _stamp_s(path: Path, where: str, cell: str) -> float:
     if not (cell.isascii() and cell.isdecimal()):
         raise InputError(path, f"{cell!r} is no time in whole nanoseconds", where=where)
     return int(cell) / 10**9
-
-
-def _number(path: Path, where: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError as error:
-        raise InputError(path, f"{cell!r} is not a number", where=where) from error
-    if not math.isfinite(value):
-        raise InputError(path, f"holds {cell}", where=where, remedy="leave out the rows without a pose")
-    return value
 
 
 def _check_order(path: Path, stamps_s: Sequence[float]) -> None:
