@@ -23,10 +23,10 @@ from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory_file
-from ..core.trajectories.handheld import handheld_path
+from ..core.trajectories.handheld import handheld_path, walk_problem
 from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
-from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
+from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
 
 if TYPE_CHECKING:
     from ..blender.session import Session
@@ -68,6 +68,8 @@ class MeshSource:
         if self.known_path is not None:
             return self.known_path.stamps_s
         handheld = self._handheld
+        if problem := walk_problem(handheld.frames, handheld.rate_hz, handheld.speed_m_s):
+            raise self.place.at("trajectory").at("handheld").error(problem)
         still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
         return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
 
@@ -216,7 +218,8 @@ def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -
         try:
             trajectory = resample(trajectory, spec.resample_hz)
         except ValueError as error:
-            remedy = "lower it, or mend the stamps of the file"
+            span_s = float(np.ptp(trajectory.stamps_s))
+            remedy = f"at most {0.99 * MOST_POSES / span_s:.2g} Hz, or mend the stamps"
             raise place.at("resample_hz").error(str(error), remedy) from error
     try:
         return subsample(trajectory, spec.start, spec.stop, spec.every)
