@@ -8,13 +8,12 @@ import glob
 import re
 from pathlib import Path
 
-from ..core.datasets.layouts import find_sequence
 from ..core.planning.source import Scene, Source
-from ..core.presets.preset import EMBEDDED_ROOM, REPLICA_CAMERA, Preset, SceneSpec
+from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place
 from .mesh import MeshSource, read_path
-from .recording import Recording
+from .recording import read_recording
 
 
 def find_scenes(preset: Preset) -> list[Scene]:
@@ -39,6 +38,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
     found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
+        found = [text for text in found if not (preset.path.parent / text).is_file()]
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -54,8 +55,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
 def _recorded_scene(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
 ) -> Scene:
-    del preset, spec, parts
-    return _scene(name, place, Recording(find_sequence(path), place))
+    del preset, parts
+    return _scene(name, place, read_recording(path, place, spec.rate_hz))
 
 
 def _mesh_scene(
@@ -70,7 +71,7 @@ def _mesh_scene(
         return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
     path = _found(preset, where, text, folder=(preset.path.parent / text).is_dir())
-    chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.camera or REPLICA_CAMERA)
+    chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.mesh_camera.intrinsics)
     return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed))
 
 
