@@ -6,7 +6,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test fuzz bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -63,6 +63,9 @@ test: venv ## run the tests; of core and perturbations, count the branches that 
 	$(PY) -m coverage report --include='addon/noisy_world/core/*'
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
 	$(PY) -m pytest tests $(BELOW_BLENDER:%=--ignore=%)
+
+fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
+	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
 
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
-from ..core.schema import Place
+from ..core.schema import Place, shown
 from .mesh import MeshSource, read_path
 from .recording import read_recording
 
@@ -70,7 +70,7 @@ def _mesh_scene(
     if spec.trajectory.file is None:
         return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
-    path = _found(preset, where, text, folder=(preset.path.parent / text).is_dir())
+    path = _found(preset, where, text, folder=None)
     chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.mesh_camera.intrinsics)
     return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed))
 
@@ -85,10 +85,16 @@ def _check_name(name: str, place: Place) -> None:
         raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
 
 
-def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
+def _found(preset: Preset, place: Place, text: str, *, folder: bool | None = False) -> Path:
+    """Return the path of a file or a folder that exists; folder: None where it may be either."""
     path = preset.path.parent / text
-    if not (path.is_dir() if folder else path.is_file()):
-        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
+    kind = "folder" if folder else "file"
+    try:
+        there = path.is_dir() if folder else path.is_file() or (folder is None and path.is_dir())
+    except OSError as error:  # a name that is too long, for instance
+        raise place.error(f"{shown(text)} cannot be a {kind}: {error.strerror}") from error
+    if not there:
+        raise place.error(f"no such {kind}: {path}", "paths are relative to the preset")
     return path
 
 

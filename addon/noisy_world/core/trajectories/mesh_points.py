@@ -76,7 +76,8 @@ def _within(triangles_m: Float64, sides: Float64) -> tuple[Float64, Float64]:
     a, b, c = np.moveaxis(triangles_m, 1, 0)
     normals_m2 = np.cross(b - a, c - a)
     areas_m2 = np.linalg.norm(normals_m2, axis=-1) / 2.0
-    lengths_m: Float64 = np.max([np.linalg.norm(q - p, axis=-1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    edges_m = np.stack([b - a, c - b, a - c])
+    lengths_m = np.sqrt(np.sum(edges_m**2, axis=-1).max(axis=0))
     if not np.isfinite(sides).all():
         return areas_m2, lengths_m
     room_m = np.diff(sides, axis=0)[0]

@@ -25,6 +25,7 @@ from ...trajectories.files import read_trajectory
 from ...trajectories.pose_text import is_header
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
+from ...yaml_reading import read_yaml
 from ..association import StampedFiles
 from ..json_text import finite_number
 from ..stored import checked_intrinsics, read_text
@@ -193,14 +194,9 @@ def read_sensor_yaml(path: Path) -> AslSensor:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
     # Some tools begin the file with OpenCV's line %YAML:1.0, which is not valid YAML.
     text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(path, "is not valid YAML") from error
+    document = read_yaml(text, path)
     if not isinstance(document, dict):
         raise InputError(path, "describes no sensor")
     return document
