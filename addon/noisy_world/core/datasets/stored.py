@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..trajectories.trajectory import Trajectory
+from .image_files import damage
 
 PAIRING_S = 0.02  # the greatest difference of stamps that belong together; the default of TUM's associate.py
 
@@ -131,7 +132,13 @@ def read_text(path: Path) -> str:
 def _read_image(path: Path, mode: int) -> NDArray[Any]:
     import cv2
 
-    image = cv2.imread(str(path), mode) if path.is_file() else None
+    try:
+        problem = damage(path.read_bytes())
+    except OSError as error:
+        raise InputError(path, "is not there or no image") from error
+    if problem:
+        raise InputError(path, f"is damaged: {problem}", remedy="copy it again")
+    image = cv2.imread(str(path), mode)
     if image is None:
         raise InputError(path, "is not there or no image")
     return image
