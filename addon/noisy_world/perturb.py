@@ -8,6 +8,7 @@ for item in frames("Replica/room0", [{"fog": {"severity": 3}}, {"desync": {"offs
     track(item.rgb, item.depth_m)
 """
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
-from .core.datasets.layouts import find_sequence
 from .core.datasets.stored import StoredSequence
 from .core.geometry import Intrinsics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
@@ -28,7 +28,8 @@ from .core.perturbing.inputs import (
     check_size,
     checked_colour,
     checked_depth,
-    checked_stamp,
+    checked_number,
+    checked_rate,
     checked_text,
     checked_whole_number,
     plain,
@@ -43,7 +44,7 @@ from .core.trajectories.sensor_paths import SensorPaths
 from .core.trajectories.trajectory import Trajectory
 from .perturbations import registry
 from .pipeline.clean_frame import Camera, CleanFrame
-from .sources.recording import RecordedFrame
+from .sources.recording import RecordedFrame, read_recording
 
 
 @overload
@@ -120,7 +121,7 @@ def apply(
     where = FrameContext(
         checked_whole_number("frame", frame, LARGEST_FRAME),
         (checked_whole_number("seed", seed, LARGEST_SEED), "", ""),
-        stamp_s=checked_stamp("stamp_s", stamp_s),
+        stamp_s=checked_number("stamp_s", stamp_s),
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
         read_depth_m=None if depth_m is None else lambda: depth_m,
@@ -165,23 +166,30 @@ def frames(
     setting: str = "setting",
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
+    rate_hz: float | None = None,
 ) -> Iterator[PerturbedFrame]:
     """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name):
     decide the random streams; a preset with equal ones makes equal pixels. intrinsics: of the sequence's camera, for
-    perturbations that ask for them.
+    perturbations that ask for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
+    stamps; default 20. Warns of images without a partner, which are left out.
 
-    Raises, when it is called, InputError for a folder that holds no sequence, and for values that a preset could not
-    have; TypeError and ValueError for other arguments that are not as described.
+    Raises, when it is called, InputError for a folder that holds no sequence, for values that a preset could not have,
+    and for intrinsics or a rate that the sequence's own files contradict; TypeError and ValueError for other arguments
+    that are not as described.
     """
     seed = checked_whole_number("seed", seed, LARGEST_SEED)
     setting = checked_text("setting", setting)
     name = Path(folder).name if scene is None else checked_text("scene", scene)
     if isinstance(perturb, (str, bytes)) or not isinstance(perturb, Sequence):
         raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
-    stored = find_sequence(Path(folder))
-    check_intrinsics(intrinsics, stored.size_px)
+    check_intrinsics(intrinsics)
+    recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
+    stored = recording.stored
+    for note in stored.notes:
+        warnings.warn(f"{folder}: {note}", stacklevel=2)
+    known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
     whole = Setting(setting, parse_steps(plain(perturb), Place("frames"), registry()))
     moving, _ = split_motion(whole.motion)
     if moving:
@@ -189,20 +197,21 @@ def frames(
         raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
-    return _perturbed_frames(stored, sequence, path, Camera(intrinsics, path.stamps_s))
+    return _perturbed_frames(stored, sequence, path, known)
 
 
 def _perturbed_frames(
-    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, camera: Camera
+    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
 ) -> Iterator[PerturbedFrame]:
-    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame."""
+    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
     whole = sequence.setting
+    camera, depth_camera = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
     for index in sequence.frames:
         shown = sequence.shown(index)
         clean = CleanFrame(shown.rgb_source, RecordedFrame(stored.frame(shown.rgb_source)))
         taken = CleanFrame(shown.depth_source, RecordedFrame(stored.frame(shown.depth_source)))
         rgb, _ = perturb_rgb(whole.rgb, clean.rgb, camera.context(sequence, index, clean))
-        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, camera.context(sequence, shown.depth_frame, taken))
+        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, depth_camera.context(sequence, shown.depth_frame, taken))
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),

@@ -37,7 +37,7 @@ class Listener:
     def advance(self, count=1):
         pass
 
-    def note(self, text):
+    def note(self, text, subject=""):
         self.notes.append(text)
 
     def finish(self):

@@ -57,7 +57,7 @@ def test_a_tum_sequence_is_read_by_its_stamps(out, tmp_path):
     shifted = [
         line if line.startswith("#") else f"{float(line.split()[0]) + 0.01:.6f} {line.split()[1]}" for line in lines
     ]
-    (folder / "depth.txt").write_text("\n".join(shifted[:2] + shifted[4:]) + "\n")
+    (folder / "depth.txt").write_text("\n".join(shifted[:3] + shifted[5:]) + "\n")
     path = existing(tmp_path, folder, output={"image": "png"})
     run(path, tmp_path / "back")
     assert len(records(tmp_path / "back", "clean")) == COUNT - 2

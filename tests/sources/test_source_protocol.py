@@ -19,6 +19,7 @@ from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.source import Gives, Scene
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.core.trajectories.stamps import FrameStamps
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.run import Run
@@ -42,6 +43,7 @@ class ArithmeticSource:
     location = "arithmetic"
     gives = Gives(rendered=False, any_pose=True)
     stamps_s = STAMPS_S
+    frame_stamps = FrameStamps.of(STAMPS_S)
     robot_axes = "opencv"
 
     def __init__(self):

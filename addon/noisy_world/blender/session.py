@@ -11,7 +11,7 @@ from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from .camera import add_camera, place_camera, set_intrinsics
-from .engines import ENGINES, Device, EngineName, configure, enable_gpu
+from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
 from .render import FrameRenderer, RenderedFrame
 from .scene import Decoding, add_mesh, empty_scene, set_origin
@@ -58,7 +58,7 @@ class Session:
         # A single sample is not averaged, so its colour need not be converted to light and back.
         linear_light = options.samples > 1
         decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
-        add_mesh(scene, mesh, name, decoding=decoding)
+        add_mesh(scene, mesh, name, decoding=decoding, by_texels=self._engine.blurs_textures)
         configure(
             scene,
             self._engine,
@@ -67,6 +67,8 @@ class Session:
             threads=options.threads,
             device=options.device,
         )
+        if mesh.texture is not None:
+            show_textures(scene)
         self._shots = self._plan_shots(two_places=paths.depth is not None)
         # Both sensors use one camera in turn: changing the scene's camera takes as long as a frame, moving it nothing.
         self._camera = add_camera(scene, "Noisy World camera")

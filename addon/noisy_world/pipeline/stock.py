@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import FrameNames, Modality
 from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
@@ -25,7 +26,7 @@ class Lacking:
 
 def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
     """Check the files of a render's sequences, and return what is missing."""
-    names = dataset.format.names(render.scene.source.stamps_s)
+    names = dataset.format.names(render.scene.source.frame_stamps)
     needed: set[int] = set()
     size = 0
     there = {
@@ -63,6 +64,7 @@ class Finished:
         self._dataset = dataset
         self._names = names
         self._sequences = list(sequences)
+        self._lost: dict[int, OutOfRange] = {}  # by source frame
         self._flags = {sequence.folder: self._flags_of(sequence) for sequence in self._sequences}
 
     def _flags_of(self, sequence: Sequence) -> dict[Modality, NDArray[np.bool_]]:
@@ -74,6 +76,8 @@ class Finished:
             for modality, finished in flags.items():
                 name = self._names.rgb(record.frame) if modality == "rgb" else self._names.depth(record.frame)
                 finished[record.frame] |= name in record.files
+            if record.out_of_range is not None and not sequence.setting.depth:
+                self._lost[sequence.shown(record.frame).depth_source] = record.out_of_range
         return flags
 
     def missing(self, sequence: Sequence, modality: Modality, source: int) -> list[int]:
@@ -84,6 +88,10 @@ class Finished:
     def lacks(self, sequence: Sequence, modality: Modality, sources: Iterable[int]) -> bool:
         """Tell whether a sequence lacks an image of some source frames."""
         return any(self.missing(sequence, modality, source) for source in sources)
+
+    def out_of_range(self, source: int) -> OutOfRange | None:
+        """Return what of a source frame's depth its finished clean image does not hold."""
+        return self._lost.get(source)
 
     def clean_files(self, modality: Modality, source: int) -> Iterator[Path]:
         """Yield finished files that hold the clean image of a source frame."""

@@ -85,4 +85,4 @@ def test_a_frame_that_is_damaged_is_refused_at_once(tmp_path):
         if data:
             path.write_bytes(data)
         with pytest.raises(InputError, match=words):
-            _ = StoredFrame(path, path, 5000.0).rgb
+            _ = StoredFrame(path, path, 5000.0, (17, 12)).rgb

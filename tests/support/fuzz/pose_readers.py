@@ -50,20 +50,24 @@ def _euroc(path):
     return _from_quats(table[:, 0] / 1e9, table[:, 1:4], table[:, 4:8])
 
 
+def _finite(poses):
+    """Leave out the poses where tracking was lost."""
+    return poses[np.isfinite(poses).all(axis=(1, 2))]
+
+
 def _matrices(path):
-    poses = _table(path, (4,)).reshape(-1, 4, 4)
-    return None, poses[np.isfinite(poses).all(axis=(1, 2))]  # where tracking was lost, there is no pose
+    return None, _finite(_table(path, (4,)).reshape(-1, 4, 4))
 
 
 def _log(path):
     numbers = [float(word) for word in path.read_text().split()]
-    return None, np.array(numbers).reshape(-1, 19)[:, 3:].reshape(-1, 4, 4)
+    return None, _finite(np.array(numbers).reshape(-1, 19)[:, 3:].reshape(-1, 4, 4))
 
 
 def _transforms(path):
     document = json.loads(path.read_text())
     poses = np.array([item["transform_matrix"] for item in document["frames"]], dtype=np.float64)
-    return None, poses @ np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera axes to OpenCV's
+    return None, _finite(poses @ np.diag([1.0, -1.0, -1.0, 1.0]))  # OpenGL's camera axes to OpenCV's
 
 
 READERS = {"tum": _tum, "kitti": _kitti, "replica": _replica, "euroc": _euroc, "matrices": _matrices, "log": _log,

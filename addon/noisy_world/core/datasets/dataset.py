@@ -21,10 +21,9 @@ from ..presets.preset import canonical
 from .differences import ANOTHER_FOLDER, first_difference
 from .layouts import FrameNames, OutputFormat
 from .merging import merged_identity, merged_manifest
-from .records import FrameRecord, joined_records, read_records
+from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
 from .standing import (
-    FRAMES,
     IDENTITY,
     JOURNALS,
     MANIFEST,
@@ -332,7 +331,7 @@ def _cut_torn_line(path: Path) -> None:
 
 def _plausible(record: FrameRecord, names: FrameNames, count: int) -> FrameRecord | None:
     """Return a record with those of its files that the frame has; None for what is no record of the sequence."""
-    if not 0 <= record.frame < count or record.time_s != float(names.stamps_s[record.frame]):
+    if not 0 <= record.frame < count or record.time_s != float(names.stamps.rgb.seconds[record.frame]):
         return None
     own = names.of(record.frame)
     return replace(record, files={name: digest for name, digest in record.files.items() if name in own})

@@ -43,7 +43,7 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
             problem = _scene(scene, before, now) or _path(scene, before, now)
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
-    return _made_with(there, here)
+    return _cameras(there["scenes"], here["scenes"]) or _made_with(there, here)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
@@ -137,6 +137,17 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
     if there["camera"] != here["camera"]:
         return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
+    return None
+
+
+def _cameras(there: dict[str, Any], here: dict[str, Any]) -> str | None:
+    """Return why scenes of another camera cannot join: one file of intrinsics would have to become many."""
+    (first, camera), *others = ((name, scene["camera"]) for name, scene in there.items())
+    if any(other != camera for _, other in others):
+        return None
+    for name, scene in here.items():
+        if found := first_difference(camera, scene["camera"], "camera"):
+            return f"scenes: {name} has another camera than {first} ({found}); {ANOTHER_FOLDER}"
     return None
 
 

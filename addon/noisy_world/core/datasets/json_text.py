@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading JSON that only this program should have written, and that a disk, a tool or a person may have changed."""
+"""JSON read strictly: what a user gave, and what this program wrote and a disk, a tool or a person may have changed."""
 
 import json
 import math
 import os
 from pathlib import Path
 from typing import Any
+
+from ..errors import InputError
 
 DEEPEST = 60  # levels of nesting; what is written here has about ten
 
@@ -38,13 +40,32 @@ def parse_json(text: str) -> Any:
     Neither is a value accepted that is nested more deeply than anything written here.
     """
     try:
-        value = json.loads(text, parse_constant=_refuse, parse_float=_finite)
+        value = json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
-    except ValueError as error:
-        raise ValueError("is not the JSON that was written") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"cannot be read at line {error.lineno}, column {error.colno}") from error
     _check_depth(value)
     return value
+
+
+def parse_given_json(text: str, path: Path, *, where: str = "", remedy: str = "") -> Any:
+    """Return the value of a JSON text that a user gave. Raises InputError, which names the file and `where`."""
+    try:
+        return parse_json(text)
+    except ValueError as error:
+        raise InputError(path, f"is not valid JSON: it {error}", where=where, remedy=remedy) from error
+
+
+def finite_number(value: object) -> float | None:
+    """Return a JSON value as a float, or None where it is no finite number; true and false are none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _refuse(name: str) -> float:
@@ -56,6 +77,13 @@ def _finite(text: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"holds {text}")
     return number
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:  # Python converts no more than some thousand digits
+        raise ValueError(f"holds a number of {len(text)} digits") from None
 
 
 def _check_depth(value: Any) -> None:

@@ -4,6 +4,7 @@
 from collections.abc import Iterable
 from typing import Any
 
+from .records import OUT_OF_RANGE
 from .standing import Standing
 
 
@@ -39,8 +40,10 @@ def merged_manifest(there: Standing, here: dict[str, Any], kept: Iterable[str]) 
     }
     assert there.manifest is not None or not folders
     frames = there.manifest["frames"] if there.manifest and folders else {}
+    lost = there.manifest[OUT_OF_RANGE] if there.manifest and folders else {}
     return {
         **here,
+        OUT_OF_RANGE: {folder: lost[folder] for folder in folders if folder in lost} | here[OUT_OF_RANGE],
         "frames": {folder: frames[folder] for folder in folders} | here["frames"],
         "files": {folder: there.files[folder] for folder in folders} | beside | here["files"],
     }

@@ -24,7 +24,9 @@ from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
+from .depth_range import RangeLoss
 from .layouts import OutputFormat
+from .records import OUT_OF_RANGE
 
 FORMAT = 2  # version of the identity and the manifest; raised when their keys change
 
@@ -72,8 +74,8 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
         "seed": spec.seed,
-        "near_m": spec.camera.near_m if rendered else None,
-        "far_m": spec.camera.far_m if rendered else None,
+        "near_m": spec.mesh_camera.near_m if rendered else None,
+        "far_m": spec.mesh_camera.far_m if rendered else None,
         "rig": None if plan.rig is None else {"rgb": _sensor(plan.rig.rgb), "depth": _sensor(plan.rig.depth)},
         "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
         "output": _output(plan.format),
@@ -194,35 +196,49 @@ def _perturbation_packages(plan: Plan) -> dict[str, str]:
 # --- the manifest ---
 
 
-def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
+def manifest(
+    plan: Plan,
+    identity_: dict[str, Any],
+    files: dict[str, Any],
+    frames: dict[str, int],
+    losses: Mapping[str, RangeLoss],
+) -> dict[str, Any]:
     """Return the manifest's content.
 
     files: SHA-256 by name of the dataset's own files and, a level deeper, of each sequence's and setting's.
-    frames: how many frames each sequence has.
+    frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
-    camera = plan.camera
     spec = plan.preset.spec
+    seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    cameras = {name: asdict(camera) | seen for name, camera in cameras_of(identity_).items()}
+    shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},
-        "camera": {
-            "width_px": camera.width_px,
-            "height_px": camera.height_px,
-            "fx_px": camera.fx_px,
-            "fy_px": camera.fy_px,
-            "cx_px": camera.cx_px,
-            "cy_px": camera.cy_px,
-            "near_m": spec.camera.near_m,
-            "far_m": spec.camera.far_m,
-        },
+        **({"cameras": cameras} if shared is None else {"camera": shared}),
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
+        OUT_OF_RANGE: {folder: loss.content() for folder, loss in losses.items()},
         "colour": plan.format.colour,
         "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,
         "files": files,
     }
+
+
+def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
+    """Return the camera of each scene of a dataset, by its identity; scenes that an earlier run made are in it."""
+    found = {name: scene["camera"] for name, scene in identity_["scenes"].items()}
+    return {
+        name: Intrinsics(camera["width"], camera["height"], *(camera[key] for key in ("fx", "fy", "cx", "cy")))
+        for name, camera in found.items()
+    }
+
+
+def cameras_agree(identity_: dict[str, Any]) -> bool:
+    """Tell whether all scenes of a dataset have one camera, so that a setting can say it for all of them."""
+    return len(set(cameras_of(identity_).values())) == 1
 
 
 def render_seed(seed: int) -> int:

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from .layouts import LAYOUTS, Layout
-from .standing import FRAMES, IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
+from .records import FRAMES
+from .standing import IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
 from .storage import storage_errors
 
 

@@ -9,14 +9,13 @@ from typing import Any
 
 from .json_text import read_json
 from .provenance import FORMAT
-from .records import read_records
+from .records import FRAMES, OUT_OF_RANGE, read_records
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
 MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"
-FRAMES = "frames.jsonl"
 JOURNALS = "journal-*.jsonl"
 
 
@@ -137,7 +136,7 @@ _COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, 
 _MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": dict}
 _LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, _SETTING)}
 _IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
-_MANIFEST = {"frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
+_MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
 
 
 def _fits(value: Any, shape: Any) -> bool:

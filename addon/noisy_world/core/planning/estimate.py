@@ -38,23 +38,28 @@ def size_text(count: int) -> str:
 
 def estimate(plan: Plan) -> Estimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
-    pixels = plan.camera.width_px * plan.camera.height_px
+    parts = [_of_render(plan, render) for render in plan.renders]
+    return Estimate(int(sum(size for size, _ in parts)), sum(seconds for _, seconds in parts))
+
+
+def _of_render(plan: Plan, render: Render) -> tuple[float, float]:
+    """Estimate the bytes and the seconds of a render."""
+    pixels = render.camera.width_px * render.camera.height_px
     format_ = plan.format
     kinds = {modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities}
-    clean = plan.frame_count * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
+    clean = len(render.frames) * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
     perturbed = [
         (kind, len(sequence.frames))
-        for sequence in plan.sequences
+        for sequence in render.sequences
         for modality, kind in kinds.items()
         if getattr(sequence.setting, modality)
     ]
     size = pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
     seconds = sum(count for _, count in perturbed) * pixels * SECONDS_PER_PERTURBED_PIXEL
     if plan.composites:
-        composited = sum(len(sequence.frames) for sequence in plan.sequences if sequence.setting.composited)
+        composited = sum(len(sequence.frames) for sequence in render.sequences if sequence.setting.composited)
         seconds += composited * pixels * SECONDS_PER_COMPOSITED_PIXEL
-    for render in plan.renders:
-        if render.scene.source.gives.rendered:
-            per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
-            seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
-    return Estimate(int(size), seconds)
+    if render.scene.source.gives.rendered:
+        per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
+        seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
+    return size, seconds
