@@ -189,6 +189,7 @@ def frames(
     stored = recording.stored
     for note in stored.notes:
         warnings.warn(f"{folder}: {note}", stacklevel=2)
+    check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
     whole = Setting(setting, parse_steps(plain(perturb), Place("frames"), registry()))
     moving, _ = split_motion(whole.motion)

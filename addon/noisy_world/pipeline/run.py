@@ -198,10 +198,8 @@ class Run:
                 clean = CleanFrame(frame, source.frame(paths.moment(frame)))
                 if self.report.first_frame_s is None:
                     self.report.first_frame_s = time.perf_counter() - start_s
-                self._count(writer.submit(clean, colour.of(clean)))
-                self._tell_lost(writer.first_lost)
-            self._count(writer.drain())
-            self._tell_lost(writer.first_lost)
+                self._count(writer.submit(clean, colour.of(clean)), writer)
+            self._count(writer.drain(), writer)
 
     def _tell_lost(self, lost: Lost | None) -> None:
         """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""
@@ -218,7 +216,8 @@ class Run:
         (camera,) = {render.camera for render in self._plan.renders if render.scene.name == scene}
         return camera.width_px * camera.height_px
 
-    def _count(self, frames: int) -> None:
+    def _count(self, frames: int, writer: FrameWriter) -> None:
+        self._tell_lost(writer.first_lost)
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)
