@@ -129,10 +129,8 @@ def _work(pipe, seed, folder, peer_python):
         sys.stderr.flush()
         printed.seek(0)
         told = printed.read().decode("utf-8", "replace").strip()
-        if (
-            told
-            and outcome.kind != "finding"
-            and (outcome.kind == "accepted" or not all(map(DECODERS.match, told.splitlines())))
-        ):
+        lines = DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
+        expected = all(map(lines.match, told.splitlines()))
+        if told and outcome.kind != "finding" and not expected:
             outcome = Outcome("finding", f"printed ({outcome.kind}): {told[:300]!r}")
         pipe.send(outcome)
