@@ -244,22 +244,14 @@ def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
 def _entries(path: Path, name: str, value: object, count: int) -> list[object]:
     if not isinstance(value, list) or len(value) != count:
         raise InputError(path, f"has to be {count} numbers", where=name)
-    return [_from_text(item) for item in value]
-
-
-def _from_text(value: object) -> object:
-    """Return the number that a text is, such as 1e-05, which PyYAML leaves a text; else the value itself."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
+    return value
 
 
 def _numbers(path: Path, name: str, value: object, count: int | None = None) -> NDArray[np.float64]:
     wanted = "numbers" if count is None else f"{count} numbers"
     if not isinstance(value, list) or (count is not None and len(value) != count):
         raise InputError(path, f"has to be {wanted}", where=name)
-    numbers = [finite_number(_from_text(item)) for item in value]
+    numbers = [finite_number(item) for item in value]
     found = [number for number in numbers if number is not None]
     if len(found) != len(numbers):
         raise InputError(path, f"has to be {wanted}, all finite", where=name)
