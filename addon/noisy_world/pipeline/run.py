@@ -16,7 +16,7 @@ from ..core.datasets.depth_range import RangeLoss, range_loss
 from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import cameras_agree, identity, manifest, render_seed
+from ..core.datasets.provenance import cameras_agree, cameras_of, identity, manifest, render_seed
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.standing import OVERVIEW, RUN
 from ..core.errors import InterruptedRunError, StorageError
@@ -257,6 +257,7 @@ class Run:
                 images = (record.out_of_range for record in records.values())
                 if loss := range_loss(images, self._pixels(sequence.scene)):
                     losses[sequence.folder] = loss
+        files |= {} if one_camera else self._texts_beside()
         of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in of_setting.items():
@@ -277,6 +278,19 @@ class Run:
             frames = {item.setting.name: counts[item.folder] for item in of_scene if item.folder in losses}
             if lost:
                 self._note(f"{scene.name}: {self._plan.format.depth_range.told_of_scene(lost, frames)}")
+
+    def _texts_beside(self) -> dict[str, object]:
+        """Write the intrinsics of the sequences that stay beside the plan's: their settings' files no longer say them.
+
+        Returns the files of these sequences by folder.
+        """
+        cameras = cameras_of(self._dataset.identity)
+        files: dict[str, object] = {}
+        for folder, there in self._dataset.kept.items():
+            texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])
+            written = {name: self._dataset.write_text(f"{folder}/{name}", text) for name, text in texts.items()}
+            files[folder] = there | written
+        return files
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""

@@ -8,6 +8,7 @@ import glob
 import re
 from pathlib import Path
 
+from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
@@ -37,9 +38,10 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     if not glob.has_magic(pattern):
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
-    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    folder, pattern = located(preset.path.parent, pattern, place.at(kind))
+    found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
     if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
-        found = [text for text in found if not (preset.path.parent / text).is_file()]
+        found = [text for text in found if not (folder / text).is_file()]
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -48,7 +50,7 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     for text in found:
         parts = _matched_parts(pattern, text)
         name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
+        scenes.append(make(preset, place, spec, name, folder / text, parts=parts))
     return scenes
 
 
@@ -87,7 +89,7 @@ def _check_name(name: str, place: Place) -> None:
 
 def _found(preset: Preset, place: Place, text: str, *, folder: bool | None = False) -> Path:
     """Return the path of a file or a folder that exists; folder: None where it may be either."""
-    path = preset.path.parent / text
+    path = path_in(preset.path.parent, text, place)
     kind = "folder" if folder else "file"
     try:
         there = path.is_dir() if folder else path.is_file() or (folder is None and path.is_dir())

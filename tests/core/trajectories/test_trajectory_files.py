@@ -186,7 +186,7 @@ def test_endless_words_are_cut(refused):
     for text in (
         "9" * 5000 + "x 1 2",
         TUM_LINE + "1" * 300 + "x 0 0 0 0 0 0 1\n",
-        "0." + "0" * 900 + "1 0 0 0 0 0 0 1\n" * 2,
+        ("0." + "0" * 900 + "1 0 0 0 0 0 0 1\n") * 2,
     ):
         assert len(refused(text)) < 300
     assert len(refused("9" * 250 + " 0 0 0 0 0 0 1\n")) < 300

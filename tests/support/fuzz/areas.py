@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fuzz import meshes, presets, recordings, trajectories
+from fuzz import dataset_folders, meshes, presets, recordings, trajectories
 
 
 @dataclass(frozen=True)
@@ -32,4 +32,5 @@ AREAS = {
     "trajectories": _area(trajectories),
     "recordings": _area(recordings),
     "meshes": _area(meshes),
+    "datasets": _area(dataset_folders),
 }
