@@ -320,7 +320,7 @@ def test_a_missing_package_stops_the_export_too(tmp_path):
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 1
     (line,) = result.stderr.splitlines()
-    assert line.startswith("export_mesh.py: numpy: missing in this Python")
+    assert line.startswith("export_mesh.py: numpy, opencv-contrib-python-headless: missing in this Python")
 
 
 def test_workbench_makes_the_same_room(world, whole, tmp_path):
