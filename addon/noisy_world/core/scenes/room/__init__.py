@@ -7,7 +7,7 @@ from ..mesh import Mesh
 from .decor import decor
 from .furniture import furniture
 from .light import lit
-from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, shell
+from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, LIGHTING, shell
 
 __all__ = ["INTERIOR_MAX_M", "INTERIOR_MIN_M", "build_room"]
 
@@ -31,7 +31,7 @@ def build_room() -> Mesh:
     return Mesh(
         # Rounded to micrometres, as the last bits of a sine differ between processors.
         vertices_m=np.concatenate(vertices, dtype=np.float64).round(6) + 0.0,
-        rgb=lit(piece).astype(np.float32),
+        rgb=lit(piece, LIGHTING).astype(np.float32),
         corner_vertices=quads.ravel(),
         face_starts=np.arange(0, quads.size, 4, dtype=np.int32),
     )
