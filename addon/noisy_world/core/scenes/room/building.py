@@ -72,6 +72,11 @@ class Coat:
     rows_m: Callable[[float], Array] | None = None
 
 
+def laid_bricks(paint: Painter) -> Coat:
+    """A coat of bricks, whose edges the vertices follow."""
+    return Coat(paint, WALL_CELL_M, lambda m: pt.brick_grid(m, 1.0)[0], lambda m: pt.brick_grid(1.0, m)[1])
+
+
 def between(lines_m: Array, low: float, high: float) -> Array:
     """The lines from low to high, both ends included, measured from low."""
     inner = lines_m[(lines_m > low + 0.002) & (lines_m < high - 0.002)]
@@ -103,6 +108,14 @@ def surface(wall: Wall, coat: Coat, z_m: tuple[float, float], holes: tuple[Hole,
         at = b
     part(at, wall.length_m, low, high)
     return joined(parts)
+
+
+def enclosed(walls_: list[Wall], coats: list[Coat], holes: dict[int, tuple[Hole, ...]]) -> Piece:
+    """All walls from floor to ceiling, each with its coat; holes by the wall's number."""
+    return joined(
+        surface(wall, coat, (0.0, wall.height_m), holes.get(k, ()))
+        for k, (wall, coat) in enumerate(zip(walls_, coats, strict=True))
+    )
 
 
 def strip(wall: Wall, z_m: tuple[float, float], out_m: float, paint: Painter, gaps: tuple[Hole, ...] = ()) -> Piece:

@@ -178,7 +178,7 @@ def facets(codes: list[str], size_m: float, seed: int) -> Painter:
 
     def paint(u: Array, v: Array) -> Array:
         y = v / (size_m * 0.866)
-        x = u / size_m + 0.5 * y
+        x = u / size_m - 0.5 * y
         i, j = np.floor(x), np.floor(y)
         upper = (x - i) + (y - j) > 1
         own = hash01(2 * i + upper, j, seed)
