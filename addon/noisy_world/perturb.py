@@ -8,6 +8,7 @@ for item in frames("Replica/room0", [{"fog": {"severity": 3}}, {"desync": {"offs
     track(item.rgb, item.depth_m)
 """
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
-from .core.datasets.layouts import find_sequence
 from .core.geometry import Intrinsics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
@@ -28,7 +28,7 @@ from .core.schema import Place
 from .core.trajectories.sensor_paths import SensorPaths
 from .perturbations import registry
 from .pipeline.clean_frame import Camera, CleanFrame
-from .sources.recording import RecordedFrame
+from .sources.recording import RecordedFrame, read_recording
 
 
 def apply[Pixel: (np.uint8, np.float32)](
@@ -116,16 +116,23 @@ def frames(
     setting: str = "setting",
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
+    rate_hz: float | None = None,
 ) -> Iterator[PerturbedFrame]:
     """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name):
     decide the random streams; a preset with equal ones makes equal pixels. intrinsics: of the sequence's camera, for
-    perturbations that ask for them.
+    perturbations that ask for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
+    stamps; default 20. Warns of images without a partner, which are left out.
 
-    Raises InputError for a folder that holds no sequence, and for values that a preset could not have.
+    Raises InputError for a folder that holds no sequence, for values that a preset could not have, and for intrinsics
+    or a rate that the sequence's own files contradict.
     """
-    stored = find_sequence(Path(folder))
+    recording = read_recording(Path(folder), Place("frames"), rate_hz)
+    stored = recording.stored
+    for note in stored.notes:
+        warnings.warn(f"{folder}: {note}", stacklevel=2)
+    known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
     whole = Setting(setting, parse_steps(perturb, Place("frames"), registry()))
     moving, _ = split_motion(whole.motion)
     if moving:
@@ -134,13 +141,13 @@ def frames(
     name = Path(folder).name if scene is None else scene
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
-    camera = Camera(intrinsics, path.stamps_s)
+    camera, depth_camera = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
     for index in sequence.frames:
         shown = sequence.shown(index)
         clean = CleanFrame(shown.rgb_source, RecordedFrame(stored.frame(shown.rgb_source)))
         taken = CleanFrame(shown.depth_source, RecordedFrame(stored.frame(shown.depth_source)))
         rgb, _ = perturb_rgb(whole.rgb, clean.rgb, camera.context(sequence, index, clean))
-        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, camera.context(sequence, shown.depth_frame, taken))
+        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, depth_camera.context(sequence, shown.depth_frame, taken))
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),

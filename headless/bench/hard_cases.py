@@ -21,7 +21,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
 from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_mesh, rays
-from noisy_world.blender import session as session_module
 from noisy_world.blender.session import Session
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.core.geometry import (
@@ -34,6 +33,7 @@ from noisy_world.core.geometry import (
     slerp,
 )
 from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.scenes import recentring
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
@@ -100,12 +100,12 @@ def worst(depth_m: np.ndarray, true_m: np.ndarray, where: np.ndarray) -> float:
 @contextlib.contextmanager
 def no_recentring() -> Iterator[None]:
     """Render at the world's own coordinates, as most tools do."""
-    kept = session_module.RECENTRE_BEYOND_M
-    session_module.RECENTRE_BEYOND_M = float("inf")
+    kept = recentring.RECENTRE_BEYOND_M
+    recentring.RECENTRE_BEYOND_M = float("inf")
     try:
         yield
     finally:
-        session_module.RECENTRE_BEYOND_M = kept
+        recentring.RECENTRE_BEYOND_M = kept
 
 
 def far_from_the_origin() -> Table:

@@ -43,7 +43,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
     dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path}, overwrite=True)
-    with Session(mesh, "bench", paths, plan.camera, options) as session:
+    with Session(mesh, "bench", paths, render.camera, options) as session:
         del mesh
         forget_meshes()
         if "--all-on" in flags:

@@ -230,7 +230,7 @@ def prepare_scene() -> bpy.types.Scene:
     scene.render.engine = "BLENDER_EEVEE"
     add_mesh(scene, mesh, "Room", decoding="shader")
     camera = add_camera(scene, "Camera")
-    set_intrinsics(scene, camera, plan.camera, near_m=0.01, far_m=100.0, sample_offset_px=0.0)
+    set_intrinsics(scene, camera, plan.renders[0].camera, near_m=0.01, far_m=100.0, sample_offset_px=0.0)
     key_trajectory(scene, camera, plan.scenes[0].source.trajectory().c2w)
     scene.camera = camera
     scene.frame_set(FRAME)

@@ -41,7 +41,8 @@ def colour(folder, setting, frame):
 
 
 def test_what_each_backend_made_is_said(out):
-    backends = json.loads((out / "manifest.json").read_text())["identity"]["backends"]
+    settings = json.loads((out / "manifest.json").read_text())["identity"]["settings"]
+    backends = {name: setting["backend"] for name, setting in settings.items() if setting["backend"]}
     assert backends.pop("bright_reference") == "reference"
     assert backends == dict.fromkeys(["bright", "noise", "foggy", "late", "shaky"], "compositor")
     (note,) = json.loads((out / "noise/box/frames.jsonl").read_text().splitlines()[1])["perturbed"]["rgb"]

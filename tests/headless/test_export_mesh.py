@@ -4,6 +4,7 @@
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 from worlds import ROOT, write_box_ply
 
@@ -37,6 +38,55 @@ def test_quads_become_triangles(tmp_path):
     assert "12 faces" in result.stdout
     mesh = read_ply(tmp_path / "triangles.ply")
     assert mesh.face_sizes.tolist() == [3] * 12
+
+
+def write_textured(path, *, extra=""):
+    """A triangle with a texture that lies beside it, by hand; extra: declarations of vertices, each 7 in the rows."""
+    names = [line for line in extra.split(",") if line]
+    header = ["ply", "format ascii 1.0", "comment TextureFile a.png", "element vertex 3"]
+    header += [f"property float {axis}" for axis in "xyz"] + [f"property {name}" for name in names]
+    header += ["element face 1", "property list uchar int vertex_indices", "property list uchar float texcoord"]
+    rows = [f"{x} {y} 0" + " 7" * len(names) for x, y in ((0, 0), (1, 0), (0, 1))]
+    path.write_text("\n".join([*header, "end_header", *rows, "3 0 1 2 6 0 0 1 0 0 1"]) + "\n")
+    cv2.imwrite(str(path.parent / "a.png"), np.zeros((2, 2, 3), np.uint8))
+
+
+def exported(capsys, *arguments):
+    status = export_mesh.main([str(item) for item in arguments], Entry("export_mesh.py", ()))
+    told = capsys.readouterr()
+    return status, told.out, told.err
+
+
+def test_a_texture_has_no_place(tmp_path, capsys):
+    write_textured(tmp_path / "mesh.ply")
+    status, _, err = exported(capsys, tmp_path / "mesh.ply", tmp_path / "out.ply")
+    assert status == 1
+    assert len(err.splitlines()) == 1
+    assert "its colours are in the texture a.png, for which Replica's layout has no place; transfer them" in err
+    assert not (tmp_path / "out.ply").exists()
+
+
+def test_beside_a_texture_other_colours_are_written(tmp_path, capsys):
+    write_textured(tmp_path / "mesh.ply", extra="uchar red,uchar green,uchar blue")
+    status, out, _ = exported(capsys, tmp_path / "mesh.ply", tmp_path / "out.ply")
+    assert status == 0
+    assert "the texture is left out: the other colours are written" in out
+    read = read_ply(tmp_path / "out.ply")
+    assert read.texture is None
+    assert np.rint(read.rgb * 255).tolist() == [[7] * 3] * 3
+
+
+def test_colours_of_faces_stay(tmp_path, capsys):
+    header = ["ply", "format ascii 1.0", "element vertex 4", *(f"property float {axis}" for axis in "xyz")]
+    header += ["element face 2", "property list uchar int vertex_indices"]
+    header += [f"property uchar {name}" for name in ("red", "green", "blue")]
+    rows = ["0 0 0", "1 0 0", "1 1 0", "0 1 0", "3 0 1 2 9 8 7", "3 0 2 3 1 2 3"]
+    (tmp_path / "mesh.ply").write_text("\n".join([*header, "end_header", *rows]) + "\n")
+    status, out, _ = exported(capsys, tmp_path / "mesh.ply", tmp_path / "out.ply")
+    assert status == 0
+    assert "6 vertices, 2 faces" in out
+    read = read_ply(tmp_path / "out.ply")
+    assert np.rint(read.rgb[read.corner_vertices] * 255).tolist() == [[9, 8, 7]] * 3 + [[1, 2, 3]] * 3
 
 
 def test_mistakes_are_one_line(tmp_path):

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ends a run before each single call to the file system, resumes it and compares with an undisturbed dataset.
 
-    python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER
+    python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER [FINISHED]
 
-Prints the number of steps; fails with an AssertionError. Frames come from fake_session: the files are what is tried.
+FINISHED: a dataset that the run adds to; none of its images may be touched. Prints the number of steps; fails with an
+AssertionError. Frames come from fake_session: the files are what is tried.
 """
 
 import hashlib
 import os
+import shutil
 import sys
 import threading
 from pathlib import Path
@@ -62,17 +64,27 @@ def crash_at(step, work):
     os._exit(0)
 
 
-def main(preset, undisturbed, folder):
+def images_of(out):
+    return {str(path.relative_to(out)): path.stat().st_mtime_ns for path in out.glob("*/box/results/*")}
+
+
+def main(preset, undisturbed, folder, finished_before=None):
     whole = content(undisturbed)
     step, finished = 0, False
     while not finished:
         out = folder / f"crashed-{step}"
+        if finished_before:
+            shutil.copytree(finished_before, out)
+        before = images_of(out)
         finished = crash_at(step, lambda out=out: run(preset, out))
+        assert before.items() <= images_of(out).items(), f"step {step} touched what was there"
         for path in out.glob("*/box/results/*"):
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             assert digest == whole[str(path.relative_to(out))], f"{path} is not whole"
         run(preset, out)
         assert content(out) == whole, f"after a crash before step {step}"
+        assert before.items() <= images_of(out).items(), f"resuming after step {step} touched what was there"
+        shutil.rmtree(out)
         step += 1
     print(step)
 

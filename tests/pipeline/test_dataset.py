@@ -37,7 +37,7 @@ class Listener:
     def advance(self, count=1):
         pass
 
-    def note(self, text):
+    def note(self, text, subject=""):
         self.notes.append(text)
 
     def finish(self):
@@ -181,7 +181,7 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
     other = write_world(tmp_path / "other", frames=3, size=(8, 6))
     (out / "notes.txt").write_text("mine")
     (out / "clean/box/mine.txt").write_text("mine too")
-    with pytest.raises(StorageError, match=r"whole: holds a different dataset \(.*--overwrite"):
+    with pytest.raises(StorageError, match=r"whole: holds another dataset: .*--overwrite"):
         run(other, out)
     assert (out / "same/box/results/frame000003.png").exists()
     run(other, out, overwrite=True)
@@ -193,7 +193,7 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
 
 def test_the_refusal_names_what_differs(world, whole, tmp_path):
     plan = make_plan(read_preset(world, ["render.samples=2"]))
-    with pytest.raises(StorageError, match=r"preset\.render\.samples was 1, is 2"):
+    with pytest.raises(StorageError, match=r"another dataset: render\.samples was 1, is 2; "):
         Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event()).make_dataset()
 
 
@@ -204,7 +204,7 @@ def test_another_version_of_what_decides_the_bytes_is_refused(world, tmp_path, p
     module, name = sys.modules[package], {"cv2": "opencv", "OpenEXR": "openexr"}.get(package, package)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(module, "__version__", "1.2.3")
-        with pytest.raises(StorageError, match=rf"versions\.{name} was .{re.escape(VERSIONS[package])}., is .1\.2\.3."):
+        with pytest.raises(StorageError, match=rf"made with {name} {re.escape(VERSIONS[package])}, this is 1\.2\.3; "):
             run(world, out)
 
 

@@ -134,7 +134,8 @@ def test_intrinsics_that_the_sequence_tells_have_to_be_the_presets(tmp_path):
     run(world(tmp_path / "w", "euroc"), tmp_path / "out")
     preset = stored(tmp_path / "p", tmp_path / "out/clean/box")
     run(preset, tmp_path / "same")
-    with pytest.raises(InputError, match=r"its camera has fx 4, fy 4, cx 3\.5, cy 2\.5; set camera to these"):
+    both = r"its camera has fx 4, fy 4, cx 3\.5, cy 2\.5 \(.*sensor\.yaml\), but the preset's fx 4\.5,"
+    with pytest.raises(InputError, match=both):
         run(preset, tmp_path / "other", overrides=["camera.fx=4.5"])
 
 

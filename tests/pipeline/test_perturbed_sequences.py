@@ -45,7 +45,7 @@ def test_an_existing_sequence_is_perturbed_as_rendered_frames_are(out, tmp_path,
         assert np.abs(a - b).max() <= 1
     identity = json.loads((tmp_path / "again/manifest.json").read_text())["identity"]
     assert "blender" not in identity["versions"]
-    assert len(identity["inputs"]["box"]["files_sha256"]) == 64
+    assert len(identity["scenes"]["box"]["inputs"]["sequence_sha256"]) == 64
 
 
 def test_a_tum_sequence_is_read_by_its_stamps(out, tmp_path):
@@ -57,7 +57,7 @@ def test_a_tum_sequence_is_read_by_its_stamps(out, tmp_path):
     shifted = [
         line if line.startswith("#") else f"{float(line.split()[0]) + 0.01:.6f} {line.split()[1]}" for line in lines
     ]
-    (folder / "depth.txt").write_text("\n".join(shifted[:2] + shifted[4:]) + "\n")
+    (folder / "depth.txt").write_text("\n".join(shifted[:3] + shifted[5:]) + "\n")
     path = existing(tmp_path, folder, output={"image": "png"})
     run(path, tmp_path / "back")
     assert len(records(tmp_path / "back", "clean")) == COUNT - 2

@@ -1,15 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh as a source: its first frame is held against the mesh, seen from where the depth sensor is."""
+"""A mesh as a source: its first frame is held against the mesh, seen from where the depth sensor is; its textures."""
 
+import hashlib
+import os
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
+import pytest
 from analytic import box_depth, look_at
+from worlds import write_world
 
+from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.trajectories.sensor_paths import Moment
-from noisy_world.sources.mesh import OpenMesh
+from noisy_world.planning import make_plan
+from noisy_world.sources.mesh import OpenMesh, forget_meshes, load_mesh
 
 CAMERA = Intrinsics(160, 120, 90.0, 80.0, 79.5, 59.5)
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 1.5, 2.5])
@@ -42,3 +50,52 @@ def test_a_rigs_depth_is_checked_from_where_the_depth_sensor_is():
     (note,) = notes_of_the_first_frame(COLOUR_EYE)  # as if depth came from the colour sensor's place
     assert note.startswith("frame 3: ")
     assert "went wrong" in note
+
+
+def write_textured_world(folder):
+    """A world whose mesh is a textured triangle; return its preset."""
+    path = write_world(folder, frames=2, size=(8, 6))
+    header = ["ply", "format ascii 1.0", "comment TextureFile /home/somebody/wall.png", "element vertex 3"]
+    header += [f"property float {axis}" for axis in "xyz"] + ["element face 1"]
+    header += ["property list uchar int vertex_indices", "property list uchar float texcoord", "end_header"]
+    rows = ["0 0 0", "1 0 0", "0 1 0", "3 0 1 2 6 0 0 1 0 0 1", ""]
+    (folder / "mesh.ply").write_text("\n".join([*header, *rows]))
+    cv2.imwrite(str(folder / "wall.png"), np.zeros((2, 2, 3), np.uint8))
+    return path
+
+
+def source_of(preset):
+    (scene,) = make_plan(read_preset(preset)).scenes
+    return scene.source
+
+
+def test_a_texture_is_an_input(tmp_path):
+    preset = write_textured_world(tmp_path)
+    hashes = source_of(preset).hashes()
+    digest = hashlib.sha256((tmp_path / "wall.png").read_bytes()).hexdigest()
+    assert hashes["mesh_textures"] == "wall.png"
+    assert hashes["mesh_textures_sha256"] == hashlib.sha256(digest.encode()).hexdigest()
+    cv2.imwrite(str(tmp_path / "wall.png"), np.ones((2, 2, 3), np.uint8))
+    changed = source_of(preset).hashes()
+    assert {name for name in hashes if hashes[name] != changed[name]} == {"mesh_textures_sha256"}
+
+
+def test_without_a_texture_there_is_no_such_input(tmp_path):
+    assert "mesh_textures" not in source_of(write_world(tmp_path, frames=2, size=(8, 6))).hashes()
+
+
+def test_a_missing_texture_is_told_before_anything_is_made(tmp_path):
+    preset = write_textured_world(tmp_path)
+    (tmp_path / "wall.png").unlink()
+    with pytest.raises(InputError, match=r"mesh\.ply: its texture '/home/somebody/wall\.png' is missing: there is no"):
+        make_plan(read_preset(preset))
+
+
+def test_a_texture_that_changes_is_read_again(tmp_path):
+    path = write_textured_world(tmp_path).parent / "mesh.ply"
+    forget_meshes()
+    assert (load_mesh(path).texture.pictures[0] == 0).all()
+    cv2.imwrite(str(tmp_path / "wall.png"), np.full((2, 2, 3), 9, np.uint8))
+    os.utime(tmp_path / "wall.png", ns=(1, 1))
+    assert (load_mesh(path).texture.pictures[0] == 9).all()
+    forget_meshes()

@@ -19,6 +19,7 @@ from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.source import Gives, Scene
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.core.trajectories.stamps import FrameStamps
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.run import Run
@@ -42,6 +43,7 @@ class ArithmeticSource:
     location = "arithmetic"
     gives = Gives(rendered=False, any_pose=True)
     stamps_s = STAMPS_S
+    frame_stamps = FrameStamps.of(STAMPS_S)
     robot_axes = "opencv"
 
     def __init__(self):
@@ -96,8 +98,8 @@ def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
             assert np.abs(depth / 6553.5 - (5 + depth_x_m[taken])).max() < 1e-4
     moved_m = np.loadtxt(out / "moved/sums/traj_robot.txt")[:, [3, 7, 11]]
     assert 0.02 < np.abs(moved_m - path_poses(4)[:, :3, 3]).mean() < 0.3
-    inputs = json.loads((out / "manifest.json").read_text())["identity"]["inputs"]
-    assert inputs == {"sums": {"arithmetic": "1"}}
+    scenes = json.loads((out / "manifest.json").read_text())["identity"]["scenes"]
+    assert {name: scene["inputs"] for name, scene in scenes.items()} == {"sums": {"arithmetic": "1"}}
 
 
 @pytest.fixture
@@ -159,7 +161,7 @@ def test_a_recordings_hash_follows_every_file(tmp_path):
 
     files = sorted((folder / "results").iterdir(), key=lambda path: (not path.name.startswith("frame"), path.name))
     each = "".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in files)
-    assert hashes()["files_sha256"] == hashlib.sha256(each.encode()).hexdigest()
+    assert hashes()["sequence_sha256"] == hashlib.sha256(each.encode()).hexdigest()
     before = hashes()
     cv2.imwrite(str(folder / "results/depth000001.png"), np.full((6, 8), 1, np.uint16))
     assert hashes() != before

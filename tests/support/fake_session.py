@@ -17,6 +17,7 @@ def renderer_versions(engine, device="cpu"):
 
 class Session:
     rendered: list[int] = []
+    empty: set[int] = set()  # frames that see nothing
 
     def __init__(self, mesh, name, paths, intrinsics, options):
         self.origin_m = np.zeros(3)
@@ -29,6 +30,8 @@ class Session:
         ramp = np.linspace(0, 1, self._shape[0] * self._shape[1], dtype=np.float32).reshape(self._shape)
         rgb = np.stack([ramp, 1 - ramp, np.full_like(ramp, frame / 255)], axis=-1)
         depth_m = 1 + ramp + np.float32(frame)
+        if frame in Session.empty:
+            rgb, depth_m = np.zeros_like(rgb), np.zeros_like(depth_m)
         return Frame(rgb=rgb if self._options.rgb else None, depth_m=depth_m if self._options.depth else None)
 
     def __enter__(self):

@@ -26,7 +26,10 @@ def until(run, condition, timeout_s=20):
 
 
 def test_what_is_told_is_taken_in():
-    run = child(START + "for _ in range(8): tell(advance=1)\ntell(note='a note')\ntell(finish=True)\ntell(result='8')")
+    run = child(
+        START
+        + "for _ in range(8): tell(advance=1)\ntell(note='a note', subject='hall')\ntell(finish=True)\ntell(result='8')"
+    )
     assert (run.phase, run.active, run.fraction, run.frames_per_s) == ("starting", True, 0.0, None)
     run.wait()
     assert (run.phase, run.active, run.done, run.total, run.label) == ("finished", False, 10, 10, "rendering")

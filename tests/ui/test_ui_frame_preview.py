@@ -222,6 +222,24 @@ def test_depth_is_shown_as_the_generator_perturbs_it(room):
     assert room.world is not None
 
 
+@pytest.mark.parametrize(("beyond", "held_m"), [("void", 0.0), ("farthest", 65535 / 24000)])
+def test_depth_beyond_the_files_range_is_shown_as_it_is_written_and_told(room, beyond, held_m):
+    room.noisy_world.depth_scale_per_m = 24000.0  # up to 2.73 m
+    room.noisy_world.depth_beyond = beyond
+    room.frame_set(4)
+    image, about = frame_preview.draw_depth(room)
+    depth_m = render_stills(room, [4])[0].depth_m
+    far = depth_m * 24000.0 > 65535.5
+    assert 0.05 < far.mean() < 0.95
+    depth_m = np.where(far, np.float32(held_m), np.rint(depth_m * 24000.0).astype(np.float32) / np.float32(24000))
+    seen_m = depth_m[depth_m > 0]
+    expected = colour_depth(depth_m, float(seen_m.min()), float(seen_m.max()))
+    assert np.abs(image.astype(int) - expected)[far].max() <= 1
+    assert (np.abs(image.astype(int) - expected) > 2).mean() < 0.01
+    assert f"; {100 * far.mean():.3g} % of its pixels lie beyond 2.73 m, as far as " in about
+    assert f"and become {'void' if beyond == 'void' else '2.73 m'} (a Depth Scale of " in about
+
+
 def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room):
     step = add(room, "desync")
     step.desync.offset = 5

@@ -14,8 +14,9 @@ from ..core.errors import StorageError
 from ..core.node_graphs.chain import build_chain, is_active, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
+from ..core.scratch import ScratchFolder
 from .nodes import ensure_group, remove_group
-from .render import muted_output, scratch_folder
+from .render import muted_output
 from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
 
 SCENE = "Noisy World compositor"
@@ -47,8 +48,8 @@ class Compositor:
         self._size_px = size_px = (2, 1) if self._one_pixel else size_px
         self._chains = {name: tuple(steps) for name, steps in chains.items()}
         self._needs_depth = any(step.perturbation.needs_depth for steps in chains.values() for step in steps)
-        self._scratch = scratch_folder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), FILES_PER_CALL))
-        self._folder = Path(self._scratch.name)
+        self._scratch = ScratchFolder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), FILES_PER_CALL))
+        self._folder = self._scratch.path
         self._scene = bpy.data.scenes.new(SCENE)
         self._tree = new_tree(SCENE)
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
@@ -190,7 +191,7 @@ class Compositor:
         for image in (self._image, self._depth_image):
             if image is not None:
                 bpy.data.images.remove(image)
-        self._scratch.cleanup()
+        self._scratch.remove()
 
     def __enter__(self) -> "Compositor":
         return self

@@ -35,6 +35,7 @@ class Engine:
     shades: whether the material's nodes are evaluated; Workbench shows the colour attribute itself.
     centre_depth: whether depth is that of the pixel's centre at any number of samples; if not, it is rendered
     separately, with one sample.
+    blurs_textures: whether it shows more of a texture than the four texels around a point.
     sample_offset_px: how far to the right of and above a pixel's centre its first sample is.
     """
 
@@ -42,6 +43,7 @@ class Engine:
     set_samples: Callable[[bpy.types.Scene, int], None]
     shades: bool
     centre_depth: bool
+    blurs_textures: bool
     sample_offset_px: Callable[[int], float]
 
 
@@ -68,6 +70,13 @@ def configure(
     if device == "gpu":
         enable_gpu()
         cycles_of(scene).device = "GPU"
+
+
+def show_textures(scene: bpy.types.Scene) -> None:
+    """Make Workbench show textures, in place of the colour attribute; the other engines show what materials say."""
+    shading = _display(scene).shading
+    assert shading is not None
+    shading.color_type = "TEXTURE"
 
 
 def enable_gpu() -> str:
@@ -181,10 +190,23 @@ ENGINES: dict[EngineName, Engine] = {
         _cycles_samples,
         shades=True,
         centre_depth=True,
+        blurs_textures=False,
         sample_offset_px=lambda samples: FILTER_MIDDLE * filter_width_px(samples),
     ),
-    "eevee": Engine(_configure_eevee, _eevee_samples, shades=True, centre_depth=False, sample_offset_px=_no_offset),
+    "eevee": Engine(
+        _configure_eevee,
+        _eevee_samples,
+        shades=True,
+        centre_depth=False,
+        blurs_textures=True,
+        sample_offset_px=_no_offset,
+    ),
     "workbench": Engine(
-        _configure_workbench, _workbench_samples, shades=False, centre_depth=False, sample_offset_px=_no_offset
+        _configure_workbench,
+        _workbench_samples,
+        shades=False,
+        centre_depth=False,
+        blurs_textures=False,
+        sample_offset_px=_no_offset,
     ),
 }

@@ -3,11 +3,8 @@
 
 import contextlib
 import os
-import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -15,12 +12,11 @@ from numpy.typing import NDArray
 
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import StorageError
+from ..core.scratch import ScratchFolder
 from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
-SCRATCH_PREFIX = "noisy-world-"
-SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
 
 
 @dataclass(frozen=True)
@@ -58,8 +54,8 @@ class FrameRenderer:
         self._rgb = rgb
         self._depth = depth
         self._encoded_colours = encoded_colours
-        self._scratch = scratch_folder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
-        self._path = Path(self._scratch.name) / "frame.exr"
+        self._scratch = ScratchFolder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
+        self._path = self._scratch.path / "frame.exr"
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
         layer.use_pass_z = depth
@@ -76,7 +72,7 @@ class FrameRenderer:
 
     def close(self) -> None:
         """Remove the scratch file."""
-        self._scratch.cleanup()
+        self._scratch.remove()
 
     def render(self) -> RenderedFrame:
         """Render the scene in its current state.
@@ -111,19 +107,6 @@ class FrameRenderer:
             far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
             depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
         return RenderedFrame(colours, depth_m)
-
-
-def scratch_folder(bytes_needed: int) -> tempfile.TemporaryDirectory[str]:
-    """Make a folder in memory or, if that is too small, on the disk; remove those that killed processes left."""
-    folder = None
-    if SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK):
-        for left in SHARED_MEMORY.glob(f"{SCRATCH_PREFIX}*"):
-            owner = left.name.removeprefix(SCRATCH_PREFIX).split("-")[0]
-            if owner.isdecimal() and not Path("/proc", owner).exists():
-                shutil.rmtree(left, ignore_errors=True)
-        if shutil.disk_usage(SHARED_MEMORY).free > 2 * bytes_needed:
-            folder = SHARED_MEMORY
-    return tempfile.TemporaryDirectory(prefix=f"{SCRATCH_PREFIX}{os.getpid()}-", dir=folder)
 
 
 def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:

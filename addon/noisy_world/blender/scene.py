@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh with vertex colours as a Blender object that shows exactly these colours, unlit."""
+"""A mesh as a Blender object that shows exactly its colours, unlit."""
 
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.scenes.mesh import Mesh
-from .typed import cycles, inputs, new_node, node_tree, outputs, set_value
+from ..core.scenes.mesh import Mesh, Texture
+from .materials import COLOUR_ATTRIBUTE, UV_ATTRIBUTE, new_image, texture_material, vertex_colour_material
 
-COLOUR_ATTRIBUTE = "Col"
-MATERIAL = "Noisy World vertex colours"
 ORIGIN_PROPERTY = "noisy_world_origin_m"
+type Domain = Literal["POINT", "CORNER"]
+"""What of a mesh has colours, in Blender's words."""
 type Decoding = Literal["none", "shader", "attribute"]
 """Where display-encoded colours are converted to linear light: nowhere, in the material, or before they are stored."""
-
-type _Operation = Literal["POWER", "MULTIPLY_ADD", "MULTIPLY", "CEIL", "SUBTRACT"]
 
 NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
 
@@ -46,8 +44,13 @@ def get_origin(scene: bpy.types.Scene) -> NDArray[np.float64]:
     return np.array(scene.get(ORIGIN_PROPERTY, (0.0, 0.0, 0.0)), dtype=np.float64)
 
 
-def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decoding) -> bpy.types.Object:
-    """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's."""
+def add_mesh(
+    scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decoding, by_texels: bool = False
+) -> bpy.types.Object:
+    """Link the mesh to the scene, moved so that the scene's origin (set_origin) is Blender's.
+
+    by_texels: whether the material interpolates between a texture's texels, rather than the engine.
+    """
     data = bpy.data.meshes.new(name)
     vertices_m = (mesh.vertices_m - get_origin(scene)).astype(np.float32)
     # Attributes copy an array of their own type at once; the vertices' "co" and the loops' "vertex_index" take it value
@@ -60,77 +63,60 @@ def add_mesh(scene: bpy.types.Scene, mesh: Mesh, name: str, *, decoding: Decodin
     data.polygons.foreach_set("loop_start", mesh.face_starts)
     data.update(calc_edges=True)
     _add_colours(data, mesh, decoded=decoding == "attribute")
-    data.materials.append(vertex_colour_material(decode_colours=decoding == "shader"))
+    material = vertex_colour_material(decode_colours=decoding == "shader")
+    grey = NEUTRAL_GREY if decoding == "none" else _decoded(np.float32(NEUTRAL_GREY))
+    material.diffuse_color = (grey, grey, grey, 1.0)  # of the faces that Workbench shows beside textures
+    data.materials.append(material)
+    if mesh.texture is not None:
+        _add_texture(data, mesh.texture, decoding, by_texels=by_texels)
     result = bpy.data.objects.new(name, data)
     scene.collection.objects.link(result)
     return result
 
 
+def rgba_of(mesh: Mesh) -> tuple[Domain, NDArray[np.float32]]:
+    """Return whether colours are those of vertices or of corners, and these (N, 4); grey where there are none."""
+    rgb = mesh.rgb if mesh.corner_rgb is None else mesh.corner_rgb
+    rgba = np.ones((len(mesh.vertices_m if mesh.corner_rgb is None else mesh.corner_rgb), 4), dtype=np.float32)
+    rgba[:, :3] = NEUTRAL_GREY if rgb is None else rgb
+    return "POINT" if mesh.corner_rgb is None else "CORNER", rgba
+
+
+def _add_texture(data: bpy.types.Mesh, texture: Texture, decoding: Decoding, *, by_texels: bool) -> None:
+    """Give each picture a material after that of the vertices' colours, and the faces with a picture its material."""
+    layer = data.attributes.new(UV_ATTRIBUTE, "FLOAT2", "CORNER")
+    _set_attribute(layer, "vector", np.ascontiguousarray(texture.corner_uv, np.float32).ravel())
+    slots = data.attributes.new("material_index", "INT", "FACE")
+    _set_attribute(slots, "value", np.ascontiguousarray(texture.face_pictures + 1, np.int32))
+    for name, picture in zip(texture.names, texture.pictures, strict=True):
+        image = new_image(name, picture, decoded=decoding == "attribute")
+        decode = decoding == "shader"
+        data.materials.append(texture_material(image, decode_colours=decode, by_texels=by_texels))
+
+
 def _add_colours(data: bpy.types.Mesh, mesh: Mesh, *, decoded: bool) -> None:
-    rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
-    rgba[:, :3] = NEUTRAL_GREY if mesh.rgb is None else mesh.rgb
+    domain, rgba = rgba_of(mesh)
     if decoded:
-        low = rgba[:, :3] <= 0.04045
-        rgba[:, :3] = np.where(low, rgba[:, :3] / 12.92, ((rgba[:, :3] + 0.055) / 1.055) ** 2.4)
+        rgba[:, :3] = _decoded(rgba[:, :3])
     # FLOAT_COLOR keeps the display-encoded values. BYTE_COLOR would be decoded before it is interpolated, and colours
     # between vertices would differ from what other viewers of such files show.
-    attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", "POINT")
+    attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", domain)
     _set_attribute(attribute, "color", rgba.ravel())
     data.color_attributes.active_color = attribute
     data.color_attributes.render_color_index = data.color_attributes.active_color_index or 0
 
 
+def _decoded(encoded: Any) -> Any:
+    """Convert display-encoded colours to linear light (IEC 61966-2-1)."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
 def _set_attribute(attribute: bpy.types.Attribute, field: str, values: NDArray[np.float32] | NDArray[np.int32]) -> None:
-    kinds = (bpy.types.FloatVectorAttribute, bpy.types.FloatColorAttribute, bpy.types.IntAttribute)
+    kinds = (
+        bpy.types.FloatVectorAttribute,
+        bpy.types.FloatColorAttribute,
+        bpy.types.IntAttribute,
+        bpy.types.Float2Attribute,
+    )
     assert isinstance(attribute, kinds)
     attribute.data.foreach_set(field, values)
-
-
-def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:
-    """Build the unlit material: the colour attribute, interpolated as stored, as emission.
-
-    decode_colours: True emits linear light (IEC 61966-2-1), which a view transform and the averaging of several samples
-    need. False emits the display-encoded values themselves, which is exact for a single sample and a fifth faster.
-    """
-    name = MATERIAL if decode_colours else f"{MATERIAL} (encoded)"
-    material = bpy.data.materials.new(name)
-    tree = node_tree(material)
-    tree.nodes.clear()
-    attribute = new_node(tree, bpy.types.ShaderNodeAttribute)
-    attribute.attribute_name = COLOUR_ATTRIBUTE
-    emission = tree.nodes.new("ShaderNodeEmission")
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    colour = outputs(attribute)["Color"]
-    if decode_colours:
-        colour = _linear_from_srgb(tree, colour)
-    tree.links.new(colour, emission.inputs["Color"])
-    tree.links.new(emission.outputs["Emission"], output.inputs["Surface"])
-    _spread(tree)
-    # Nothing is lit here, and preparing two million emissive triangles as lights takes seconds.
-    cycles(material).emission_sampling = "NONE"
-    return material
-
-
-def _linear_from_srgb(tree: bpy.types.NodeTree, encoded: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-    """Add the nodes that decode sRGB (IEC 61966-2-1), by component: linear up to 0.04045, a power above."""
-
-    def vector_math(operation: _Operation, *operands: bpy.types.NodeSocket | float) -> bpy.types.NodeSocket:
-        node = new_node(tree, bpy.types.ShaderNodeVectorMath)
-        node.operation = operation
-        for socket, operand in zip(inputs(node), operands, strict=False):
-            if isinstance(operand, bpy.types.NodeSocket):
-                tree.links.new(operand, socket)
-            else:
-                set_value(socket, (operand,) * 3)
-        return outputs(node)["Vector"]
-
-    power = vector_math("POWER", vector_math("MULTIPLY_ADD", encoded, 1 / 1.055, 0.055 / 1.055), 2.4)
-    line = vector_math("MULTIPLY", encoded, 1 / 12.92)
-    # Colours are in [0, 1], so the ceiling of the difference is 0 up to the threshold and 1 above it.
-    above = vector_math("CEIL", vector_math("SUBTRACT", encoded, 0.04045))
-    return vector_math("MULTIPLY_ADD", vector_math("SUBTRACT", power, line), above, line)
-
-
-def _spread(tree: bpy.types.NodeTree) -> None:
-    for column, node in enumerate(tree.nodes):
-        node.location = (200.0 * column, 0.0)

@@ -4,22 +4,17 @@
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
-from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from ..core.scenes.mesh import Mesh
+from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
-from ..core.trajectories.trajectory import Trajectory
 from .camera import add_camera, place_camera, set_intrinsics
-from .engines import ENGINES, Device, EngineName, configure, enable_gpu
+from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
 from .render import FrameRenderer, RenderedFrame
 from .scene import Decoding, add_mesh, empty_scene, set_origin
-
-# Up to this distance from the origin float32 resolves 1e-6 m, and a scene keeps its own coordinates for the artist.
-RECENTRE_BEYOND_M = 16.0
 
 
 def blender_version() -> dict[str, str]:
@@ -36,16 +31,6 @@ def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, s
     if engine != "cycles":
         return {**versions, "gl": gl_version()}
     return {**versions, "gpu": enable_gpu()} if device == "gpu" else versions
-
-
-def recentring_m(trajectory: Trajectory) -> NDArray[np.float64]:
-    """Return the point (3,) float64, metres, to render around: whole metres in the middle of the path, if far away.
-
-    The path decides, not the mesh, since precision matters near the camera.
-    """
-    positions_m = trajectory.c2w[:, :3, 3]
-    middle_m = np.rint((positions_m.min(axis=0) + positions_m.max(axis=0)) / 2)
-    return middle_m if np.abs(positions_m).max() > RECENTRE_BEYOND_M else np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -73,7 +58,7 @@ class Session:
         # A single sample is not averaged, so its colour need not be converted to light and back.
         linear_light = options.samples > 1
         decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
-        add_mesh(scene, mesh, name, decoding=decoding)
+        add_mesh(scene, mesh, name, decoding=decoding, by_texels=self._engine.blurs_textures)
         configure(
             scene,
             self._engine,
@@ -82,6 +67,8 @@ class Session:
             threads=options.threads,
             device=options.device,
         )
+        if mesh.texture is not None:
+            show_textures(scene)
         self._shots = self._plan_shots(two_places=paths.depth is not None)
         # Both sensors use one camera in turn: changing the scene's camera takes as long as a frame, moving it nothing.
         self._camera = add_camera(scene, "Noisy World camera")

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`export`: write a mesh as PLY in Replica's layout: the embedded room, or any PLY that Noisy World reads.
 
-Many readers cannot read quads and other polygons; --triangulate is for those.
+Where faces have colours, each vertex is written once for each colour that meets there; a texture has no place in the
+layout. Many readers cannot read quads and other polygons; --triangulate is for those.
 """
 
 import argparse
@@ -13,12 +14,13 @@ from .missing import missing_package
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    if problem := missing_package(["numpy"], entry):
+    if problem := missing_package(["numpy", "cv2"], entry):
         entry.complain(problem)
         return 1
-    from ..core.errors import NoisyWorldError
+    from ..core.errors import InputError, NoisyWorldError
     from ..core.presets.preset import EMBEDDED_ROOM
     from ..core.scenes.ply import read_ply
+    from ..core.scenes.ply_file import read_header
     from ..core.scenes.ply_writer import write_ply
     from ..core.scenes.room import build_room
 
@@ -29,12 +31,20 @@ def main(arguments: list[str], entry: Entry) -> int:
     options = parser.parse_args(arguments)
     try:
         mesh = build_room() if options.mesh == EMBEDDED_ROOM else read_ply(Path(options.mesh))
+        if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
+            problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
+            raise InputError(
+                options.mesh, problem, remedy="transfer them to its vertices first, in MeshLab for instance"
+            )
         write_ply(options.out, mesh, triangulate=options.triangulate)
     except NoisyWorldError as error:
         entry.complain(str(error))
         return 1
     for note in mesh.notes:
         print(note)
+    if mesh.texture is not None:
+        print("the texture is left out: the other colours are written")
+    vertices = read_header(options.out).elements["vertex"].rows
     faces = int((mesh.face_sizes - 2).sum()) if options.triangulate else len(mesh.face_starts)
-    print(f"wrote {options.out}: {len(mesh.vertices_m)} vertices, {faces} faces")
+    print(f"wrote {options.out}: {vertices} vertices, {faces} faces")
     return 0

@@ -84,10 +84,14 @@ def print_plan(plan: "Plan", out: Path) -> int:
     from ..core.planning.estimate import estimate
 
     guess = estimate(plan)
-    camera = plan.camera
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
     print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
-    print(f"camera     {camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    cameras = plan.cameras if plan.camera is None else {"": plan.camera}
+    for scene, camera in cameras.items():
+        whose = f"{scene}: " if scene else ""
+        print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    if plan.format.note:
+        print(f"note       {plan.format.note}")
     print(f"sequences  {len(plan.sequences)}")
     for render in plan.renders:
         settings = ", ".join(sequence.setting.name for sequence in render.sequences)

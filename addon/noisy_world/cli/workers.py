@@ -70,6 +70,7 @@ def run_workers(command: list[str], orders: list[Order], progress: Progress, sto
     workers = [start_worker(command, order, messages) for order in orders]
     total = Report()
     errors: list[str] = []
+    subjects: set[str] = set()
     open_workers = len(workers)
     told_to_stop = False
     while open_workers:
@@ -81,7 +82,7 @@ def run_workers(command: list[str], orders: list[Order], progress: Progress, sto
             message = messages.get(timeout=0.2)
             status = message.get("end")
             if status is None:
-                hear(message, progress, total, errors)
+                hear(message, progress, total, errors, subjects)
                 continue
             open_workers -= 1
             if status == INTERRUPTED:
@@ -95,11 +96,15 @@ def run_workers(command: list[str], orders: list[Order], progress: Progress, sto
     return total
 
 
-def hear(message: dict[str, Any], progress: Progress, total: Report, errors: list[str]) -> None:
-    """Process a worker's message."""
+def hear(message: dict[str, Any], progress: Progress, total: Report, errors: list[str], subjects: set[str]) -> None:
+    """Process a worker's message. subjects: those that a note has been on; another note on one is not shown."""
     match message:
         case {"advance": count}:
             progress.advance(count)
+        case {"note": text, "subject": subject}:
+            if subject not in subjects:
+                subjects.add(subject)
+                progress.note(text)
         case {"note": text}:
             progress.note(text)
         case {"report": content}:

@@ -19,8 +19,11 @@ class Progress(Protocol):
     def advance(self, count: int = 1) -> None:
         """Report that `count` more frames are done."""
 
-    def note(self, text: str) -> None:
-        """Show the user a sentence."""
+    def note(self, text: str, subject: str = "") -> None:
+        """Show the user a sentence. subject: several processes may have one to say on it, and one is enough; "" if not.
+
+        Only a listener to several processes looks at the subject.
+        """
 
     def finish(self) -> None:
         """End the task."""
@@ -48,8 +51,9 @@ class TerminalProgress:
         if self._bar is not None:
             self._bar.update(count)
 
-    def note(self, text: str) -> None:
+    def note(self, text: str, subject: str = "") -> None:
         """Print above the bar."""
+        del subject
         if self._bar is not None:
             self._bar.clear()
         print(text, file=self._stream, flush=True)
@@ -97,8 +101,9 @@ class PlainProgress:
         left = f", {(self._total - self._done) / rate:.0f} s left" if rate > 0 else ""
         self.note(f"{self._label}: {self._done}/{self._total} frames, {rate:.2f} frames/s{left}")
 
-    def note(self, text: str) -> None:
+    def note(self, text: str, subject: str = "") -> None:
         """Print a line."""
+        del subject
         print(text, file=self._stream, flush=True)
 
     def finish(self) -> None:
@@ -111,8 +116,9 @@ class PlainProgress:
 class JsonProgress:
     """Messages for another process, one a line: MARK, then JSON with one key.
 
-    {"start": {"label": text, "total": frames, "done": frames}}, {"advance": frames}, {"note": sentence},
-    {"finish": true}; the command that runs the task adds {"error": sentence} or {"result": sentence}.
+    {"start": {"label": text, "total": frames, "done": frames}}, {"advance": frames}, {"note": sentence} (with
+    "subject", if it has one), {"finish": true}; the command that runs the task adds {"error": sentence} or
+    {"result": sentence}.
     """
 
     def __init__(self, stream: TextIO, *, lost: Callable[[], object]) -> None:
@@ -135,9 +141,9 @@ class JsonProgress:
         """Send that `count` more frames are done."""
         self.tell({"advance": count})
 
-    def note(self, text: str) -> None:
+    def note(self, text: str, subject: str = "") -> None:
         """Send a sentence for the user."""
-        self.tell({"note": text})
+        self.tell({"note": text, "subject": subject} if subject else {"note": text})
 
     def finish(self) -> None:
         """Send that the task has ended."""

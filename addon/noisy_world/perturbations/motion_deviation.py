@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.geometry import rotation_from_euler_deg
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
@@ -19,17 +20,29 @@ class MotionDeviation:
     translation_m: float = key("standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100)
 
 
+def drawn(count: int, parameters: MotionDeviation, context: SequenceContext) -> dict[str, NDArray[np.float64]]:
+    """Return what is drawn for each pose, each from its own frame's stream.
+
+    rotation_deg: (count, 3) about the camera's x, y and z. translation_m: (count, 3) along the world's axes.
+    """
+    normals = np.array([context.stream(frame=k).standard_normal(6) for k in range(count)])
+    return {
+        "rotation_deg": parameters.rotation_deg * normals[:, :3],
+        "translation_m": parameters.translation_m * normals[:, 3:],
+    }
+
+
 def apply(trajectory: Trajectory, parameters: MotionDeviation, context: SequenceContext) -> Trajectory:
     """Return the deviated trajectory, which is the ground truth of what is rendered from it.
 
     R' = R dR with dR = Rz Ry Rx about the camera's axes, t' = t + dt along the world's (paper, section "Robot motion").
-    Rotations are composed as matrices in float64, never by adding angles. Each pose draws from its own frame's stream.
+    Rotations are composed as matrices in float64, never by adding angles.
     """
-    normals = np.array([context.stream(frame=k).standard_normal(6) for k in range(len(trajectory))])
+    found = drawn(len(trajectory), parameters, context)
     c2w = trajectory.c2w.copy()
     if parameters.rotation_deg:
-        c2w[:, :3, :3] @= rotation_from_euler_deg(*(parameters.rotation_deg * normals[:, :3].T))
-    c2w[:, :3, 3] += parameters.translation_m * normals[:, 3:]
+        c2w[:, :3, :3] @= rotation_from_euler_deg(*found["rotation_deg"].T)
+    c2w[:, :3, 3] += found["translation_m"]
     return Trajectory(c2w, trajectory.stamps_s)
 
 
@@ -41,4 +54,5 @@ PERTURBATION = MotionPerturbation(
     severities={},
     source='paper, section "Benchmark Statistics": {0, 1, 3, 5} degrees, {0, 0.0125, 0.025, 0.05} m',
     apply=apply,
+    drawn=drawn,
 )

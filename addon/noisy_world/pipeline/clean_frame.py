@@ -60,8 +60,8 @@ class CleanFrame:
 class Camera:
     """What is known about the camera beside its images.
 
-    intrinsics: None where unknown. stamps_s: (N,) time stamps of the path's frames, seconds; frame i of a sequence has
-    the i-th.
+    intrinsics: None where unknown. stamps_s: (N,) time stamps of the images of the path's frames, colour or depth,
+    seconds; frame i of a sequence has the i-th.
     """
 
     intrinsics: Intrinsics | None

@@ -3,44 +3,76 @@
 
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_file
+from ..core.datasets.storage import sha256_of_file, sha256_of_regular_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours
+from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
 ENCODERS = 2
 
 
+@dataclass(frozen=True)
+class Written:
+    """An image's file in the dataset, and its SHA-256.
+
+    perturbed: what was done to it. out_of_range: the depth that it cannot hold, None if it holds all.
+    """
+
+    path: Path
+    sha256: str
+    perturbed: list[dict[str, Any]] = field(default_factory=list)
+    out_of_range: OutOfRange | None = None
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A frame of a sequence some of whose depth its image cannot hold."""
+
+    sequence: Sequence
+    frame: int
+    out_of_range: OutOfRange
+
+
 class FrameWriter:
     """Perturbs, encodes and writes frames in threads beside the rendering, for every sequence that shows them.
 
-    An image that several sequences share is written once and linked.
+    An image that several sequences share is written once and linked. first_lost: the first frame that was
+    written whose depth 16 bits do not hold, None while there is none.
     """
 
     def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
         """Open the journals."""
         self._dataset = dataset
-        self._stamps_s = render.scene.source.stamps_s
-        self._camera = Camera(render.camera, self._stamps_s)
-        self._names = dataset.format.names(self._stamps_s)
+        self._stamps = render.scene.source.frame_stamps
+        self._camera = Camera(render.camera, self._stamps.depth.seconds)
+        self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
+        self._finished = Finished(dataset, self._sequences, self._names)
         self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
-        self._waiting: deque[Future[None]] = deque()
+        self._waiting: deque[Future[Lost | None]] = deque()
         self._lock = threading.Lock()
+        self.first_lost: Lost | None = None
+
+    def lacking_colour(self, sequences: Iterable[Sequence], sources: Iterable[int]) -> list[Sequence]:
+        """Return those of the sequences that lack the colour of some source frames."""
+        return [item for item in sequences if item.frames and self._finished.lacks(item, "rgb", sources)]
 
     def submit(self, clean: CleanFrame, colours: Colours) -> int:
         """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
@@ -52,7 +84,7 @@ class FrameWriter:
         self._waiting.append(self._pool.submit(self._write, clean, colours))
         finished = 0
         while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
-            self._waiting.popleft().result()
+            self._take_next()
             finished += 1
         return finished
 
@@ -60,62 +92,76 @@ class FrameWriter:
         """Wait for all queued frames; return how many were finished."""
         finished = len(self._waiting)
         while self._waiting:
-            self._waiting.popleft().result()
+            self._take_next()
         return finished
 
-    def _write(self, clean: CleanFrame, colours: Colours) -> None:
-        files = CleanFiles(self._dataset, clean)
+    def _take_next(self) -> None:
+        # In the frames' order, so that the first to lose depth is the same in every run.
+        lost = self._waiting.popleft().result()
+        self.first_lost = self.first_lost or lost
+
+    def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
+        """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
+        lost = None
+        files = CleanFiles(self._dataset, clean, self._finished)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
             with self._lock:
                 for record in records:
                     journal.append(record)
+            for record in records:
+                if lost is None and record.out_of_range is not None:
+                    lost = Lost(sequence, record.frame, record.out_of_range)
+        return lost
 
     def _write_rgb(
         self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours
     ) -> Iterator[FrameRecord]:
         format_ = self._dataset.format
-        for frame in sequence.showing("rgb", clean.source) if "rgb" in format_.modalities else ():
+        for frame in self._finished.missing(sequence, "rgb", clean.source):
             pixels, notes = colours[sequence.folder, frame]() if sequence.setting.rgb else (None, [])
             name = self._names.rgb(frame)
             if pixels is None:
-                digest = files.give("rgb", sequence.folder, name)
+                digest = files.give("rgb", sequence.folder, name).sha256
             else:
                 digest = self._dataset.write_file(sequence.folder, name, format_.encode_rgb(pixels))
             yield self._record(frame, {name: digest}, {"rgb": notes} if notes else {})
 
     def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles") -> Iterator[FrameRecord]:
-        format_ = self._dataset.format
-        written: dict[int, tuple[Path, str, list[dict[str, Any]]]] = {}  # by the frame that the depth belongs to
-        for frame in sequence.showing("depth", clean.source) if "depth" in format_.modalities else ():
+        taken_already: dict[int, Written] = {}  # by the frame that the depth belongs to
+        for frame in self._finished.missing(sequence, "depth", clean.source):
             name = self._names.depth(frame)
             taken = sequence.shown(frame).depth_frame
-            if taken in written:
-                path, digest, notes = written[taken]
-                self._dataset.link_file(path, sequence.folder, name)
+            if taken in taken_already:
+                self._dataset.link_file(taken_already[taken].path, sequence.folder, name)
             else:
-                digest, notes = self._write_one_depth(sequence, clean, files, taken, name)
-                written[taken] = (self._dataset.out / sequence.folder / name, digest, notes)
-            done: dict[str, object] = {"depth": notes} if notes else {}
+                taken_already[taken] = self._write_one_depth(sequence, clean, files, taken, name)
+            written = taken_already[taken]
+            done: dict[str, object] = {"depth": written.perturbed} if written.perturbed else {}
             if sequence.paired:
                 done["pairing"] = {"depth_of_frame": taken}
-            yield self._record(frame, {name: digest}, done)
+            yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
 
     def _write_one_depth(
         self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", taken: int, name: str
-    ) -> tuple[str, list[dict[str, Any]]]:
-        """Write the depth that was taken with a frame, perturbed; return the file's SHA-256 and what was done."""
+    ) -> Written:
+        """Write the depth that was taken with a frame, perturbed."""
         depth_m, notes = None, []
         if sequence.setting.depth:
             context = self._camera.context(sequence, taken, clean)
             depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
+        path = self._dataset.out / sequence.folder / name
         if depth_m is None:
-            return files.give("depth", sequence.folder, name), notes
-        data = self._dataset.format.encode_depth(depth_m)
-        return self._dataset.write_file(sequence.folder, name, data), notes
+            return replace(files.give("depth", sequence.folder, name), path=path, perturbed=notes)
+        format_ = self._dataset.format
+        digest = self._dataset.write_file(sequence.folder, name, format_.encode_depth(depth_m))
+        return Written(path, digest, notes, format_.out_of_range(depth_m))
 
-    def _record(self, frame: int, files: dict[str, str], done: dict[str, Any]) -> FrameRecord:
-        return FrameRecord(frame, float(self._stamps_s[frame]), files, done)
+    def _record(
+        self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
+    ) -> FrameRecord:
+        rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
+        return FrameRecord(frame, rgb_s, files, done, lost, None if depth_s == rgb_s else depth_s)
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -128,28 +174,40 @@ class FrameWriter:
 
 
 class CleanFiles:
-    """The clean images of one frame, each encoded when it is first needed and linked afterwards."""
+    """The clean images of one frame, each encoded when it is first needed and linked afterwards.
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame) -> None:
+    One that a sequence of the dataset has already is linked too.
+    """
+
+    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished) -> None:
         self._dataset = dataset
         self._clean = clean
-        self._written: dict[Modality, tuple[Path, str]] = {}
+        self._finished = finished
+        self._written: dict[Modality, Written] = {}
 
-    def give(self, modality: Modality, folder: str, name: str) -> str:
-        """Put the clean image under a name into a sequence; return its SHA-256."""
+    def give(self, modality: Modality, folder: str, name: str) -> Written:
+        """Put the clean image under a name into a sequence; return the file that it was first written to."""
         if modality not in self._written and (path := self._clean.file_as(modality, self._dataset.format)):
             digest = sha256_of_file(path)
             if digest is None:
                 raise InputError(path, "is gone")
-            self._written[modality] = (path, digest)
+            self._written[modality] = Written(path, digest)
+        if modality not in self._written:
+            for path in self._finished.clean_files(modality, self._clean.source):
+                if digest := sha256_of_regular_file(path):
+                    lost = self._finished.out_of_range(self._clean.source) if modality == "depth" else None
+                    self._written[modality] = Written(path, digest, out_of_range=lost)
+                    break
         if modality in self._written:
-            path, digest = self._written[modality]
-            self._dataset.link_file(path, folder, name)
-            return digest
-        digest = self._dataset.write_file(folder, name, self._encoded(modality))
-        self._written[modality] = (self._dataset.out / folder / name, digest)
-        return digest
+            self._dataset.link_file(self._written[modality].path, folder, name)
+        else:
+            self._written[modality] = self._write(modality, folder, name)
+        return self._written[modality]
 
-    def _encoded(self, modality: Modality) -> bytes:
-        format_ = self._dataset.format
-        return format_.encode_rgb(self._clean.rgb) if modality == "rgb" else format_.encode_depth(self._clean.depth_m)
+    def _write(self, modality: Modality, folder: str, name: str) -> Written:
+        format_, path = self._dataset.format, self._dataset.out / folder / name
+        if modality == "rgb":
+            return Written(path, self._dataset.write_file(folder, name, format_.encode_rgb(self._clean.rgb)))
+        depth_m = self._clean.depth_m
+        digest = self._dataset.write_file(folder, name, format_.encode_depth(depth_m))
+        return Written(path, digest, out_of_range=format_.out_of_range(depth_m))

@@ -1,23 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run: it renders a plan's frames once, writes them for every setting, and completes the dataset."""
 
+import json
 import shutil
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.datasets.dataset import MANIFEST, OVERVIEW, RUN, Dataset
+from ..core.datasets.dataset import Dataset
+from ..core.datasets.depth_range import RangeLoss, range_loss
+from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import identity, manifest, render_seed
+from ..core.datasets.provenance import cameras_agree, identity, manifest, render_seed
 from ..core.datasets.records import FrameRecord
-from ..core.errors import InterruptedRunError
+from ..core.datasets.standing import OVERVIEW, RUN
+from ..core.errors import InterruptedRunError, StorageError
 from ..core.machine import available_threads, peak_memory_bytes
-from ..core.planning.estimate import estimate
+from ..core.planning.estimate import image_bytes, size_text
+from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render, source_paths
 from ..core.planning.sequence import Sequence, written_paths
 from ..core.planning.source import OpenSource, RenderOptions
@@ -26,8 +31,11 @@ from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_frame import Camera, CleanFrame
 from .colour import colour_of
-from .frame_writer import FrameWriter
+from .frame_writer import FrameWriter, Lost
 from .report import Report
+from .stock import take_stock
+
+FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
 type Work = dict[str, list[int]]
 """The source frames to render, by the name of the render."""
@@ -63,6 +71,7 @@ class Run:
         self._workers = workers
         self._dataset = Dataset(out, plan.format)
         self._paths: dict[str, SensorPaths] = {}
+        self._told_lost: set[str] = set()  # the scenes that a note on lost depth has named
         self.report = Report(jobs=jobs)
 
     def make_dataset(self) -> Report:
@@ -72,20 +81,21 @@ class Run:
         another run of the same plan continues from there.
         """
         start_s = time.perf_counter()
-        made_from = self._identity()
-        self._dataset.open(made_from, overwrite=self._overwrite)
+        self._open()
         try:
             if self._dataset.holds_frames():
                 self._progress.note("checking the frames that are there")
-            work = self._missing()
-            self._warn_of_space(sum(map(len, work.values())))
+            work, needed_bytes = self._missing()
+            self._check_space(needed_bytes)
             self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+            if self._plan.format.note:
+                self._progress.note(self._plan.format.note)
             if self._jobs > 1 and self._workers is not None and work:
                 self.report.merge(self._workers(split_work(work, self._jobs), self._progress))
             else:
                 self._render(work, worker=0)
             self._progress.finish()
-            self._finish(made_from)
+            self._finish()
             self.report.total_s = time.perf_counter() - start_s
             self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
             self._dataset.write_text(RUN, canonical(self.report.content()))
@@ -100,38 +110,52 @@ class Run:
 
         Raises StorageError where that run was opened with other inputs or versions than this process finds.
         """
-        self._dataset.join(self._identity())
+        self._dataset.join(self._identity(paths=False))
         self._render(work, worker)
         return self.report
 
-    def _identity(self) -> dict[str, Any]:
-        return identity(self._plan, versions_of(self._plan))
+    def _open(self) -> None:
+        """Take the folder, where what it holds can grow into the plan."""
+        made_from = self._identity(paths=True)
 
-    def _missing(self) -> Work:
-        """Find what is to be rendered: the source frames that a sequence needs for a missing file."""
+        def refusal(there: dict[str, Any]) -> str | None:
+            return why_not(there, made_from, self._plan)
+
+        self._dataset.open(made_from, refusal, overwrite=self._overwrite)
+        for text in self._dataset.notes:
+            self._note(text)
+
+    def _identity(self, *, paths: bool) -> dict[str, Any]:
+        # Through JSON, as the file is that it is compared with.
+        return json.loads(canonical(identity(self._plan, versions_of(self._plan), paths=paths)))
+
+    def _missing(self) -> tuple[Work, int]:
+        """Find what is to be rendered: the source frames that a sequence needs for a missing file.
+
+        Returns that, and roughly how many bytes the missing files will have.
+        """
         work: Work = {}
+        needed_bytes = 0
         for render in self._plan.renders:
-            names = self._dataset.format.names(render.scene.source.stamps_s)
-            missing: set[int] = set()
-            for sequence in render.sequences:
-                there = self._dataset.take_stock(sequence.folder)
-                for frame in sequence.frames:
-                    lacking = names.of(frame) - there.get(frame, set())
-                    shown = sequence.shown(frame)
-                    if names.rgb(frame) in lacking:
-                        missing.add(shown.rgb_source)
-                    if names.depth(frame) in lacking:
-                        missing.add(shown.depth_source)
-            self.report.frames_kept += len(render.frames) - len(missing)
-            if missing:
-                work[render.name] = sorted(missing)
-        return work
+            lacking = take_stock(self._dataset, self._plan, render)
+            needed_bytes += lacking.bytes_to_write
+            self.report.frames_kept += len(render.frames) - len(lacking.sources)
+            if lacking.sources:
+                work[render.name] = lacking.sources
+        return work, needed_bytes
 
-    def _warn_of_space(self, missing_frames: int) -> None:
-        needed = estimate(self._plan).bytes_written * missing_frames / max(self._plan.frame_count, 1)
-        free = shutil.disk_usage(self._dataset.out).free
-        if needed > free:
-            self._note(f"about {needed / 1e9:.1f} GB are to be written and {free / 1e9:.1f} GB are free")
+    def _check_space(self, needed_bytes: int) -> None:
+        """Say where the disk is too small; raise StorageError where not even a frame fits. The sizes are rough."""
+        out, free_bytes = self._dataset.out, shutil.disk_usage(self._dataset.out).free
+        if needed_bytes <= free_bytes:
+            return
+        told = f"about {size_text(needed_bytes)} are to be written and {size_text(free_bytes)} are free"
+        render = self._plan.renders[0]
+        frame_bytes = sum(image_bytes(self._plan, render, modality) for modality in self._plan.format.modalities)
+        if free_bytes < min(needed_bytes, frame_bytes):
+            remedy = "make room there and run the same command again, or choose another folder with --out"
+            raise StorageError(f"{out}: no space left: {told}; {remedy}")
+        self._note(f"this will hardly fit: {told} in {out}; a run that fills the disk goes on once there is room")
 
     def _note(self, text: str) -> None:
         self.report.notes.append(text)
@@ -145,7 +169,7 @@ class Run:
                 continue
             start_s = time.perf_counter()
             paths = self._paths_of(render)
-            options = render_options(self._plan, render, self._jobs)
+            options = render_options(self._plan, render, work[render.name], self._jobs)
 
             def note(text: str, render: Render = render) -> None:
                 self._note(f"{render.name}: {text}")
@@ -165,7 +189,7 @@ class Run:
         size_px = (render.camera.width_px, render.camera.height_px)
         with (
             FrameWriter(self._dataset, render, worker) as writer,
-            colour_of(coloured, camera, size_px) as colour,
+            colour_of(writer.lacking_colour(coloured, frames), camera, size_px) as colour,
         ):
             for frame in frames:
                 if self._stop.is_set():
@@ -175,7 +199,24 @@ class Run:
                 if self.report.first_frame_s is None:
                     self.report.first_frame_s = time.perf_counter() - start_s
                 self._count(writer.submit(clean, colour.of(clean)))
+                self._tell_lost(writer.first_lost)
             self._count(writer.drain())
+            self._tell_lost(writer.first_lost)
+
+    def _tell_lost(self, lost: Lost | None) -> None:
+        """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""
+        if lost is None or lost.sequence.scene in self._told_lost:
+            return
+        scene, range_ = lost.sequence.scene, self._plan.format.depth_range
+        self._told_lost.add(scene)
+        told = range_.told_of_image(lost.out_of_range, self._pixels(scene))
+        told = range_.with_remedy(told, lost.out_of_range.farthest_m)
+        self._progress.note(f"{scene}: frame {lost.frame} of {lost.sequence.setting.name}: {told}", subject=scene)
+
+    def _pixels(self, scene: str) -> int:
+        """Return how many pixels a frame of a scene has."""
+        (camera,) = {render.camera for render in self._plan.renders if render.scene.name == scene}
+        return camera.width_px * camera.height_px
 
     def _count(self, frames: int) -> None:
         self.report.frames_rendered += frames
@@ -190,36 +231,57 @@ class Run:
 
     # --- text files ---
 
-    def _finish(self, made_from: dict[str, Any]) -> None:
+    def _finish(self) -> None:
         """Write the text files beside the images, and the manifest."""
         files: dict[str, object] = {}
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
+        losses: dict[str, RangeLoss] = {}
         format_ = self._plan.format
+        one_camera = cameras_agree(self._dataset.identity)
         for render in self._plan.renders:
             for sequence in render.sequences:
                 records = self._finished_frames(render, sequence)
                 if not records:
                     continue  # --frames chose none of it
+                if motion := motion_of_frames(render, sequence, self._paths_of(render)):
+                    records = {frame: record.with_motion(motion[frame]) for frame, record in records.items()}
                 paths = written_paths(sequence, self._paths_of(render))
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths)
+                stamps = render.scene.source.frame_stamps
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
                 texts = format_.layout.sequence_texts(facts)
+                if not one_camera:
+                    texts |= format_.setting_texts(render.camera)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
+                images = (record.out_of_range for record in records.values())
+                if loss := range_loss(images, self._pixels(sequence.scene)):
+                    losses[sequence.folder] = loss
+        of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
-            for name, text in format_.setting_texts(self._plan.camera).items():
+            for name, text in of_setting.items():
                 path = f"{setting}/{name}"
                 files[path] = self._dataset.write_text(path, text)
         if self._plan.preset.spec.output.overview:
-            stamps_s = {scene.name: scene.source.stamps_s for scene in self._plan.scenes}
-            picture = draw_overview(self._dataset.out, format_, pictured, stamps_s)
+            stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
+            picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
-        self._dataset.write_text(MANIFEST, canonical(manifest(self._plan, made_from, files, counts)))
+        self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts, losses))
+        self._note_losses(losses, counts)
+
+    def _note_losses(self, losses: dict[str, RangeLoss], counts: dict[str, int]) -> None:
+        """Say in a note for each scene how much of its depth is lost, and what keeps it."""
+        for scene in self._plan.scenes:
+            of_scene = [sequence for sequence in self._plan.sequences if sequence.scene == scene.name]
+            lost = {item.setting.name: losses[item.folder] for item in of_scene if item.folder in losses}
+            frames = {item.setting.name: counts[item.folder] for item in of_scene if item.folder in losses}
+            if lost:
+                self._note(f"{scene.name}: {self._plan.format.depth_range.told_of_scene(lost, frames)}")
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
-        names = self._dataset.format.names(render.scene.source.stamps_s)
+        names = self._dataset.format.names(render.scene.source.frame_stamps)
         records = self._dataset.records(sequence.folder)
         whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
         if lost := [frame for frame in sequence.frames if frame not in whole]:
@@ -241,12 +303,16 @@ def versions_of(plan: Plan) -> dict[str, str]:
     return renderer_versions(plan.preset.spec.render.engine, plan.preset.spec.render.device)
 
 
-def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
-    """Return how the frames of a render are made, in one of `jobs` processes that share the machine."""
+def render_options(plan: Plan, render: Render, frames: Iterable[int] = (), jobs: int = 1) -> RenderOptions:
+    """Return how frames of a render are made, in one of `jobs` processes that share the machine.
+
+    A process that makes the first of them, or shares the render with one that does, looks at the first ones.
+    """
     spec = plan.preset.spec
+    judging = not spec.render.allow_empty and (jobs > 1 or not set(render.frames[:1]).isdisjoint(frames))
     return RenderOptions(
-        near_m=spec.camera.near_m,
-        far_m=spec.camera.far_m,
+        near_m=spec.mesh_camera.near_m,
+        far_m=spec.mesh_camera.far_m,
         samples=spec.render.samples,
         seed=render_seed(spec.seed),
         engine=spec.render.engine,
@@ -254,6 +320,7 @@ def render_options(plan: Plan, render: Render, jobs: int = 1) -> RenderOptions:
         rgb="rgb" in plan.format.modalities or render.needs_rgb,
         depth="depth" in plan.format.modalities or render.needs_depth,
         threads=max(1, available_threads() // jobs) if jobs > 1 else 0,
+        first_frames=render.frames[:FIRST_FRAMES] if judging else (),
     )
 
 

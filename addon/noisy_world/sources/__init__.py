@@ -8,14 +8,13 @@ import glob
 import re
 from pathlib import Path
 
-from ..core.datasets.layouts import find_sequence
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory
 from .mesh import MeshSource, selected_poses
-from .recording import Recording
+from .recording import read_recording
 
 
 def find_scenes(preset: Preset) -> list[Scene]:
@@ -40,6 +39,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
     found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
+        found = [text for text in found if not (preset.path.parent / text).is_file()]
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -55,8 +56,8 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
 def _recorded_scene(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
 ) -> Scene:
-    del preset, spec, parts
-    return _scene(name, place, Recording(find_sequence(path), place))
+    del preset, parts
+    return _scene(name, place, read_recording(path, place, spec.rate_hz))
 
 
 def _mesh_scene(

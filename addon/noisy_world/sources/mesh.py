@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The source of a mesh and a path through it, whose frames Blender renders."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,17 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.storage import sha256_of_file
-from ..core.errors import NoisyWorldError
+from ..core.errors import InputError, NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
 from ..core.presets.preset import EMBEDDED_ROOM, HandheldSpec, TrajectorySpec
 from ..core.scenes.mesh import Mesh
-from ..core.scenes.ply import read_ply
+from ..core.scenes.ply import read_ply, texture_files
 from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
 from ..core.trajectories.handheld import handheld_path
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
 
 if TYPE_CHECKING:
@@ -69,11 +71,20 @@ class MeshSource:
         return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
 
     @property
+    def frame_stamps(self) -> FrameStamps:
+        """Those of the path: colour and depth are rendered at one moment."""
+        return self._frame_stamps
+
+    @cached_property
+    def _frame_stamps(self) -> FrameStamps:
+        return FrameStamps.of(self.stamps_s)
+
+    @property
     def robot_axes(self) -> Axes | None:
         """The axes that the preset declares for the path."""
         return self.spec.axes
 
-    def camera(self, asked: Intrinsics) -> Intrinsics:
+    def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics asked for: a mesh can be rendered through any camera."""
         return asked
 
@@ -103,12 +114,19 @@ class MeshSource:
         return selected_poses(path, self.spec, self.place.at("trajectory"))
 
     def hashes(self) -> dict[str, Any]:
-        """Return the names and hashes of the mesh and of the path's file."""
+        """Return the names and hashes of the mesh, of its textures if it has any, and of the path's file."""
+        textures = [] if self.mesh_path is None else texture_files(self.mesh_path)
+        digests = "".join(sha256_of_file(file) or "" for file in textures)
+        texture_hashes = {
+            "mesh_textures": ", ".join(file.name for file in textures),
+            "mesh_textures_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+        }
         return {
             "mesh": EMBEDDED_ROOM if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else sha256_of_file(self.path_file),
+            **(texture_hashes if textures else {}),
         }
 
     @contextmanager
@@ -121,32 +139,76 @@ class MeshSource:
         mesh = load_mesh(self.mesh_path)
         for text in mesh.notes:
             note(text)
+        if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
+            note("Workbench shows a texture or other colours: faces without a texture are grey")
+        beginning = self._beginning(paths, options.first_frames)
         with Session(mesh, self.name, paths, camera, options) as session:
             if session.origin_m.any():
                 where = ", ".join(f"{value:g}" for value in session.origin_m)
                 note(f"far from the origin, so rendered around ({where}) m; poses stay as given")
-            opened = OpenMesh(session, mesh, camera, note)
+            opened = OpenMesh(session, mesh, camera, note, beginning)
             del mesh  # only the check of the first frame still needs it; then the memory is free
             yield opened
+
+    def _beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> "Beginning | None":
+        if not frames:
+            return None
+        path = "the hand-held path" if self.path_file is None else self.path_file.name
+        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
+        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} nothing of {Path(self.location).name}"
+        declared = f"pose ({self.spec.pose}) and axes ({self.spec.axes}) as the file has them"
+        remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
+        error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
+        return Beginning(tuple(map(paths.moment, frames)), error)
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """The first moments of a path, at least one, and the error if none of them sees anything."""
+
+    moments: tuple[Moment, ...]
+    error: InputError
 
 
 class OpenMesh:
     """A mesh in Blender. Its first frame is checked against the mesh, which is then released."""
 
-    def __init__(self, session: "Session", mesh: Mesh, camera: Intrinsics, note: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        session: "Session",
+        mesh: Mesh,
+        camera: Intrinsics,
+        note: Callable[[str], None],
+        beginning: Beginning | None = None,
+    ) -> None:
         self._session = session
         self._unchecked: Mesh | None = mesh
         self._camera = camera
         self._note = note
+        self._beginning = beginning
 
     def frame(self, moment: Moment) -> SourceFrame:
-        """Render the frame of a moment."""
+        """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
         frame = self._session.frame(moment)
+        if self._beginning is not None:
+            self._check_beginning(self._beginning, moment, frame)
         if self._unchecked is not None and frame.depth_m is not None:
             self._check(self._unchecked, moment, frame.depth_m)
-        self._unchecked = None
+        self._unchecked = self._beginning = None
         forget_meshes()
         return frame
+
+    def _check_beginning(self, beginning: Beginning, moment: Moment, frame: SourceFrame) -> None:
+        """Raise the error where none of the first frames sees anything.
+
+        Frames that another process writes, or none, are rendered for this alone, so that each process of a run comes
+        to the same end, before it has handed out a frame.
+        """
+        first, *others = beginning.moments
+        if _sees_something(frame if moment.index == first.index else self._session.frame(first)):
+            return
+        if not any(_sees_something(self._session.frame(other)) for other in others):
+            raise beginning.error
 
     def _check(self, mesh: Mesh, moment: Moment, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
@@ -158,6 +220,11 @@ class OpenMesh:
             self._note(f"{where}: {problem}")
 
 
+def _sees_something(frame: SourceFrame) -> bool:
+    """Tell whether a frame shows anything: void has neither colour nor depth."""
+    return any(image is not None and bool(image.any()) for image in (frame.rgb, frame.depth_m))
+
+
 def load_mesh(path: Path | None) -> Mesh:
     """Read a mesh, or build the embedded room where there is no path; the last ones are cached.
 
@@ -165,7 +232,9 @@ def load_mesh(path: Path | None) -> Mesh:
     """
     if path is None:
         return _room()
-    return _read(path, path.stat().st_mtime_ns) if path.is_file() else read_ply(path)
+    if not path.is_file():
+        return read_ply(path)
+    return _read(path, tuple(file.stat().st_mtime_ns for file in (path, *texture_files(path))))
 
 
 @lru_cache(maxsize=1)
@@ -174,7 +243,7 @@ def _room() -> Mesh:
 
 
 @lru_cache(maxsize=1)
-def _read(path: Path, _changed_ns: int) -> Mesh:
+def _read(path: Path, _changed_ns: tuple[int, ...]) -> Mesh:
     return read_ply(path)
 
 

@@ -4,23 +4,24 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.datasets.layouts import Modality, OutputFormat, find_sequence
 from ..core.datasets.storage import sha256_of_file
-from ..core.datasets.stored import StoredFrame, StoredSequence
+from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 
-INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics
+RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
 
 @dataclass(frozen=True)
@@ -42,24 +43,39 @@ class Recording:
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
-        """Time stamps (N,) of the frames."""
-        return self.stored.trajectory.stamps_s
+        """Time stamps (N,) of the frames, which are those of their colour."""
+        return self.stored.stamps.rgb.seconds
+
+    @property
+    def frame_stamps(self) -> FrameStamps:
+        """When colour, depth and poses were taken, as the recording says."""
+        return self.stored.stamps
 
     @property
     def robot_axes(self) -> Axes | None:
         """None: a recording has no rig."""
         return None
 
-    def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return the intrinsics asked for. Raises InputError where the recording's own are known and differ."""
-        wide, high = self.stored.size_px
-        if (wide, high) != (asked.width_px, asked.height_px):
-            remedy = f"set camera to that; it has {asked.width_px} x {asked.height_px}"
-            raise self.place.at("sequence").error(f"its images are {wide} x {high}", remedy)
-        told = self.stored.camera
-        if told is not None and np.abs(_intrinsics_px(told) - _intrinsics_px(asked)).max() > INTRINSICS_TOLERANCE_PX:
-            values = f"fx {told.fx_px:g}, fy {told.fy_px:g}, cx {told.cx_px:g}, cy {told.cy_px:g}"
-            raise self.place.at("sequence").error(f"its camera has {values}", "set camera to these; it has others")
+    def camera(self, asked: Intrinsics | None) -> Intrinsics:
+        """Return the intrinsics asked for or, where none are, its own.
+
+        Raises InputError where its images or its own intrinsics contradict those asked for, and where neither is known.
+        """
+        known, size_px = self.stored.known_camera, self.stored.size_px
+        self.stored.check_depth()
+        if asked is None and known is None:
+            problem = f"no file of {self.location} says its intrinsics"
+            raise self.place.at("sequence").error(problem, f"give camera; its images are {_spoken(size_px)}")
+        if asked is None:
+            assert known is not None, "one of them is"
+            return known
+        if size_px != (asked.width_px, asked.height_px):
+            asked_px = (asked.width_px, asked.height_px)
+            problem = f"its images are {_spoken(size_px)}, but the preset's camera has {_spoken(asked_px)}"
+            raise self.place.at("sequence").error(problem, "set camera to that, or leave it out")
+        if known is not None and not same_camera(known, asked):
+            problem = f"its camera has {_values(known)} ({self.stored.camera_path}), but the preset's {_values(asked)}"
+            raise self.place.at("sequence").error(problem, "set camera to these, or leave it out")
         return asked
 
     def trajectory(self) -> Trajectory:
@@ -67,14 +83,18 @@ class Recording:
         return self.stored.trajectory
 
     def hashes(self) -> dict[str, Any]:
-        """Return the folder's name and the hashes of the ground truth and of all images together."""
-        path = self.stored.trajectory_path
-        digests = "".join(sha256_of_file(file) or "" for file in self.stored.files)
+        """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
+        stored = self.stored
+        digests = "".join(sha256_of_file(file) or "" for file in stored.files)
+        told = None if stored.camera is None else asdict(stored.camera)
         return {
-            "sequence": self.stored.folder.name,
-            "files_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-            "trajectory": path.name,
-            "trajectory_sha256": sha256_of_file(path),
+            "sequence": stored.folder.name,
+            "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            "trajectory": stored.trajectory_path.name,
+            "trajectory_sha256": sha256_of_file(stored.trajectory_path),
+            "stamps_sha256": _stamps_sha256(stored.stamps),
+            "depth_scale_per_m": stored.depth_scale_per_m,
+            "camera": told,
         }
 
     @contextmanager
@@ -82,12 +102,36 @@ class Recording:
         self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
     ) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
-        del paths, camera, options, note  # the files decide all of it
+        del paths, camera, options  # the files decide all of it
+        for text in self.stored.notes:
+            note(text)
         yield OpenRecording(self.stored)
 
 
-def _intrinsics_px(camera: Intrinsics) -> NDArray[np.float64]:
-    return np.array([camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px])
+def read_recording(folder: Path, place: Place, rate_hz: float | None) -> Recording:
+    """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
+
+    Raises InputError where files are missing or wrong, and where its own stamps say another rate.
+    """
+    stored = find_sequence(folder, rate_hz)
+    own_hz = None if stored.stamps_path is None else stored.rate_hz
+    if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
+        problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
+        raise place.at("rate_hz").error(problem, "leave it out: the recording's own time stamps are kept")
+    return Recording(stored, place)
+
+
+def _values(camera: Intrinsics) -> str:
+    return f"fx {camera.fx_px:.9g}, fy {camera.fy_px:.9g}, cx {camera.cx_px:.9g}, cy {camera.cy_px:.9g}"
+
+
+def _spoken(size_px: tuple[int, int]) -> str:
+    return f"{size_px[0]} x {size_px[1]}"
+
+
+def _stamps_sha256(stamps: FrameStamps) -> str:
+    parts = (stamps.rgb, stamps.depth, stamps.pose)
+    return hashlib.sha256(repr([part.exact_ns or part.seconds.tolist() for part in parts]).encode()).hexdigest()
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,13 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
+from ..core.presets.output import OutputSpec
 from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
 from ..core.schema import Place, unknown_name
 from ..perturbations import registry
@@ -91,6 +93,13 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
             "overview": panel.overview,
         },
     }
+
+
+def format_of(panel: Any) -> OutputFormat:
+    """Return the format of the dataset that the panel describes."""
+    scale_per_m = value_of(panel, "depth_scale_per_m")
+    output = OutputSpec(panel.layout, panel.image, panel.colour, scale_per_m, panel.depth_beyond)
+    return output.format
 
 
 def absolute(path: str) -> str:
@@ -261,6 +270,7 @@ def _refuse_unshown(preset: Preset) -> None:
         and trajectory.handheld.seed is not None and "is another seed than the preset's",
         "rig": spec.rig is not None and "places sensors on a robot",
         "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
+        "render.allow_empty": spec.render.allow_empty and "is true",
         "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
     }  # fmt: skip
     for path, problem in asked.items():
@@ -292,7 +302,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
 def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
     panel.seed = spec.seed
     for name, field in CAMERA.items():
-        set_value(panel, name, getattr(spec.camera, field))
+        set_value(panel, name, getattr(spec.mesh_camera, field))
     panel.engine, panel.samples = spec.render.engine, spec.render.samples
     panel.backend = setting.backend
     output = spec.output.format

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
+from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
@@ -24,7 +25,7 @@ from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from .document import identifiers_of, intrinsics_of, steps_of
+from .document import format_of, identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
@@ -117,15 +118,28 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     context = _camera(scene).context(sequence, shown.depth_frame, clean)
     depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
     depth_m = clean.depth_m if depth_m is None else depth_m
+    depth_m, lost = _held(scene, depth_m)
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
     picture = colour_depth(depth_m, near_m, far_m)
-    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {_listed(notes)}"
+    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {lost}{_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
     colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
     pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
+
+
+def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray[np.float32], str]:
+    """Return depth (H, W) without what its file cannot hold, and what to say of that; "" where it holds all."""
+    format_ = format_of(panel_of(scene))
+    lost = format_.out_of_range(depth_m)
+    if lost is None:
+        return depth_m, ""
+    told = format_.depth_range.told_of_image(lost, depth_m.size)
+    if lost.farthest_m is not None:
+        told += f" (a Depth Scale of {scale_that_holds(lost.farthest_m):g} holds that)"
+    return format_.stored_depth_m(depth_m), f"{told}; "
 
 
 def _shown(sequence: Sequence, index: int) -> Shown:

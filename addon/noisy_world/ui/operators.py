@@ -86,18 +86,18 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
         """Load it, and let a Solid view show its colours."""
 
         def work() -> str:
-            _, notes = world.load_scene(context.scene)
-            show_colours(context)
+            loaded, notes = world.load_scene(context.scene)
+            show_colours(context, textured=world.is_textured(loaded))
             return "; ".join((", ".join(world.summary(context.scene)), *notes))
 
         return guarded(self, work)
 
 
-def show_colours(context: bpy.types.Context) -> None:
-    """Make the 3D view in use show vertex colours unchanged, if it is in Solid shading."""
+def show_colours(context: bpy.types.Context, *, textured: bool) -> None:
+    """Make the 3D view in use show the colours of vertices or of the texture unchanged, if it is in Solid shading."""
     space = context.space_data
     if space is not None and space.type == "VIEW_3D" and space.shading.type == "SOLID":
-        space.shading.color_type = "VERTEX"
+        space.shading.color_type = "TEXTURE" if textured else "VERTEX"
         space.shading.light = "FLAT"
 
 

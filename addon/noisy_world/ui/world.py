@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
-from ..blender.scene import NEUTRAL_GREY, add_mesh, set_origin
+from ..blender.scene import add_mesh, rgba_of, set_origin
 from ..blender.typed import mesh_of
 from ..core.errors import NoisyWorldError
 from ..core.scenes.mesh import Mesh
@@ -59,7 +59,23 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
     loaded.visible_shadow = False
     _add_display_colours(mesh_of(loaded), mesh)
+    for image in _images(loaded):
+        image.pack()  # its pixels are the file's own, and would not be saved with it otherwise
     return loaded, mesh.notes
+
+
+def is_textured(item: bpy.types.Object) -> bool:
+    """Tell whether a mesh of ours shows a texture."""
+    return bool(_images(item))
+
+
+def _images(item: bpy.types.Object) -> list[bpy.types.Image]:
+    """Return the images that the materials of a mesh of ours show."""
+    materials = [] if not isinstance(item.data, bpy.types.Mesh) else item.data.materials
+    trees = [material.node_tree for material in materials if material is not None]
+    nodes = [node for tree in trees if tree is not None for node in tree.nodes]
+    textures = [node for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage)]
+    return [node.image for node in textures if node.image is not None]
 
 
 def _mesh_path(panel: Any) -> Path | None:
@@ -77,9 +93,8 @@ def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
 def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
     """Add colours for Solid shading, which reads float colours as linear light; those for rendering are not changed."""
     rendered = data.color_attributes.render_color_index
-    colours = data.color_attributes.new(DISPLAY_COLOURS, "BYTE_COLOR", "POINT")
-    rgba = np.ones((len(mesh.vertices_m), 4), dtype=np.float32)
-    rgba[:, :3] = NEUTRAL_GREY if mesh.rgb is None else mesh.rgb
+    domain, rgba = rgba_of(mesh)
+    colours = data.color_attributes.new(DISPLAY_COLOURS, "BYTE_COLOR", domain)
     assert isinstance(colours, bpy.types.ByteColorAttribute)
     colours.data.foreach_set("color_srgb", rgba.ravel())
     data.color_attributes.active_color_name = DISPLAY_COLOURS
@@ -88,6 +103,7 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
 
 def _remove_mesh(item: bpy.types.Object) -> None:
     data = item.data
+    images = _images(item)
     bpy.data.objects.remove(item)
     if not isinstance(data, bpy.types.Mesh) or data.users:
         return
@@ -96,6 +112,9 @@ def _remove_mesh(item: bpy.types.Object) -> None:
     for material in materials:
         if not material.users:
             bpy.data.materials.remove(material)
+    for image in images:
+        if not image.users:
+            bpy.data.images.remove(image)
 
 
 # --- path ---

@@ -65,7 +65,10 @@ def test_one_pixel():
 def test_names_sort_as_numbers():
     frames = [0, 9, 10, 99999, 100000]
     for layout in LAYOUTS.values():
-        names = [layout.rgb_name(k, k / 20, "png") for k in frames], [layout.depth_name(k, k / 20) for k in frames]
+        names = (
+            [layout.rgb_name(k, k * 10**7, "png") for k in frames],
+            [layout.depth_name(k, k * 10**7) for k in frames],
+        )
         for found in names:
             assert sorted(found) == found
             assert len(set(found)) == len(frames)

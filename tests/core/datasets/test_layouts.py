@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Layouts as objects: their names, and sequences that are told apart and read from files written by hand."""
 
-import json
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +11,7 @@ from stored_sequences import write_euroc
 from worlds import ROOT
 
 from noisy_world.core.datasets.layouts import LAYOUTS, SequenceFacts, find_sequence
-from noisy_world.core.datasets.layouts.asl import nanoseconds, stamp_text
+from noisy_world.core.datasets.layouts.asl import stamp_text
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.output import OutputSpec
@@ -20,6 +19,7 @@ from noisy_world.core.presets.preset import check_document
 from noisy_world.core.schema import Choice, Place, key, list_keys, parse
 from noisy_world.core.trajectories.rig import Rig, Sensor
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
+from noisy_world.core.trajectories.stamps import nanoseconds
 from noisy_world.core.trajectories.trajectory import Trajectory
 
 REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
@@ -96,7 +96,7 @@ def test_nanoseconds_are_those_of_the_decimal_number(stamp_s, wanted):
 
 def test_names_by_stamp_sort_as_time_does():
     stamps_s = [0.0, 0.999999999, 1.0, 9.5, 10.25, 99999.0, 1305031102.175304, 9e9]
-    texts = [stamp_text(stamp_s) for stamp_s in stamps_s]
+    texts = [stamp_text(nanoseconds(stamp_s)) for stamp_s in stamps_s]
     assert sorted(texts) == texts
     assert {len(text) for text in texts} == {19}
 
@@ -198,28 +198,6 @@ def test_none_or_several_layouts_are_one_line(tmp_path):
     write_replica(tmp_path)
     write_tum(tmp_path)
     with pytest.raises(InputError, match=r"has the files of Replica and of TUM; leave those of one layout in it$"):
-        find_sequence(tmp_path)
-
-
-@pytest.mark.parametrize(("write", "own"), [(write_replica, 6553.5), (write_tum, 5000.0)])
-def test_cam_params_above_the_sequence_stands_over_that_inside(tmp_path, write, own):
-    folder = tmp_path / "scene"
-    write(folder)
-    assert find_sequence(folder).depth_scale_per_m == own
-    (folder / "cam_params.json").write_text(json.dumps({"camera": {"scale": 2000}}))
-    assert find_sequence(folder).depth_scale_per_m == 2000
-    assert find_sequence(folder).frame(0).depth_m[0, 0] == np.float32(0.5)
-    (tmp_path / "cam_params.json").write_text(json.dumps({"camera": {"scale": 4000}}))
-    assert find_sequence(folder).depth_scale_per_m == 4000
-    (tmp_path / "cam_params.json").write_text(json.dumps({"camera": {"scale": 0}}))
-    with pytest.raises(InputError, match=r"cam_params\.json: its scale is 0\.0, but has to be above 0"):
-        find_sequence(folder)
-
-
-def test_two_images_near_one_pose_are_one_line(tmp_path):
-    write_tum(tmp_path, stamps=("0.0", "0.01"))
-    (tmp_path / "groundtruth.txt").write_text("0.0 0 0 0 0 0 0 1\n1.0 0 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match=r"groundtruth\.txt: the pose nearest to 000001\.png is not later"):
         find_sequence(tmp_path)
 
 

@@ -33,7 +33,7 @@ def test_defaults(write):
     spec = read_preset(write(MINIMAL)).spec
     assert (spec.seed, spec.render.engine, spec.render.samples) == (0, "cycles", 1)
     assert [setting.name for setting in spec.settings] == ["clean"]
-    assert (spec.camera.width, spec.camera.height, spec.camera.cx) == (1200, 680, 599.5)
+    assert (spec.mesh_camera.width, spec.mesh_camera.height, spec.mesh_camera.cx) == (1200, 680, 599.5)
     assert spec.scenes[0].trajectory.file == "b.txt"
 
 

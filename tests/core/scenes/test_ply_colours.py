@@ -69,7 +69,7 @@ class TestColours:
     def test_without_colours(self, read, declarations):
         rows = [(*p, *((1, 2, (3, 4))[: len(declarations)])) for p in POINTS]
         mesh = read(ply("binary_big_endian", vertex(XYZ + declarations, rows), face(QUADS)))
-        assert_is(mesh, QUADS, colours=None, notes=("no vertex colours: shown in neutral grey",))
+        assert_is(mesh, QUADS, colours=None, notes=("no colours: shown in neutral grey",))
 
     @cases(("kind", "value"), [("float", 300.0), ("float", -0.5), ("int", 256), ("short", -1), ("char", -3)])
     def test_out_of_range(self, read, kind, value):

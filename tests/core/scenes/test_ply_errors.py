@@ -14,7 +14,7 @@ from noisy_world.core.scenes.ply import read_ply
 
 
 class TestErrors:
-    @cases("data", [b"", b"\n", b"OFF\n3 1 0\n", b"plyx\n", b"\x89PNG\r\n\x1a\n", b"x" * 100000])
+    @cases("data", [b"", b"\n", b"plyx\n", b"\x89PNG\r\n\x1a\n", b"x" * 100000])
     def test_not_a_ply(self, refuse, data):
         assert refuse(data).startswith("not a PLY file; ")
 
@@ -88,6 +88,12 @@ class TestErrors:
         points = [*POINTS[:2], (0.0, value, 0.0), POINTS[3], (value, value, 0.0), POINTS[5]]
         message = refuse(ply(encoding, vertex(XYZ, points), face(QUADS)))
         assert message.startswith("vertex 2: a coordinate is NaN or infinite, at 2 of 6 vertices")
+
+    @cases("encoding", ENCODINGS)
+    def test_a_coordinate_beyond_float32(self, refuse, encoding):
+        points = [*POINTS[:4], (0.0, 0.0, -1e39), (1e300, 0.0, 0.0)]
+        data = ply(encoding, vertex(("double x", "double y", "double z"), points), face(QUADS))
+        assert refuse(data).startswith("vertex 4: a coordinate is too large for float32; ")
 
     @cases("encoding", ENCODINGS)
     @cases("faces", [QUADS, MIXED, [(), (0, 1), (0, 1, 2)]])

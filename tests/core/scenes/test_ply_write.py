@@ -198,3 +198,30 @@ class TestAtomicWrite:
         with pytest.raises(StorageError, match="cannot be written"):
             write_ply(tmp_path / "out.ply", self.MESH)
         assert list(tmp_path.iterdir()) == [tmp_path / "out.ply"]
+
+
+class TestColoursOfCorners:
+    def test_a_vertex_is_split_where_its_faces_differ(self, tmp_path):
+        # two triangles of one colour and one of another around the edge 0 2
+        faces = np.array([0, 1, 2, 0, 2, 3, 0, 3, 4], np.int32)
+        colours = np.array([[10, 20, 30], [10, 20, 30], [200, 0, 255]])
+        points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [-1, 0, 1]])
+        corner_rgb = (np.repeat(colours, 3, axis=0) / 255).astype(np.float32)
+        mesh = Mesh(points, None, faces, np.array([0, 3, 6], np.int32), corner_rgb=corner_rgb)
+        write_ply(tmp_path / "out.ply", mesh)
+        read = read_ply(tmp_path / "out.ply")
+        assert len(read.vertices_m) == 7  # of five, 0 and 3 have two colours
+        np.testing.assert_array_equal(read.vertices_m[read.corner_vertices], points[faces])
+        shown = np.rint(read.rgb[read.corner_vertices] * 255).astype(int)
+        np.testing.assert_array_equal(shown, np.repeat(colours, 3, axis=0))
+
+    def test_split_vertices_keep_their_normals(self, tmp_path):
+        points = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+        corner_rgb = np.repeat([[0.0, 0, 0], [1, 1, 1]], 3, axis=0).astype(np.float32)
+        mesh = Mesh(
+            points, None, np.array([0, 1, 2, 0, 2, 3], np.int32), np.array([0, 3], np.int32), corner_rgb=corner_rgb
+        )
+        write_ply(tmp_path / "out.ply", mesh)
+        data = (tmp_path / "out.ply").read_bytes()
+        rows = np.frombuffer(data.split(b"end_header\n")[1][: 6 * 27], np.dtype([("v", "<f4", 6), ("c", "u1", 3)]))
+        np.testing.assert_array_equal(rows["v"][:, 3:], [[0, 0, 1]] * 6)

@@ -11,34 +11,46 @@ import contextlib
 import errno
 import json
 import os
-import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from ..errors import StorageError
 from ..presets.preset import canonical
-from .layouts import LAYOUTS, Layout, OutputFormat
-from .records import FrameRecord, joined_records, read_records
+from .differences import ANOTHER_FOLDER, first_difference
+from .layouts import FrameNames, OutputFormat
+from .merging import merged_identity, merged_manifest
+from .records import FRAMES, FrameRecord, joined_records, read_records
+from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
+from .standing import (
+    IDENTITY,
+    JOURNALS,
+    MANIFEST,
+    OVERVIEW,
+    WORK_FOLDER,
+    Standing,
+    journal_folders,
+    read_standing,
+)
 from .storage import (
     FolderLock,
     link_or_copy,
     sha256_of_bytes,
-    sha256_of_file,
+    sha256_of_regular_file,
     storage_errors,
     write_atomic,
 )
 
-WORK_FOLDER = ".noisy_world"
-MANIFEST = "manifest.json"
-RUN = "run.json"
-OVERVIEW = "overview.png"
-FRAMES = "frames.jsonl"
+NOTHING = Standing(None, None, frozenset(), holds_frames=False)
 
 
 class Dataset:
-    """The folder of a dataset while a run writes to it."""
+    """The folder of a dataset while a run writes to it.
+
+    identity: what it is made from, once it is open: what the run makes, and what stays beside that. notes: what the
+    user should know of what was there.
+    """
 
     def __init__(self, out: Path, output: OutputFormat) -> None:
         self.out = out
@@ -46,48 +58,103 @@ class Dataset:
         self._work = out / WORK_FOLDER
         self.scratch = self._work / "unfinished"
         self._lock: FolderLock | None = None
-        self._identity: dict[str, Any] = {}
+        self._there = NOTHING
+        self._kept: list[str] = []
+        self._opened: dict[str, Any] = {}
+        self.identity: dict[str, Any] = {}
+        self.notes: list[str] = []
 
-    def open(self, identity: dict[str, Any], *, overwrite: bool) -> None:
-        """Lock the folder for a run that writes the dataset with this `identity`.
+    def open(
+        self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
+    ) -> None:
+        """Lock the folder for a run that makes what this `identity` says, beside what is there.
+
+        why_not: says why a dataset of another identity cannot take this one in, or None where it can.
 
         Raises StorageError where the folder holds something else, or another run writes to it.
         """
         if self.out.exists() and not self.out.is_dir():
             raise StorageError(f"{self.out}: is a file, not a folder; choose another with --out")
-        there = self._identity_there()
-        if there is None and self._holds_other_things():
+        if self._work.is_symlink() or (self._work.exists() and not self._work.is_dir()):
+            raise StorageError(f"{self._work}: is not the folder that a run works in; remove it")
+        if read_standing(self.out) is None and self._holds_other_things():
             raise StorageError(
                 f"{self.out}: is not empty and holds no dataset of Noisy World; choose another folder with --out"
             )
         self._lock = FolderLock(self._work / "lock")
-        there = self._identity_there()
-        difference = None if there is None else first_difference(there, identity)
-        if difference and not overwrite and self.holds_frames():
+        try:
+            self._begin(identity, why_not, overwrite=overwrite)
+        except BaseException:
+            if not (self._work / IDENTITY).exists():
+                remove_work_folder(self._work, self.scratch)
             self._lock.release()
-            raise StorageError(
-                f"{self.out}: holds a different dataset ({difference}); choose another folder with --out, or "
-                "replace it with --overwrite"
-            )
-        if there is not None and (overwrite or difference):
-            self._remove_dataset(there)
-        self._identity = identity
-        with storage_errors(self.scratch):
-            shutil.rmtree(self.scratch, ignore_errors=True)
-            self.scratch.mkdir(parents=True, exist_ok=True)
-        self._write(self._work / "identity.json", canonical(identity))
+            self._lock = None
+            raise
+
+    def _begin(
+        self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
+    ) -> None:
+        there = read_standing(self.out) or NOTHING
+        problem = there.problem
+        if not problem and there.identity is not None:
+            problem = why_not(there.identity) or ""
+        if problem and there.holds_frames and not overwrite:
+            remedy = "" if "--overwrite" in problem else f"; {ANOTHER_FOLDER}"
+            raise StorageError(f"{self.out}: holds another dataset: {problem}{remedy}")
+        if problem or overwrite:
+            remove_dataset(self.out, self._work, {*there.sequences, *identity["sequences"]})
+            there = NOTHING
+        self._there = there
+        named = set(identity["sequences"])
+        if there.note:
+            self.notes.append(there.note)
+            self._forget_undescribed()
+        self._forget_finished(journal_folders(self._work) - named)
+        begun = journal_folders(self._work) - named
+        self._kept = sorted((there.finished | begun) - named)
+        self._note_kept(begun)
+        self._opened = merged_identity(there.identity or identity, identity, self._kept)
+        self.identity = merged_identity(there.identity or identity, identity, there.finished - named)
+        empty_scratch(self.scratch)
+        self._write(self._work / IDENTITY, canonical(self._opened))
+
+    def _forget_undescribed(self) -> None:
+        """Remove the records of frames that only an identity described which cannot be read."""
+        for folder in journal_folders(self._work):
+            remove_journals(self._work, folder)
+        for folder in self._there.finished:
+            path = self.out / folder / FRAMES
+            if sha256_of_regular_file(path) != self._there.files[folder].get(FRAMES):
+                with storage_errors(path):
+                    path.unlink(missing_ok=True)
+
+    def _forget_finished(self, folders: Iterable[str]) -> None:
+        """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
+        for folder in folders:
+            recorded = {record.line() for record in read_records(self.out / folder / FRAMES)}
+            if {record.line() for record in self.records(folder).values()} <= recorded:
+                remove_journals(self._work, folder)
+
+    def _note_kept(self, begun: Iterable[str]) -> None:
+        """Say which sequences stay as they are."""
+        finished = [folder for folder in self._kept if folder not in begun]
+        for folders, state in ((finished, "as it is"), (sorted(begun), "unfinished")):
+            if folders:
+                names = ", ".join(folders[:4]) + (f" and {len(folders) - 4} more" if len(folders) > 4 else "")
+                self.notes.append(f"what this preset does not name stays {state}: {names}")
 
     def join(self, identity: dict[str, Any]) -> None:
-        """Take part in a run that another process has opened with the same `identity`.
+        """Take part in a run that another process has opened with the same `identity`, but for the paths' hashes.
 
         Raises StorageError where no run is open, or where this process has another identity and would write other
         bytes.
         """
-        opened = self._identity_there() if self.scratch.is_dir() else None
-        if opened is None:
+        there = read_standing(self.out) if self.scratch.is_dir() else None
+        if there is None or there.identity is None or there.problem:
             raise StorageError(f"{self.out}: no run is open here")
         # Through JSON, as the file is: JSON turns tuples into lists, for instance.
-        if difference := first_difference(opened, json.loads(canonical(identity))):
+        here = json.loads(canonical(identity))
+        if difference := first_difference(_without_paths(_narrowed(there.identity, here)), _without_paths(here)):
             raise StorageError(
                 f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
                 "while it runs, and start it again"
@@ -97,88 +164,79 @@ class Dataset:
         """Unlock the folder. Finished frames stay for the next run; without any, the folder is removed."""
         if self._lock is None:
             return
-        if self._identity and not self.holds_frames():
-            self._remove_dataset(self._identity)
-            shutil.rmtree(self._work, ignore_errors=True)
+        if self._opened and not self.holds_frames():
+            remove_dataset(self.out, self._work, self._opened["sequences"])
+            remove_work_folder(self._work, self.scratch)
             with contextlib.suppress(OSError):
                 self.out.rmdir()
         self._lock.release()
         self._lock = None
 
     def holds_frames(self) -> bool:
-        """Tell whether an earlier run has finished a frame."""
-        journals = self._work.glob("*/*/journal-*.jsonl")
-        return (self.out / MANIFEST).exists() or any(journal.stat().st_size for journal in journals)
+        """Tell whether a run has finished a frame."""
+        there = read_standing(self.out)
+        return there is not None and there.holds_frames
 
     def _holds_other_things(self) -> bool:
         return self.out.is_dir() and any(item.name != WORK_FOLDER for item in self.out.iterdir())
 
-    def _identity_there(self) -> dict[str, Any] | None:
-        for path in (self._work / "identity.json", self.out / MANIFEST):
-            with contextlib.suppress(FileNotFoundError):
-                try:
-                    content = json.loads(path.read_text(encoding="utf-8"))
-                    return content if path.name == "identity.json" else content["identity"]
-                except (ValueError, KeyError, TypeError):
-                    return {"unreadable": path.name}
-        return None
-
-    def _remove_dataset(self, identity: dict[str, Any]) -> None:
-        """Remove the files of the dataset in the folder, and no other file."""
-        with storage_errors(self.out):
-            for folder in identity.get("sequences", []):
-                sequence = self.out / folder
-                for layout in LAYOUTS.values():  # the dataset in the folder may have another layout than this run's
-                    _remove_sequence(sequence, layout)
-                for empty in (sequence, sequence.parent):
-                    with contextlib.suppress(OSError):
-                        empty.rmdir()
-            for name in (MANIFEST, RUN, OVERVIEW):
-                (self.out / name).unlink(missing_ok=True)
-            for journal in self._work.glob("*/**/journal-*.jsonl"):
-                journal.unlink()
-
     def _write(self, path: Path, text: str) -> str:
+        """Write a text file, unless it has this content already; return its SHA-256."""
         data = text.encode()
+        digest = sha256_of_bytes(data)
         with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
+            if not path.is_symlink() and sha256_of_regular_file(path) == digest:
+                return digest
         write_atomic(path, data, self.scratch)
-        return sha256_of_bytes(data)
+        return digest
 
     # --- frames ---
 
-    def take_stock(self, folder: str) -> dict[int, set[str]]:
+    def take_stock(self, folder: str, names: FrameNames, count: int) -> dict[int, set[str]]:
         """Return by frame the files of a sequence that exist as they were written.
 
-        Records of lost or damaged files are dropped, so that from then on the journals alone say what is finished.
+        names: of the frames' files. count: of the sequence's frames. Records of lost or damaged files are dropped, and
+        those of frames that the sequence does not have; so from then on the journals alone say what is finished.
         """
-        intact = {
-            frame: self._intact(folder, record) for frame, record in joined_records(self._recorded(folder)).items()
-        }
+        recorded = self.out / folder / FRAMES
+        if recorded.is_dir():
+            raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
+        found = joined_records(
+            part for record in self._recorded(folder) if (part := _plausible(record, names, count)) is not None
+        )
+        intact = {frame: self._intact(folder, record) for frame, record in found.items()}
         intact = {frame: record for frame, record in intact.items() if record.files}
         kept = self._work / folder / "journal-kept.jsonl"
-        if intact:
-            self._write(kept, "".join(record.line() for record in intact.values()))
-        for journal in (self._work / folder).glob("journal-*.jsonl"):
-            if journal != kept or not intact:
-                journal.unlink()
+        with storage_errors(kept):
+            if intact:
+                self._write(kept, "".join(record.line() for record in intact.values()))
+            for journal in (self._work / folder).glob(JOURNALS):
+                if journal != kept or not intact:
+                    journal.unlink()
         return {frame: set(record.files) for frame, record in intact.items()}
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
         """Return the records of a sequence's finished frames by frame, in order."""
-        return joined_records(record for path in self._journals(folder) for record in read_records(path))
+        return joined_records(self.journal_records(folder))
+
+    def journal_records(self, folder: str) -> Iterator[FrameRecord]:
+        """Yield the records of a sequence's journals; a frame may have several."""
+        for path in self._journals(folder):
+            yield from read_records(path)
 
     def _journals(self, folder: str) -> list[Path]:
-        return sorted((self._work / folder).glob("journal-*.jsonl"))
+        return sorted((self._work / folder).glob(JOURNALS))
 
     def _recorded(self, folder: str) -> Iterator[FrameRecord]:
-        for path in (self.out / folder / FRAMES, *self._journals(folder)):
-            yield from read_records(path)
+        yield from read_records(self.out / folder / FRAMES)
+        yield from self.journal_records(folder)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
         """Return the record without the files whose hashes are others."""
+        place = self.out / folder
         files = {
-            name: digest for name, digest in record.files.items() if sha256_of_file(self.out / folder / name) == digest
+            name: digest for name, digest in record.files.items() if sha256_of_regular_file(place / name) == digest
         }
         return replace(record, files=files)
 
@@ -221,14 +279,22 @@ class Dataset:
         write_atomic(self.out / name, data, self.scratch)
         return sha256_of_bytes(data)
 
+    def write_manifest(self, content: dict[str, Any]) -> None:
+        """Write the manifest, with what stays beside the run's part of the dataset."""
+        drawn = self._there.files.get(OVERVIEW)
+        self.write_text(MANIFEST, canonical(merged_manifest(self._there, content, self._kept)))
+        path = self.out / OVERVIEW
+        if OVERVIEW not in content["files"] and drawn is not None and sha256_of_regular_file(path) == drawn:
+            with storage_errors(path):
+                path.unlink()
+
     def seal(self) -> None:
-        """End a run that has finished everything: remove the working folder."""
-        # The identity is removed last, with the lock: until then the run can be resumed.
-        with storage_errors(self._work):
-            for path in sorted(self._work.iterdir()):
-                if path.name not in ("identity.json", "lock"):
-                    shutil.rmtree(path)
-            shutil.rmtree(self._work)
+        """End a run that has finished everything: remove the working folder, unless other sequences are unfinished."""
+        for folder in self.identity["sequences"]:
+            if folder not in self._kept:
+                remove_journals(self._work, folder)
+        if not journal_folders(self._work):
+            remove_work_folder(self._work, self.scratch)
         self.close()
 
 
@@ -254,20 +320,6 @@ class Journal:
         self._file.close()
 
 
-def _remove_sequence(folder: Path, layout: Layout) -> None:
-    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then."""
-    for pattern in (*layout.patterns, FRAMES):
-        for path in folder.glob(pattern):
-            path.unlink()
-    for name in layout.setting_files:
-        (folder.parent / name).unlink(missing_ok=True)
-    inside = {parent for pattern in layout.patterns for parent in PurePosixPath(pattern).parents}
-    for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
-        if name.parts:
-            with contextlib.suppress(OSError):
-                (folder / name).rmdir()
-
-
 def _cut_torn_line(path: Path) -> None:
     """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
     with contextlib.suppress(FileNotFoundError):
@@ -277,18 +329,22 @@ def _cut_torn_line(path: Path) -> None:
                 file.truncate(data.rfind(b"\n") + 1)
 
 
-def first_difference(there: Any, here: Any, where: str = "") -> str | None:
-    """Return the keys of the first difference of two JSON values, with both values as text, or None."""
-    if isinstance(there, dict) and isinstance(here, dict):
-        parts = [(name, there.get(name), here.get(name)) for name in sorted({*there, *here})]
-    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        parts = [(str(index), left, right) for index, (left, right) in enumerate(zip(there, here, strict=True))]
-    else:
-        return None if there == here else f"{where} was {_short(there)}, is {_short(here)}"
-    inside = (first_difference(left, right, f"{where}.{name}" if where else name) for name, left, right in parts)
-    return next((found for found in inside if found), None)
+def _plausible(record: FrameRecord, names: FrameNames, count: int) -> FrameRecord | None:
+    """Return a record with those of its files that the frame has; None for what is no record of the sequence."""
+    if not 0 <= record.frame < count or record.time_s != float(names.stamps.rgb.seconds[record.frame]):
+        return None
+    own = names.of(record.frame)
+    return replace(record, files={name: digest for name, digest in record.files.items() if name in own})
 
 
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _narrowed(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:
+    """Return an identity without the scenes, settings, sequences and versions that another one does not name."""
+    parts = ("scenes", "settings", "sequences", "versions")
+    undecided = {key: None for key in ("near_m", "far_m", "rig", "render") if here[key] is None}
+    return {**there, **undecided, **{key: {k: v for k, v in there[key].items() if k in here[key]} for key in parts}}
+
+
+def _without_paths(identity: dict[str, Any]) -> dict[str, Any]:
+    """Return an identity without the hashes of its paths, which a worker does not make again."""
+    scenes = {name: {**scene, "path": scene["path"]["frames"]} for name, scene in identity["scenes"].items()}
+    return {**identity, "scenes": scenes}

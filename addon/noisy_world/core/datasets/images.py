@@ -79,11 +79,16 @@ def quantise_depth(
     beyond: what depth becomes that 16 bits cannot hold, infinity included: void, or the farthest step. Negative values
     and NaN become void; nothing wraps around.
     """
-    # In float64: float32 is up to 0.004 of a step off near the far end, and then rounds wrongly now and then.
-    steps = np.rint(depth_m.astype(np.float64) * scale_per_m)
+    steps = depth_steps(depth_m, scale_per_m)
     fits = (steps >= 0) & (steps <= UINT16_MAX)  # False for NaN
     lost = np.where(steps > UINT16_MAX, UINT16_MAX if beyond == "farthest" else 0, 0)
     return np.where(fits, steps, lost).astype(np.uint16)
+
+
+def depth_steps(depth_m: NDArray[np.float32], scale_per_m: float) -> NDArray[np.float64]:
+    """Return depth in metres in whole steps of 1 / scale_per_m, however many they are."""
+    # In float64: float32 is up to 0.004 of a step off near the far end, and then rounds wrongly now and then.
+    return np.rint(depth_m.astype(np.float64) * scale_per_m)
 
 
 def encode_depth(steps: NDArray[np.uint16]) -> bytes:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .layouts import OutputFormat
+from .layouts.layout import StampsLike
 
 # Chosen, so that the sheet fits a screen's width and its text can be read.
 COLUMNS = 5
@@ -21,12 +22,12 @@ VOID_GREY = 60
 
 
 def draw_overview(
-    out: Path, output: OutputFormat, frames: Mapping[str, Sequence[int]], stamps_s: Mapping[str, NDArray[np.float64]]
+    out: Path, output: OutputFormat, frames: Mapping[str, Sequence[int]], stamps: Mapping[str, StampsLike]
 ) -> bytes:
     """Draw the contact sheet and return it as PNG.
 
     out: the dataset. frames: the numbers of the frames of each sequence, by the sequence's folder; the first
-    MAX_SEQUENCES are shown. stamps_s: the time stamps of each scene's frames, by the scene's name. Of a scene's later
+    MAX_SEQUENCES are shown. stamps: the time stamps of each scene's frames, by the scene's name. Of a scene's later
     sequences only what differs from the first one is shown. All depths share one colour scale, from the nearest to the
     farthest shown.
     """
@@ -34,7 +35,7 @@ def draw_overview(
 
     shown = [(folder, _spread(numbers)) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers]
     models = _first_of_scene([folder for folder, _ in shown])
-    named = {folder: output.names(stamps_s[_scene(folder)]) for folder, _ in shown}
+    named = {folder: output.names(stamps[_scene(folder)]) for folder, _ in shown}
     names = {folder: {"rgb": name.rgb, "depth": name.depth} for folder, name in named.items()}
     same = {
         (folder, modality): folder != models[folder]

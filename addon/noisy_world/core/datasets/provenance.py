@@ -1,19 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A dataset's provenance: its identity, which is everything that decides its bytes, and its manifest."""
+"""A dataset's provenance: its identity, which is everything that decides its bytes, and its manifest.
 
+An identity says what is common to all frames, and by name what belongs to each scene and to each setting: a dataset
+grows by scenes, settings and frames, and each keeps what it was made from.
+"""
+
+import hashlib
 import platform
 import re
 import sys
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..geometry import Intrinsics
 from ..machine import processor_features
+from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
+from ..planning.source import Scene
+from ..trajectories.rig import Sensor
+from ..trajectories.trajectory import Trajectory
+from .depth_range import RangeLoss
+from .layouts import OutputFormat
+from .records import OUT_OF_RANGE
 
-FORMAT = 1  # version of the identity and the manifest; raised when their keys change
+FORMAT = 2  # version of the identity and the manifest; raised when their keys change
 
 CONVENTIONS = {
     "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
@@ -37,37 +52,138 @@ def package_version() -> str:
     raise RuntimeError(f"no blender_manifest.toml with a version at {package} or above")
 
 
-def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
-    """Return what decides every byte of a dataset; two runs with the same identity write the same files.
+# --- the identity ---
 
-    renderer: the versions of what renders, by name.
 
-    Which frames a run makes (--frames) is not part of it: frames keep their numbers and their bytes.
+def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
+    """Return what decides every byte of a dataset, as plain JSON values.
+
+    renderer: the versions of what renders, by name. paths: whether to hash the scenes' paths, for which a generated
+    path has to be made.
+
+    What is compared is what the preset means: settings have their steps with all parameters, whether they were swept,
+    written out or left to their defaults. The preset's document stands beside that for people. Which frames a run makes
+    (--frames) is no part of it, nor what decides no bytes, such as the overview.
     """
-    import cv2
-    import OpenEXR
-
+    spec = plan.preset.spec
+    rendered = plan.renders_anything
+    cameras = {render.scene.name: render.camera for render in plan.renders}
+    counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
         "format": FORMAT,
         "preset": plan.preset.document,
         "preset_sha256": plan.preset.sha256,
-        "backends": {setting.name: setting.backend for setting in plan.settings if setting.rgb},
-        "inputs": {scene.name: scene.source.hashes() for scene in plan.scenes},
-        "sequences": [sequence.folder for sequence in plan.sequences],
-        "versions": {
-            **_perturbation_packages(plan),
-            "noisy_world": package_version(),
-            **renderer,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "opencv": cv2.__version__,
-            "openexr": OpenEXR.__version__,
-        },
+        "seed": spec.seed,
+        "near_m": spec.mesh_camera.near_m if rendered else None,
+        "far_m": spec.mesh_camera.far_m if rendered else None,
+        "rig": None if plan.rig is None else {"rgb": _sensor(plan.rig.rgb), "depth": _sensor(plan.rig.depth)},
+        "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
+        "output": _output(plan.format),
+        "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
+        "settings": {setting.name: _setting(setting) for setting in plan.settings},
+        "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
+        "versions": _versions(plan, renderer),
         "processor": {
             "machine": platform.machine(),
             "byte_order": sys.byteorder,
             "features": processor_features(),
         },
+    }
+
+
+def _sensor(sensor: Sensor | None) -> list[list[float]] | None:
+    return None if sensor is None else (sensor.robot_from_sensor + 0.0).tolist()
+
+
+def _output(format_: OutputFormat) -> dict[str, Any]:
+    coloured = "rgb" in format_.modalities
+    return {
+        "layout": format_.layout.name,
+        "image": format_.image if coloured else None,
+        "colour": format_.colour if coloured else None,
+        "depth_scale_per_m": format_.depth_scale_per_m,
+        "depth_beyond": format_.depth_beyond,
+        "modalities": sorted(format_.modalities),
+    }
+
+
+def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
+    """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
+    entry = plan.preset.spec.scenes[entry_number(scene)]
+    path: dict[str, Any] = {"frames": scene.frame_count}
+    if paths:
+        path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
+    return {
+        "entry": _plain(asdict(entry)),
+        "inputs": _plain(scene.source.hashes()),
+        "camera": _camera(camera),
+        "path": path,
+    }
+
+
+def entry_number(scene: Scene) -> int:
+    """Return the number of a scene's entry in the preset, whose place is `scenes.NUMBER`."""
+    return int(scene.place.path.split(".")[1])
+
+
+def _camera(camera: Intrinsics) -> dict[str, float]:
+    return {
+        "width": camera.width_px,
+        "height": camera.height_px,
+        "fx": float(camera.fx_px),
+        "fy": float(camera.fy_px),
+        "cx": float(camera.cx_px),
+        "cy": float(camera.cy_px),
+    }
+
+
+def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> str:
+    """Return the SHA-256 of the first poses of a path and of their stamps, as float64; `count` of them."""
+    digest = hashlib.sha256()
+    for values in (path.c2w, path.stamps_s, stamps_s):
+        digest.update(np.ascontiguousarray(values[:count] + 0.0, dtype="<f8").tobytes())  # -0.0 is 0.0
+    return digest.hexdigest()
+
+
+def _setting(setting: Setting) -> dict[str, Any]:
+    return {
+        "backend": setting.backend if setting.rgb else None,
+        "steps": [_step(step) for step in setting.steps],
+    }
+
+
+def _step(step: Step[Any]) -> dict[str, Any]:
+    """Return a step with the parameters of its severity, or of each severity that it draws from."""
+    severities = (step.severity,) if step.levels is None else step.levels
+    parameters = [None if severity == 0 else _plain(asdict(step.parameters(severity))) for severity in severities]
+    return {
+        "name": step.perturbation.name,
+        "severity": step.severity,
+        "levels": None if step.levels is None else list(step.levels),
+        "temporal": step.temporal,
+        "parameters": parameters[0] if step.levels is None else parameters,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON holds it: lists for tuples."""
+    if isinstance(value, dict):
+        return {str(name): _plain(item) for name, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def _versions(plan: Plan, renderer: Mapping[str, str]) -> dict[str, str]:
+    import cv2
+    import OpenEXR
+
+    return {
+        **_perturbation_packages(plan),
+        "noisy_world": package_version(),
+        **renderer,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "opencv": cv2.__version__,
+        "openexr": OpenEXR.__version__,
     }
 
 
@@ -77,35 +193,52 @@ def _perturbation_packages(plan: Plan) -> dict[str, str]:
     return {item.name: item.version for item in used if item is not None}
 
 
-def manifest(plan: Plan, identity_: dict[str, Any], files: dict[str, Any], frames: dict[str, int]) -> dict[str, Any]:
+# --- the manifest ---
+
+
+def manifest(
+    plan: Plan,
+    identity_: dict[str, Any],
+    files: dict[str, Any],
+    frames: dict[str, int],
+    losses: Mapping[str, RangeLoss],
+) -> dict[str, Any]:
     """Return the manifest's content.
 
     files: SHA-256 by name of the dataset's own files and, a level deeper, of each sequence's and setting's.
-    frames: how many frames each sequence has.
+    frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
-    camera = plan.camera
     spec = plan.preset.spec
+    seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    cameras = {name: asdict(camera) | seen for name, camera in cameras_of(identity_).items()}
+    shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},
-        "camera": {
-            "width_px": camera.width_px,
-            "height_px": camera.height_px,
-            "fx_px": camera.fx_px,
-            "fy_px": camera.fy_px,
-            "cx_px": camera.cx_px,
-            "cy_px": camera.cy_px,
-            "near_m": spec.camera.near_m,
-            "far_m": spec.camera.far_m,
-        },
+        **({"cameras": cameras} if shared is None else {"camera": shared}),
         "depth_scale_per_m": plan.format.depth_scale_per_m,
         "depth_limit_m": plan.format.depth_limit_m,
         "depth_beyond": plan.format.depth_beyond,
+        OUT_OF_RANGE: {folder: loss.content() for folder, loss in losses.items()},
         "colour": plan.format.colour,
         "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
         "frames": frames,
         "files": files,
     }
+
+
+def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
+    """Return the camera of each scene of a dataset, by its identity; scenes that an earlier run made are in it."""
+    found = {name: scene["camera"] for name, scene in identity_["scenes"].items()}
+    return {
+        name: Intrinsics(camera["width"], camera["height"], *(camera[key] for key in ("fx", "fy", "cx", "cy")))
+        for name, camera in found.items()
+    }
+
+
+def cameras_agree(identity_: dict[str, Any]) -> bool:
+    """Tell whether all scenes of a dataset have one camera, so that a setting can say it for all of them."""
+    return len(set(cameras_of(identity_).values())) == 1
 
 
 def render_seed(seed: int) -> int:

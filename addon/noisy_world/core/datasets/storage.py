@@ -83,6 +83,14 @@ def sha256_of_file(path: Path) -> str | None:
         return None
 
 
+def sha256_of_regular_file(path: Path) -> str | None:
+    """Return the SHA-256 of a file; None where there is no such file, where it is something else or cannot be read."""
+    try:
+        return sha256_of_file(path) if path.is_file() else None
+    except OSError:
+        return None
+
+
 class FolderLock:
     """Keeps a second run out of a dataset. The system releases the lock however the process ends."""
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,50 +11,59 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
+from .json_text import finite_number
 
-PAIRING_S = 0.02  # the greatest difference of stamps that belong together; the default of TUM's associate.py
+RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
+INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics
 
-type StampedFile = tuple[float, Path]
-"""A time stamp in seconds, and a file."""
+type SizePx = tuple[int, int]
+"""Width and height in pixels."""
 
 
 @dataclass(frozen=True)
 class StoredFrame:
     """A frame on disk, whose images are read on request.
 
-    colour: what its colour image holds, "rgb" or 8-bit "grey"; None if it holds something else.
+    size_px: width and height that its images have to have. colour: what its colour image holds, "rgb" or 8-bit "grey";
+    None if it holds something else.
     """
 
     rgb_file: Path
     depth_file: Path
     depth_scale_per_m: float
+    size_px: SizePx
     colour: str | None = "rgb"
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded; grey in three equal channels. Raises InputError if it is no image."""
+        """Colour (H, W, 3), RGB, sRGB-encoded; grey in three equal channels.
+
+        Raises InputError where the file is no image, or one of another size.
+        """
         import cv2
 
-        return np.ascontiguousarray(_read_image(self.rgb_file, cv2.IMREAD_COLOR)[..., ::-1])
+        image = _read_image(self.rgb_file, cv2.IMREAD_COLOR)
+        _check_size(self.rgb_file, image, self.size_px)
+        return np.ascontiguousarray(image[..., ::-1])
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
-        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
-        import cv2
-
-        steps = _read_image(self.depth_file, cv2.IMREAD_UNCHANGED)
-        if steps.ndim != 2 or steps.dtype != np.uint16:
-            raise InputError(self.depth_file, f"is {steps.dtype} {steps.shape}, but depth has to be 16-bit grey")
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
+        steps = _read_steps(self.depth_file)
+        _check_size(self.depth_file, steps, self.size_px)
         return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """A recording: its pairs of images, its ground truth and its depth scale.
+    """A recording: its pairs of images, its ground truth, its stamps, its depth scale and its camera.
 
-    trajectory: the colour camera's poses, one for each pair of images. depth_scale_per_m: steps per metre.
-    camera: its intrinsics, or None where the layout does not hold them.
+    trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
+    depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
+    stamps; None where there is none, so that they follow from a rate. camera: its intrinsics, and camera_path the file
+    that says them; None where none does. notes: sentences that the user should see.
     """
 
     folder: Path
@@ -63,21 +71,24 @@ class StoredSequence:
     depth_files: tuple[Path, ...]
     trajectory_path: Path
     trajectory: Trajectory
+    stamps: FrameStamps
     depth_scale_per_m: float
+    stamps_path: Path | None = None
     camera: Intrinsics | None = None
+    camera_path: Path | None = None
+    notes: tuple[str, ...] = ()
 
     @cached_property
-    def _first_image(self) -> tuple[tuple[int, int], str | None]:
+    def _first_image(self) -> tuple[SizePx, str | None]:
         """Width and height of the first colour image in pixels, and what it holds."""
         import cv2
 
         pixels = _read_image(self.rgb_files[0], cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-        height, width = pixels.shape[:2]
         colour = "rgb" if pixels.ndim == 3 else "grey" if pixels.dtype == np.uint8 else None
-        return (width, height), colour
+        return _size_px(pixels), colour
 
     @property
-    def size_px(self) -> tuple[int, int]:
+    def size_px(self) -> SizePx:
         """Width and height of its first image in pixels."""
         return self._first_image[0]
 
@@ -86,38 +97,63 @@ class StoredSequence:
         """Every image."""
         return self.rgb_files + self.depth_files
 
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames per second by the median of the gaps; None for a single frame."""
+        gaps_s = np.diff(self.stamps.rgb.seconds)
+        return 1 / float(np.median(gaps_s)) if gaps_s.size else None
+
+    @cached_property
+    def known_camera(self) -> Intrinsics | None:
+        """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
+        if self.camera is None or self.camera_path is None:
+            return None
+        told = (self.camera.width_px, self.camera.height_px)
+        if told != self.size_px:
+            problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {_spoken(self.size_px)} pixels"
+            raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
+        return self.camera
+
+    def check_depth(self) -> None:
+        """Raise InputError where the first depth image is no 16-bit image of the size of the colour."""
+        _check_size(self.depth_files[0], _read_steps(self.depth_files[0]), self.size_px)
+
     def frame(self, index: int) -> StoredFrame:
         """Return a frame."""
-        colour = self._first_image[1]
-        return StoredFrame(self.rgb_files[index], self.depth_files[index], self.depth_scale_per_m, colour)
+        size_px, colour = self._first_image
+        return StoredFrame(self.rgb_files[index], self.depth_files[index], self.depth_scale_per_m, size_px, colour)
 
 
-def pair_by_stamp(
-    folder: Path, rgb: Sequence[StampedFile], depth: Sequence[StampedFile], poses: Path, path: Trajectory
-) -> tuple[tuple[Path, ...], tuple[Path, ...], Trajectory]:
-    """Return the colour images that have a depth image and a pose within PAIRING_S, with these, in the same order.
+def same_camera(one: Intrinsics, other: Intrinsics) -> bool:
+    """Tell whether intrinsics agree, up to INTRINSICS_TOLERANCE_PX."""
+    values = [np.array([item.fx_px, item.fy_px, item.cx_px, item.cy_px]) for item in (one, other)]
+    same_size = (one.width_px, one.height_px) == (other.width_px, other.height_px)
+    return same_size and bool(np.abs(values[0] - values[1]).max() <= INTRINSICS_TOLERANCE_PX)
 
-    poses: the file of the path. The frames' stamps are those of the poses. Raises InputError where no image has both.
+
+def checked_intrinsics(path: Path, places: tuple[str, ...], values: tuple[object, ...]) -> Intrinsics:
+    """Return intrinsics from what a file says: width, height, fx, fy, cx and cy in pixels.
+
+    places: where each value stands. Raises InputError, which names the place, for what is no number, a size that is not
+    whole or not positive, and a focal length that is not positive.
     """
-    depth_stamps_s = np.array([stamp_s for stamp_s, _ in depth])
-    pairs: list[tuple[Path, Path, int]] = []
-    for stamp_s, file in rgb:
-        near_depth, near_pose = _nearest(depth_stamps_s, stamp_s), _nearest(path.stamps_s, stamp_s)
-        if near_depth is not None and near_pose is not None:
-            pairs.append((file, depth[near_depth][1], near_pose))
-    if not pairs:
-        raise InputError(folder, f"no colour, depth and pose lie within {PAIRING_S} s of one another")
-    rgb_files, depth_files, rows = zip(*pairs, strict=True)
-    for file, row, before in zip(rgb_files[1:], rows[1:], rows, strict=False):
-        if row <= before:
-            problem = f"the pose nearest to {file.name} is not later than that of the image before"
-            raise InputError(poses, problem, remedy="there has to be a pose for each image, and both sorted by time")
-    return rgb_files, depth_files, Trajectory(path.c2w[list(rows)], path.stamps_s[list(rows)])
+    numbers = [finite_number(value) for value in values]
+    for index, (where, number) in enumerate(zip(places, numbers, strict=True)):
+        if number is None:
+            raise InputError(path, "is no finite number", where=where)
+        if index < 4 and number <= 0:
+            raise InputError(path, f"is {number:g}, but has to be above 0", where=where)
+        if index < 2 and not number.is_integer():
+            raise InputError(path, f"is {number:g}, but a size is whole pixels", where=where)
+    wide, high, fx_px, fy_px, cx_px, cy_px = (float(number) for number in numbers if number is not None)
+    return Intrinsics(int(wide), int(high), fx_px, fy_px, cx_px, cy_px)
 
 
-def _nearest(stamps_s: NDArray[np.float64], stamp_s: float) -> int | None:
-    gaps = np.abs(stamps_s - stamp_s)
-    return int(gaps.argmin()) if gaps.size and gaps.min() <= PAIRING_S else None
+def check_files(listing: Path, files: tuple[Path, ...]) -> None:
+    """Raise InputError where a file that a list names is not there."""
+    lost = next((file for file in files if not file.is_file()), None)
+    if lost is not None:
+        raise InputError(listing, f"names {lost.name}, which is not there", remedy=f"looked for {lost}")
 
 
 def read_text(path: Path) -> str:
@@ -128,6 +164,15 @@ def read_text(path: Path) -> str:
         raise InputError(path, f"cannot be read: {error}") from error
 
 
+def _read_steps(path: Path) -> NDArray[np.uint16]:
+    import cv2
+
+    steps = _read_image(path, cv2.IMREAD_UNCHANGED)
+    if steps.ndim != 2 or steps.dtype != np.uint16:
+        raise InputError(path, f"is {steps.dtype} {steps.shape}, but depth has to be 16-bit grey")
+    return steps
+
+
 def _read_image(path: Path, mode: int) -> NDArray[Any]:
     import cv2
 
@@ -135,3 +180,17 @@ def _read_image(path: Path, mode: int) -> NDArray[Any]:
     if image is None:
         raise InputError(path, "is not there or no image")
     return image
+
+
+def _check_size(path: Path, pixels: NDArray[Any], wanted: SizePx) -> None:
+    if _size_px(pixels) != wanted:
+        problem = f"is {_spoken(_size_px(pixels))} pixels, but the first colour image is {_spoken(wanted)}"
+        raise InputError(path, problem, remedy="a sequence has one size; register depth to colour")
+
+
+def _size_px(pixels: NDArray[Any]) -> SizePx:
+    return pixels.shape[1], pixels.shape[0]
+
+
+def _spoken(size_px: SizePx) -> str:
+    return f"{size_px[0]} x {size_px[1]}"

@@ -79,6 +79,37 @@ def chosen_poses(steps: MotionSteps, count: int, identifiers: Identifiers) -> ND
     return shown
 
 
+def drawn_motion(steps: MotionSteps, count: int, identifiers: Identifiers) -> dict[str, dict[str, NDArray[np.float64]]]:
+    """Return by perturbation what steps of motion drew for each pose of the path after them: by name, (N, ...).
+
+    count: the poses of the path before them. identifiers: of the sequence. Only perturbations that say so are named.
+    Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    found: dict[str, dict[str, NDArray[np.float64]]] = {}
+    for step in steps:
+        if step.severity == 0:
+            continue
+        if step.perturbation.choose is not None:
+            chosen = _chosen(step, count, identifiers)
+            found = {name: {key: values[chosen] for key, values in made.items()} for name, made in found.items()}
+            count = len(chosen)
+        elif step.perturbation.drawn is not None:
+            found[step.perturbation.name] = _drawn(step, count, identifiers)
+    return found
+
+
+def _drawn(step: Step[MotionPerturbation], count: int, identifiers: Identifiers) -> dict[str, NDArray[np.float64]]:
+    assert step.perturbation.drawn is not None
+    made = step.perturbation.drawn(count, step.parameters(step.severity), step.sequence_context(identifiers))
+    values = {key: np.asarray(value, np.float64) for key, value in made.items()}
+    if wrong := [key for key, value in values.items() if value.shape[:1] != (count,) or not np.isfinite(value).all()]:
+        raise NoisyWorldError(
+            f"{step.perturbation.name}: drawn has to return finite numbers for each of {count} poses, but "
+            f"{wrong[0]} is {_told(values[wrong[0]])}"
+        )
+    return values
+
+
 def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Trajectory:
     """Return the chosen poses of a path, with the path's first stamps; the whole path for None."""
     if chosen is None:

@@ -123,6 +123,12 @@ type MotionChoose = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
 N is from 1 to the number of poses; indices may repeat. The frames' stamps are the path's first N.
 """
 
+type MotionDrawn = Callable[[int, Any, SequenceContext], Mapping[str, NDArray[np.float64]]]
+"""The number of poses; parameters; context -> by name what `apply` draws for each pose, (count, ...).
+
+It is recorded in frames.jsonl.
+"""
+
 type ColourApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
 """(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array of the same shape and type.
 
@@ -225,17 +231,21 @@ class MotionPerturbation(Perturbation):
     """Acts on the camera's path, once in a sequence: it moves poses, or chooses among them. One of the two is given.
 
     apply: returns other poses, from which frames are rendered again. choose: returns which poses are shown; nothing is
-    rendered again. Raises ValueError where both or neither are given, or temporals.
+    rendered again. drawn: beside `apply`, what it draws, to be recorded. Raises ValueError where both or neither of
+    apply and choose are given, drawn without apply, or temporals.
     """
 
     stage: Stage = field(default="motion", init=False)
     apply: MotionApply | None = None
     choose: MotionChoose | None = None
+    drawn: MotionDrawn | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.apply is None) == (self.choose is None):
             raise ValueError(f"{self.name}: a perturbation of motion has either apply or choose")
+        if self.drawn is not None and self.apply is None:
+            raise ValueError(f"{self.name}: drawn goes with apply: choose draws no poses")
         _check_no_temporals(self)
 
 

@@ -3,7 +3,8 @@
 
 from dataclasses import dataclass
 
-from .plan import Plan
+from ..datasets.layouts import Modality
+from .plan import Plan, Render
 
 # Measured on two cores at 1200 x 680, and rounded.
 SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
@@ -22,25 +23,43 @@ class Estimate:
     seconds: float
 
 
+def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
+    """Estimate the bytes of an image of a render."""
+    kind = plan.format.image if modality == "rgb" else "depth"
+    return int(render.camera.width_px * render.camera.height_px * BYTES_PER_PIXEL[kind])
+
+
+def size_text(count: int) -> str:
+    """Return a number of bytes in words: "3.2 GB", "17 MB", "0.4 MB"."""
+    if count >= 1e9:
+        return f"{count / 1e9:.1f} GB"
+    return f"{count / 1e6:.0f} MB" if count >= 1e7 else f"{count / 1e6:.1f} MB"
+
+
 def estimate(plan: Plan) -> Estimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
-    pixels = plan.camera.width_px * plan.camera.height_px
+    parts = [_of_render(plan, render) for render in plan.renders]
+    return Estimate(int(sum(size for size, _ in parts)), sum(seconds for _, seconds in parts))
+
+
+def _of_render(plan: Plan, render: Render) -> tuple[float, float]:
+    """Estimate the bytes and the seconds of a render."""
+    pixels = render.camera.width_px * render.camera.height_px
     format_ = plan.format
     kinds = {modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities}
-    clean = plan.frame_count * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
+    clean = len(render.frames) * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
     perturbed = [
         (kind, len(sequence.frames))
-        for sequence in plan.sequences
+        for sequence in render.sequences
         for modality, kind in kinds.items()
         if getattr(sequence.setting, modality)
     ]
     size = pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
     seconds = sum(count for _, count in perturbed) * pixels * SECONDS_PER_PERTURBED_PIXEL
     if plan.composites:
-        composited = sum(len(sequence.frames) for sequence in plan.sequences if sequence.setting.composited)
+        composited = sum(len(sequence.frames) for sequence in render.sequences if sequence.setting.composited)
         seconds += composited * pixels * SECONDS_PER_COMPOSITED_PIXEL
-    for render in plan.renders:
-        if render.scene.source.gives.rendered:
-            per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
-            seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
-    return Estimate(int(size), seconds)
+    if render.scene.source.gives.rendered:
+        per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
+        seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
+    return size, seconds

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ..datasets.layouts import Modality, OutputFormat
 from ..errors import InputError
 from ..geometry import Intrinsics
@@ -54,7 +56,6 @@ class Plan:
     """All renders and sequences of a preset. chosen: the frames of each sequence to make, if not all."""
 
     preset: Preset
-    camera: Intrinsics
     format: OutputFormat
     rig: Rig | None
     settings: tuple[Setting, ...]
@@ -70,6 +71,17 @@ class Plan:
     def scenes(self) -> tuple[Scene, ...]:
         """Every scene once, in order."""
         return tuple({render.scene.name: render.scene for render in self.renders}.values())
+
+    @cached_property
+    def cameras(self) -> dict[str, Intrinsics]:
+        """The intrinsics of each scene's frames, by the scene's name."""
+        return {render.scene.name: render.camera for render in self.renders}
+
+    @property
+    def camera(self) -> Intrinsics | None:
+        """The intrinsics of all frames; None where scenes have different ones."""
+        cameras = set(self.cameras.values())
+        return cameras.pop() if len(cameras) == 1 else None
 
     @property
     def renders_anything(self) -> bool:
@@ -114,12 +126,8 @@ def lay_out_plan(
     """
     spec = preset.spec
     _check_scenes(scenes, preset)
-    camera = Intrinsics(
-        spec.camera.width, spec.camera.height, spec.camera.fx, spec.camera.fy, spec.camera.cx, spec.camera.cy
-    )
     plan = Plan(
         preset=preset,
-        camera=camera,
         format=spec.output.format,
         rig=_rig(preset, {axes for scene in scenes if (axes := scene.source.robot_axes) is not None}),
         settings=settings,
@@ -133,7 +141,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     """Group the settings of a scene by what has to be rendered: one render serves all that leave the path alone."""
     _check_chosen(scene, plan)
     preset, modalities = plan.preset, plan.format.modalities
-    camera = scene.source.camera(plan.camera)
+    spec = preset.spec
+    camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
     shared: list[Sequence] = []
     moved: list[Render] = []
     for setting in plan.settings:
@@ -168,9 +177,13 @@ def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int,
 # --- paths ---
 
 
-def source_paths(plan: Plan, render: Render) -> SensorPaths:
-    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate."""
+def source_paths(plan: Plan, render: Render, count: int | None = None) -> SensorPaths:
+    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate.
+
+    count: how many of the scene's first poses are taken, if not all.
+    """
     planned = render.scene.source.trajectory()
+    planned = planned if count is None else take_poses(planned, np.arange(count))
     if not render.moving:
         return _sensor_paths(plan, planned)
     moved = move(render.moving, planned, render.identifiers)
@@ -197,7 +210,7 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
             problem = "is a recording, which has no other poses for a rig"
             raise scene.place.at("sequence").error(problem, "leave rig out")
-        if problem := preset.spec.output.format.layout.stamps_problem(scene.source.stamps_s):
+        if problem := preset.spec.output.format.layout.stamps_problem(scene.source.frame_stamps):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
 
 

@@ -17,6 +17,7 @@ from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
 from ..schema import Place
 from ..trajectories.sensor_paths import Moment, SensorPaths
+from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Axes, Trajectory
 
 
@@ -52,7 +53,11 @@ class Gives:
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """How sources that render make their frames. threads: 0 for as many as the machine has."""
+    """How sources that render make their frames.
+
+    threads: 0 for as many as the machine has. first_frames: the first frames of the path; a source refuses a path where
+    all of them see nothing, unless there are none here.
+    """
 
     near_m: float
     far_m: float
@@ -63,6 +68,7 @@ class RenderOptions:
     rgb: bool = True
     depth: bool = True
     threads: int = 0
+    first_frames: tuple[int, ...] = ()
 
 
 class OpenSource(Protocol):
@@ -92,14 +98,20 @@ class Source(Protocol):
         ...
 
     @property
+    def frame_stamps(self) -> FrameStamps:
+        """When colour, depth and pose of each frame were taken; colour's are the frames' own, `stamps_s`."""
+        ...
+
+    @property
     def robot_axes(self) -> Axes | None:
         """The axes in which the path's poses were declared and a rig's extrinsics are given; None without a rig."""
         ...
 
-    def camera(self, asked: Intrinsics) -> Intrinsics:
-        """Return the intrinsics of its frames, given those that the preset asks for.
+    def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
+        """Return the intrinsics of its frames, given those that the preset asks for, None where it asks for none.
 
-        Raises InputError where it cannot give these.
+        None where it has none of its own, and gives what it is asked for. Raises InputError where it cannot give that,
+        or has to be told.
         """
         ...
 

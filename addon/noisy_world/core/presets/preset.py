@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
+from ..geometry import Intrinsics
 from ..schema import Place, key, parse
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 
@@ -72,6 +73,13 @@ class SceneSpec:
         default=None,
     )
     trajectory: TrajectorySpec | None = key("the way of the camera, or of the robot that carries it", default=None)
+    rate_hz: float | None = key(
+        "frames a second of a sequence that has no time stamps of its own; default 20",
+        unit="Hz",
+        default=None,
+        above=0,
+        maximum=10_000,
+    )
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
         default=None,
@@ -91,6 +99,11 @@ class CameraSpec:
     cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
     near_m: float = key("what is nearer is not seen", unit="m", default=0.01, minimum=1e-6, maximum=1e6)
     far_m: float = key("what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6)
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The camera without what it does not see."""
+        return Intrinsics(self.width, self.height, self.fx, self.fy, self.cx, self.cy)
 
 
 @dataclass(frozen=True)
@@ -131,6 +144,7 @@ class RenderSpec:
         "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
     )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
+    allow_empty: bool = key("whether a path may begin with frames that see nothing, which is an error", default=False)
 
 
 @dataclass(frozen=True)
@@ -167,11 +181,18 @@ class PresetSpec:
 
     scenes: tuple[SceneSpec, ...] = key("the scenes")
     seed: int = key("the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1)
-    camera: CameraSpec = key("the camera; default Replica's 1200 x 680", default=REPLICA_CAMERA)
+    camera: CameraSpec | None = key(
+        "the camera; default for meshes Replica's 1200 x 680, for a sequence its own", default=None
+    )
     rig: RigSpec | None = key("the robot that carries the sensors", default=None)
     render: RenderSpec = key("the rendering", default=RenderSpec())
     settings: tuple[SettingSpec, ...] = key("the settings", default=(SettingSpec("clean"),))
     output: OutputSpec = key("the dataset", default=OutputSpec())
+
+    @property
+    def mesh_camera(self) -> CameraSpec:
+        """The camera that meshes are seen through: the one given, or Replica's."""
+        return REPLICA_CAMERA if self.camera is None else self.camera
 
 
 @dataclass(frozen=True)
@@ -307,7 +328,7 @@ def _check(spec: PresetSpec, place: Place) -> None:
         raise place.at("scenes").error("is empty", "name a scene")
     if not spec.settings:
         raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
-    if spec.camera.far_m <= spec.camera.near_m:
+    if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
     check_output(spec.output, place.at("output"))
     if spec.render.device == "gpu" and spec.render.engine != "cycles":
@@ -332,6 +353,8 @@ def _check(spec: PresetSpec, place: Place) -> None:
 def _check_scene(spec: SceneSpec, place: Place) -> None:
     if (spec.mesh is None) == (spec.sequence is None):
         raise place.error("needs either mesh or sequence", "name one of them")
+    if spec.rate_hz is not None and spec.sequence is None:
+        raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
     if spec.sequence is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")

@@ -8,14 +8,31 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
+class Texture:
+    """Pictures, and where in them the corners of faces lie.
+
+    names: of the pictures' files. pictures: each (H, W, 3) uint8, RGB, display-encoded (sRGB), the top row first.
+    corner_uv: (C, 2) float32, to the right and up from a picture's bottom left corner; 1 is its whole width or height,
+    and beyond [0, 1] it repeats. face_pictures: (F,) int32, the picture of each face; -1 where a face has none.
+    """
+
+    names: tuple[str, ...]
+    pictures: tuple[NDArray[np.uint8], ...]
+    corner_uv: NDArray[np.float32]
+    face_pictures: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
 class Mesh:
-    """Polygons of any size with one colour a vertex.
+    """Polygons of any size, coloured at their vertices, at their corners or by a texture.
 
     vertices_m: (V, 3) float64, metres, Z up. Float64 so that a scene far from the origin can be moved without loss.
-    rgb: (V, 3) float32 in [0, 1], display-encoded (sRGB), or None where the file has no colours.
+    rgb: (V, 3) float32 in [0, 1], display-encoded (sRGB), or None where vertices have no colours.
     corner_vertices: (C,) int32, the vertices of all faces, one face after another.
     face_starts: (F,) int32, where each face begins in corner_vertices; the first is 0.
     notes: what a user should know about how the file was read, one sentence each.
+    corner_rgb: (C, 3) float32 as rgb, instead of it: equal at all corners of a face that has one colour.
+    texture: what is shown instead of other colours, where a face has a picture.
     """
 
     vertices_m: NDArray[np.float64]
@@ -23,6 +40,8 @@ class Mesh:
     corner_vertices: NDArray[np.int32]
     face_starts: NDArray[np.int32]
     notes: tuple[str, ...] = ()
+    corner_rgb: NDArray[np.float32] | None = None
+    texture: Texture | None = None
 
     @property
     def face_sizes(self) -> NDArray[np.int32]:

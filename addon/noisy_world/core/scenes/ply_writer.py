@@ -17,16 +17,21 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
 
     normals: (V, 3) unit vectors in the vertices' axes; area-weighted ones are computed where None.
     triangulate: cut each polygon into a fan of triangles, for the many readers that read nothing else.
-    Colours are left out where the mesh has none. The file is written completely or not at all.
+    Colours are left out where the mesh has none, and so is a texture. A vertex whose corners differ in colour becomes
+    one for each. The file is written completely or not at all.
     Raises StorageError where it cannot be written.
     """
     fan = _fan(mesh)
+    normals = _vertex_normals(mesh, fan) if normals is None else normals
+    if mesh.corner_rgb is not None:
+        mesh, normals = _split_by_colour(mesh, mesh.corner_rgb, normals)
+        fan = _fan(mesh)
     fields = [("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)]
     vertices = np.empty(len(mesh.vertices_m), fields if mesh.rgb is not None else fields[:2])
     vertices["xyz"] = mesh.vertices_m
-    vertices["normal"] = _vertex_normals(mesh, fan) if normals is None else normals
+    vertices["normal"] = normals
     if mesh.rgb is not None:
-        vertices["rgb"] = np.rint(np.clip(mesh.rgb, 0, 1) * 255)
+        vertices["rgb"] = _colour_bytes(mesh.rgb)
     corners, sizes = mesh.corner_vertices, mesh.face_sizes
     if triangulate:
         corners, sizes = fan.reshape(-1), np.full(len(fan), 3)
@@ -58,6 +63,20 @@ def _fan(mesh: Mesh) -> NDArray[np.int32]:
     first = np.repeat(mesh.face_starts, counts)
     step = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
     return mesh.corner_vertices[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+
+
+def _colour_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
+
+
+def _split_by_colour(mesh: Mesh, corner_rgb: NDArray[np.float32], normals: NDArray) -> tuple[Mesh, NDArray]:
+    """Return the mesh with a vertex for each colour that a vertex has at its corners, and the normals of these."""
+    rgb = _colour_bytes(corner_rgb).astype(np.int64)
+    keys = (mesh.corner_vertices.astype(np.int64) << 24) | (rgb[:, 0] << 16) | (rgb[:, 1] << 8) | rgb[:, 2]
+    _, firsts, corners = np.unique(keys, return_index=True, return_inverse=True)
+    origin = mesh.corner_vertices[firsts]
+    split = Mesh(mesh.vertices_m[origin], corner_rgb[firsts], corners.astype(np.int32), mesh.face_starts)
+    return split, normals[origin]
 
 
 def _vertex_normals(mesh: Mesh, triangles: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -7,12 +7,11 @@ Where these files lie in a sequence is decided in `euroc`.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from decimal import ROUND_HALF_EVEN, Decimal
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ...errors import InputError
 from ...geometry import (
@@ -24,8 +23,11 @@ from ...geometry import (
     rotation_error,
     rotation_from_quat_wxyz,
 )
+from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
-from ..stored import StampedFile, read_text
+from ..association import StampedFiles
+from ..json_text import finite_number
+from ..stored import checked_intrinsics, read_text
 from .layout import lines
 
 STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
@@ -44,29 +46,21 @@ _QUAT_NORM_TOLERANCE = 1e-2
 # --- time stamps ---
 
 
-def nanoseconds(stamp_s: float) -> int:
-    """Return a stamp in nanoseconds: those of the shortest decimal number that reads back to this float64.
-
-    Around 1.3e9 s, float64 numbers are 2.4e-7 s apart: further digits would look exact and mean nothing.
-    """
-    return int((Decimal(repr(float(stamp_s))) * 10**9).to_integral_value(ROUND_HALF_EVEN))
-
-
-def stamp_text(stamp_s: float) -> str:
+def stamp_text(stamp_ns: int) -> str:
     """Return a stamp as in the images' names: nanoseconds, 19 digits."""
-    return f"{nanoseconds(stamp_s):0{STAMP_DIGITS}d}"
+    return f"{stamp_ns:0{STAMP_DIGITS}d}"
 
 
-def stamps_problem(stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
-    """Return why these stamps cannot name files, or "" where they can."""
-    before = -1
-    for frame, stamp_s in enumerate(stamps_s):
-        stamp_ns = nanoseconds(stamp_s)
+def stamps_problem(stamps_ns: Sequence[int], what: str = "frame") -> str:
+    """Return why stamps in nanoseconds cannot name files or rows, or "" where they can. what: has these stamps."""
+    order = sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__)
+    for place, frame in enumerate(order):
+        stamp_ns = stamps_ns[frame]
         if not 0 <= stamp_ns <= LARGEST_NS:
-            return f"frame {frame} is at {float(stamp_s)!r} s, but names are nanoseconds from 0 to {LARGEST_NS}"
-        if stamp_ns <= before:
-            return f"frame {frame} has the time stamp of the frame before, in the nanoseconds that name it"
-        before = stamp_ns
+            seconds = f"{stamp_ns / NS_PER_S!r} s"
+            return f"{what} {frame} is at {seconds}, but names are nanoseconds from 0 to {LARGEST_NS}"
+        if place and stamp_ns == stamps_ns[order[place - 1]]:
+            return f"{what} {frame} has the time stamp of the frame before, in the nanoseconds that name it"
     return ""
 
 
@@ -78,25 +72,33 @@ def images_csv(names: Sequence[str]) -> str:
     return lines([IMAGES_HEADER, *(f"{name.partition('.')[0]},{name}" for name in names)])
 
 
-def poses_csv(path: Trajectory) -> str:
+def poses_csv(path: Trajectory, stamps_ns: Sequence[int]) -> str:
     """Return the poses of a body: t [ns], p [m], q (w first), body-to-world; numbers read back to the same float64."""
     quats = continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3]))
     values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
-    rows = zip(map(stamp_text, path.stamps_s), values.tolist(), strict=True)
+    rows = zip(map(stamp_text, stamps_ns), values.tolist(), strict=True)
     return lines([POSES_HEADER, *(",".join([stamp, *map(repr, row)]) for stamp, row in rows)])
 
 
-def read_images_csv(path: Path) -> list[StampedFile]:
+def read_images_csv(path: Path) -> StampedFiles:
     """Read the list of a camera's images, which lie in the folder `data` beside it."""
-    found: list[StampedFile] = []
+    stamps_ns: list[int] = []
+    files: list[Path] = []
     for where, cells in _rows(path):
         if len(cells) != 2 or not cells[1]:
             raise InputError(path, "is no time stamp and file name", where=where, remedy=f"as in {IMAGES_HEADER}")
-        found.append((_stamp_s(path, where, cells[0]), path.parent / "data" / cells[1]))
-    if not found:
+        stamps_ns.append(_stamp_ns(path, where, cells[0]))
+        files.append(path.parent / "data" / cells[1])
+    if not files:
         raise InputError(path, "lists no image")
-    _check_order(path, [stamp_s for stamp_s, _ in found])
-    return found
+    stamps = Stamps.of_ns(stamps_ns)
+    _check_order(path, stamps.seconds)
+    return StampedFiles(stamps, tuple(files))
+
+
+def read_pose_stamps(path: Path) -> Stamps:
+    """Read the exact stamps of the poses of a body, whose rows `read_poses_csv` has checked."""
+    return Stamps.of_ns(_stamp_ns(path, where, cells[0]) for where, cells in _rows(path))
 
 
 def read_poses_csv(path: Path) -> Trajectory:
@@ -107,7 +109,7 @@ def read_poses_csv(path: Path) -> Trajectory:
         if len(cells) not in POSE_COLUMNS:
             columns = " or ".join(map(str, POSE_COLUMNS))
             raise InputError(path, f"has {len(cells)} columns, but poses have {columns}", where=where)
-        stamps_s.append(_stamp_s(path, where, cells[0]))
+        stamps_s.append(_stamp_ns(path, where, cells[0]) / NS_PER_S)
         row = [_number(path, where, cell) for cell in cells[1:8]]
         if abs(math.hypot(*row[3:]) - 1.0) > _QUAT_NORM_TOLERANCE:
             problem = f"the quaternion has length {math.hypot(*row[3:]):.6g}, not 1"
@@ -127,10 +129,10 @@ def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
             yield f"line {number}", [cell.strip() for cell in line.split(",")]
 
 
-def _stamp_s(path: Path, where: str, cell: str) -> float:
-    if not (cell.isascii() and cell.isdecimal()):
+def _stamp_ns(path: Path, where: str, cell: str) -> int:
+    if not (cell.isascii() and cell.isdecimal() and len(cell) <= STAMP_DIGITS and int(cell) <= LARGEST_NS):
         raise InputError(path, f"{cell!r} is no time in whole nanoseconds", where=where)
-    return int(cell) / 10**9
+    return int(cell)
 
 
 def _number(path: Path, where: str, cell: str) -> float:
@@ -143,7 +145,7 @@ def _number(path: Path, where: str, cell: str) -> float:
     return value
 
 
-def _check_order(path: Path, stamps_s: Sequence[float]) -> None:
+def _check_order(path: Path, stamps_s: ArrayLike) -> None:
     late = np.flatnonzero(np.diff(np.asarray(stamps_s)) <= 0)
     if late.size:
         problem = f"row {late[0] + 2} is not later than the one before it"
@@ -172,7 +174,7 @@ def sensor_yaml(
     depth_scale_per_m: float | None = None,
 ) -> str:
     """Return the text of a sensor.yaml. rate_hz: None for a single frame, which has no rate."""
-    matrix = (",\n" + " " * 9).join(", ".join(map(repr, row)) for row in (body_from_sensor + 0.0).tolist())
+    matrix = (",\n" + " " * 9).join(", ".join(map(_yaml_number, row)) for row in (body_from_sensor + 0.0).tolist())
     rows = [
         f"sensor_type: {kind}",
         f"comment: {comment}",
@@ -190,7 +192,7 @@ def sensor_yaml(
         rows += [
             f"resolution: [{camera.width_px}, {camera.height_px}]",
             "camera_model: pinhole",
-            f"intrinsics: [{', '.join(repr(float(value)) for value in numbers)}] # fu, fv, cu, cv",
+            f"intrinsics: [{', '.join(map(_yaml_number, numbers))}] # fu, fv, cu, cv",
             "distortion_model: radial-tangential",
             "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]",
         ]
@@ -198,9 +200,15 @@ def sensor_yaml(
         rows += [
             "",
             "# Planar depth in 16 bits, 0 where there is none; steps a metre.",
-            f"{DEPTH_SCALE_KEY}: {float(depth_scale_per_m)!r}",
+            f"{DEPTH_SCALE_KEY}: {_yaml_number(depth_scale_per_m)}",
         ]
     return lines(rows)
+
+
+def _yaml_number(value: float) -> str:
+    """Return a number with a point: PyYAML and others that follow YAML 1.1 take 1e-05 for a text."""
+    digits, e, exponent = repr(float(value)).partition("e")
+    return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
 
 
 def read_sensor_yaml(path: Path) -> AslSensor:
@@ -244,9 +252,9 @@ def _camera(path: Path, document: dict[str, Any]) -> Intrinsics | None:
     if np.any(_numbers(path, "distortion_coefficients", document.get("distortion_coefficients", [0.0]))):
         remedy = "undistort the images, and set these to zeros"
         raise InputError(path, "are not zero: the lens distorts", where="distortion_coefficients", remedy=remedy)
-    width_px, height_px = _numbers(path, "resolution", document.get("resolution"), 2)
-    fx_px, fy_px, cx_px, cy_px = _numbers(path, "intrinsics", document["intrinsics"], 4).tolist()
-    return Intrinsics(int(width_px), int(height_px), fx_px, fy_px, cx_px, cy_px)
+    size = _entries(path, "resolution", document.get("resolution"), 2)
+    values = _entries(path, "intrinsics", document["intrinsics"], 4)
+    return checked_intrinsics(path, ("resolution",) * 2 + ("intrinsics",) * 4, (*size, *values))
 
 
 def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
@@ -258,14 +266,26 @@ def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
     return scale_per_m
 
 
+def _entries(path: Path, name: str, value: object, count: int) -> list[object]:
+    if not isinstance(value, list) or len(value) != count:
+        raise InputError(path, f"has to be {count} numbers", where=name)
+    return [_from_text(item) for item in value]
+
+
+def _from_text(value: object) -> object:
+    """Return the number that a text is, such as 1e-05, which PyYAML leaves a text; else the value itself."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
 def _numbers(path: Path, name: str, value: object, count: int | None = None) -> NDArray[np.float64]:
     wanted = "numbers" if count is None else f"{count} numbers"
     if not isinstance(value, list) or (count is not None and len(value) != count):
         raise InputError(path, f"has to be {wanted}", where=name)
-    try:
-        numbers = np.array([float(item) for item in value])
-    except (TypeError, ValueError) as error:
-        raise InputError(path, f"has to be {wanted}", where=name) from error
-    if not np.isfinite(numbers).all():
-        raise InputError(path, "has to be finite numbers", where=name)
-    return numbers
+    numbers = [finite_number(_from_text(item)) for item in value]
+    found = [number for number in numbers if number is not None]
+    if len(found) != len(numbers):
+        raise InputError(path, f"has to be {wanted}, all finite", where=name)
+    return np.array(found, dtype=np.float64)

@@ -2,12 +2,20 @@
 """cam_params.json: the intrinsics and the depth scale of a setting, as the successors of NICE-SLAM read them."""
 
 import json
+import os
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ..json_text import finite_number, parse_given_json
+from ..stored import checked_intrinsics, read_text
 
 CAM_PARAMS = "cam_params.json"
+INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
+
+_REMEDY = "mend or remove it"
 
 
 def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
@@ -24,20 +32,51 @@ def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
     return json.dumps({"camera": values}, indent=2) + "\n"
 
 
-def read_depth_scale(folder: Path) -> float | None:
-    """Return the depth scale, steps per metre, of a sequence's cam_params.json; None where there is no such file.
+@dataclass(frozen=True)
+class CamParams:
+    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone."""
 
-    It is looked for in the folder above the sequence's, then in the sequence's own. Raises InputError for a wrong
-    scale.
+    path: Path
+    depth_scale_per_m: float
+    camera: Intrinsics | None
+
+
+def read_cam_params(folder: Path) -> CamParams | None:
+    """Return what the cam_params.json of a sequence says; None where there is no such file.
+
+    It is looked for in the sequence's own folder, then in the folder above. Raises InputError where it is no such file,
+    lacks the scale or one of the intrinsics, or holds values that no camera has.
     """
-    for parent in (folder.parent, folder):
+    for parent in (folder, folder.parent):
         path = parent / CAM_PARAMS
-        if path.is_file():
-            try:
-                scale = float(json.loads(path.read_text(encoding="utf-8"))["camera"]["scale"])
-            except (OSError, ValueError, KeyError, TypeError) as error:
-                raise InputError(path, "holds no camera with a scale", remedy="mend or remove it") from error
-            if not 0 < scale < float("inf"):
-                raise InputError(path, f"its scale is {scale}, but has to be above 0", remedy="mend or remove it")
-            return scale
+        if os.path.lexists(path):  # a link that leads nowhere is a mistake, and no missing file
+            return _read(path)
     return None
+
+
+def _read(path: Path) -> CamParams:
+    document = parse_given_json(read_text(path), path, remedy=_REMEDY)
+    camera = document.get("camera") if isinstance(document, dict) else None
+    if not isinstance(camera, dict) or "scale" not in camera:
+        raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
+    scale_per_m = finite_number(camera["scale"])
+    if scale_per_m is None or scale_per_m <= 0:
+        problem = f"its scale is {_shown(camera['scale'])}, but has to be a number above 0"
+        raise InputError(path, problem, where="camera.scale", remedy=_REMEDY)
+    return CamParams(path, scale_per_m, _intrinsics(path, camera))
+
+
+def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
+    lacking = [name for name in INTRINSICS if name not in camera]
+    if len(lacking) == len(INTRINSICS):
+        return None
+    if lacking:
+        problem = f"holds no {lacking[0]}, but other intrinsics"
+        raise InputError(path, problem, where="camera", remedy=f"a camera has {', '.join(INTRINSICS)} and scale")
+    places = tuple(f"camera.{name}" for name in INTRINSICS)
+    return checked_intrinsics(path, places, tuple(camera[name] for name in INTRINSICS))
+
+
+def _shown(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -1,31 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ASL layout of the EuRoC MAV datasets, which visual-inertial systems read."""
 
-from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import invert_pose
 from ...trajectories.rig import Sensor, sensor_trajectory
+from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
-from ..stored import StoredSequence, pair_by_stamp
+from ..association import associate_frames
+from ..stored import StoredSequence, check_files, same_camera
 from .asl import (
     DEPTH_SCALE_KEY,
     STAMP_DIGITS,
+    AslSensor,
     images_csv,
     poses_csv,
     read_images_csv,
+    read_pose_stamps,
     read_poses_csv,
     read_sensor_yaml,
     sensor_yaml,
     stamp_text,
     stamps_problem,
 )
-from .layout import Image, Layout, SequenceFacts, lines
+from .layout import Image, Layout, SequenceFacts, StampsLike, lines
 
 MAV = "mav0"
 COLOUR = f"{MAV}/cam0"
@@ -65,26 +67,28 @@ class EurocLayout(Layout):
         f"{MAV}/body.yaml",
     )
 
-    def rgb_name(self, frame: int, stamp_s: float, image: Image) -> str:
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
         del frame
-        return f"{COLOUR}/data/{stamp_text(stamp_s)}.{image}"
+        return f"{COLOUR}/data/{stamp_text(stamp_ns)}.{image}"
 
-    def depth_name(self, frame: int, stamp_s: float) -> str:
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image."""
         del frame
-        return f"{DEPTH}/data/{stamp_text(stamp_s)}.png"
+        return f"{DEPTH}/data/{stamp_text(stamp_ns)}.png"
 
-    def stamps_problem(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
+    def stamps_problem(self, stamps: StampsLike) -> str:
         """Return which stamp cannot name a file, or ""."""
-        return stamps_problem(stamps_s)
+        found = FrameStamps.of(stamps)
+        parts = (("frame", found.rgb), ("the depth of frame", found.depth), ("the pose of frame", found.pose))
+        return next((problem for what, part in parts if (problem := stamps_problem(part.ns, what))), "")
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return the lists of images, the descriptions of the sensors, and the body's path or paths."""
         body_from_rgb = np.eye(4) if facts.rig is None else facts.rig.rgb.robot_from_sensor
         of_depth = None if facts.rig is None else facts.rig.depth
         body_from_depth = body_from_rgb if of_depth is None else of_depth.robot_from_sensor
-        chosen, rate_hz = facts.chosen, _rate_hz(facts.paths.rgb)
+        (chosen, stamps), rate_hz = facts.timed, _rate_hz(facts.paths.rgb)
         texts = {f"{MAV}/body.yaml": f"comment: {'the colour camera' if facts.rig is None else 'the robot'}\n"}
         if "rgb" in facts.format.modalities:
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
@@ -96,7 +100,8 @@ class EurocLayout(Layout):
                 "camera", comment, body_from_rgb, camera=facts.camera, rate_hz=rate_hz
             )
         if "depth" in facts.format.modalities:
-            names = [PurePosixPath(facts.names.depth(frame)).name for frame in facts.frames]
+            # Names sort by time, which the order of the frames need not be for depth.
+            names = sorted(PurePosixPath(facts.names.depth(frame)).name for frame in facts.frames)
             texts[f"{DEPTH}/data.csv"] = images_csv(names)
             texts[f"{DEPTH}/sensor.yaml"] = sensor_yaml(
                 "depth-camera",
@@ -115,7 +120,7 @@ class EurocLayout(Layout):
                 "where the body was meant to be",
             )
         for folder, (path, comment) in states.items():
-            texts[f"{folder}/data.csv"] = poses_csv(path)
+            texts[f"{folder}/data.csv"] = poses_csv(path, stamps.ns)
             texts[f"{folder}/sensor.yaml"] = sensor_yaml("pose", comment, np.eye(4))
         return texts
 
@@ -123,8 +128,9 @@ class EurocLayout(Layout):
         """Tell whether there is a folder mav0."""
         return (folder / MAV).is_dir()
 
-    def read(self, folder: Path) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""
+        del rate_hz  # the lists have stamps
         for sensor, what in ((COLOUR, "colour"), (DEPTH, "depth")):
             if not (folder / sensor / "data.csv").is_file():
                 remedy = f"{sensor} has to be there: a sequence needs colour and depth"
@@ -132,18 +138,38 @@ class EurocLayout(Layout):
         rgb, depth = (read_images_csv(folder / sensor / "data.csv") for sensor in (COLOUR, DEPTH))
         colour_file, depth_file = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
         colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
-        if depth_sensor.depth_scale_per_m is None:
-            problem = f"holds no {DEPTH_SCALE_KEY}"
-            raise InputError(depth_file, problem, remedy="add it: the steps of the depth images a metre")
-        if np.abs(colour_sensor.body_from_sensor - depth_sensor.body_from_sensor).max() > _SAME_POSE:
-            problem = f"T_BS is not that of {COLOUR}, but depth has to be the colour camera's"
-            raise InputError(depth_file, problem, remedy="register the depth images to the colour camera")
+        _check_depth_sensor(depth_file, colour_sensor, depth_sensor)
+        assert depth_sensor.depth_scale_per_m is not None, "just checked"
         poses = folder / TRUE_STATE / "data.csv"
         path = sensor_trajectory(read_poses_csv(poses), Sensor(colour_sensor.body_from_sensor))
-        rgb_files, depth_files, trajectory = pair_by_stamp(folder, rgb, depth, poses, path)
+        found = associate_frames(folder, rgb, depth, path, read_pose_stamps(poses))
+        check_files(folder / COLOUR / "data.csv", found.rgb_files)
+        check_files(folder / DEPTH / "data.csv", found.depth_files)
         return StoredSequence(
-            folder, rgb_files, depth_files, poses, trajectory, depth_sensor.depth_scale_per_m, colour_sensor.camera
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            poses,
+            found.path,
+            found.stamps,
+            depth_sensor.depth_scale_per_m,
+            folder / COLOUR / "data.csv",
+            colour_sensor.camera,
+            colour_file,
+            (found.left_out,) if found.left_out else (),
         )
+
+
+def _check_depth_sensor(path: Path, colour: AslSensor, depth: AslSensor) -> None:
+    """Refuse depth without a scale, and depth that another camera sees than colour."""
+    if depth.depth_scale_per_m is None:
+        raise InputError(path, f"holds no {DEPTH_SCALE_KEY}", remedy="add it: the steps of the depth images a metre")
+    remedy = "register the depth images to the colour camera"
+    if np.abs(colour.body_from_sensor - depth.body_from_sensor).max() > _SAME_POSE:
+        raise InputError(path, f"T_BS is not that of {COLOUR}, but depth has to be the colour camera's", remedy=remedy)
+    if colour.camera and depth.camera and not same_camera(colour.camera, depth.camera):
+        problem = f"resolution or intrinsics are not those of {COLOUR}, but depth has to be the colour camera's"
+        raise InputError(path, problem, remedy=remedy)
 
 
 def _rate_hz(path: Trajectory) -> float | None:

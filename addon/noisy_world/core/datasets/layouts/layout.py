@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from ...geometry import Intrinsics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
+from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
+from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
 from ..stored import StoredSequence
 
 type Modality = Literal["rgb", "depth"]
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
-Beyond = Literal["void", "farthest"]
+type StampsLike = FrameStamps | Sequence[float] | NDArray[np.float64]
+"""The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
 _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
 
@@ -54,16 +57,21 @@ class Layout(ABC):
         return f"{self.meaning[0].upper()}{self.meaning[1:]}; {' or '.join(_SPOKEN[kind] for kind in self.images)}"
 
     @abstractmethod
-    def rgb_name(self, frame: int, stamp_s: float, image: Image) -> str:
-        """Return the name of a frame's colour image."""
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
+        """Return the name of a frame's colour image; stamp_ns: when it was taken, nanoseconds."""
 
     @abstractmethod
-    def depth_name(self, frame: int, stamp_s: float) -> str:
-        """Return the name of a frame's depth image."""
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
+        """Return the name of a frame's depth image; stamp_ns: when it was taken, nanoseconds."""
 
-    def stamps_problem(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> str:
+    def image_note(self, image: Image) -> str:
+        """Return a sentence on who does not find colour images of this kind, or ""."""
+        del image
+        return ""
+
+    def stamps_problem(self, stamps: StampsLike) -> str:
         """Return why frames with these stamps cannot be written, or "" where they can."""
-        del stamps_s
+        del stamps
         return ""
 
     @abstractmethod
@@ -71,7 +79,7 @@ class Layout(ABC):
         """Return the text files of a sequence by name."""
 
     def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
-        """Return the text files of a setting by name."""
+        """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
         del camera, depth_scale_per_m
         return {}
 
@@ -80,8 +88,11 @@ class Layout(ABC):
         """Tell whether a folder looks like a sequence of this layout."""
 
     @abstractmethod
-    def read(self, folder: Path) -> StoredSequence:
-        """Find the files of a sequence. Raises InputError where some are missing, wrong or do not match."""
+    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+        """Find the files of a sequence. rate_hz: of the frames, where the sequence has no stamps; None for RATE_HZ.
+
+        Raises InputError where files are missing, wrong or do not match.
+        """
 
 
 @dataclass(frozen=True)
@@ -109,12 +120,22 @@ class OutputFormat:
         """The folders of a sequence that hold its images."""
         return {str(PurePosixPath(name).parent) for name in self.names([0.0]).of(0)}
 
-    def names(self, stamps_s: Sequence[float] | NDArray[np.float64]) -> "FrameNames":
-        """Return the names of the images of a sequence whose i-th frame has the i-th time stamp."""
-        return FrameNames(self, stamps_s)
+    @property
+    def note(self) -> str:
+        """A sentence on what readers of the layout will not find; "" where they find all."""
+        return self.layout.image_note(self.image) if "rgb" in self.modalities else ""
+
+    @property
+    def depth_range(self) -> DepthRange:
+        """The range of its depth images, for sentences on what lies beyond it."""
+        return DepthRange(self.depth_scale_per_m, self.depth_beyond)
+
+    def names(self, stamps: StampsLike) -> "FrameNames":
+        """Return the names of the images of a sequence whose i-th frame has the i-th time stamps."""
+        return FrameNames(self, FrameStamps.of(stamps))
 
     def setting_texts(self, camera: Intrinsics) -> dict[str, str]:
-        """Return the text files of a setting by name."""
+        """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
         return self.layout.setting_texts(camera, self.depth_scale_per_m)
 
     def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
@@ -127,21 +148,30 @@ class OutputFormat:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
         return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
 
+    def out_of_range(self, depth_m: NDArray[np.float32]) -> OutOfRange | None:
+        """Count the pixels whose depth a depth image of the dataset cannot hold; None where it holds all."""
+        return out_of_range(depth_m, self.depth_scale_per_m)
+
+    def stored_depth_m(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return planar depth (H, W) in metres, 0 = void, as it is read back from a depth image of the dataset."""
+        steps = quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond)
+        return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
+
 
 @dataclass(frozen=True, eq=False)
 class FrameNames:
     """The names of the images of a sequence's frames, inside its folder."""
 
     format: OutputFormat
-    stamps_s: Sequence[float] | NDArray[np.float64]
+    stamps: FrameStamps
 
     def rgb(self, frame: int) -> str:
         """Return the name of a frame's colour image."""
-        return self.format.layout.rgb_name(frame, float(self.stamps_s[frame]), self.format.image)
+        return self.format.layout.rgb_name(frame, self.stamps.rgb.ns[frame], self.format.image)
 
     def depth(self, frame: int) -> str:
         """Return the name of a frame's depth image."""
-        return self.format.layout.depth_name(frame, float(self.stamps_s[frame]))
+        return self.format.layout.depth_name(frame, self.stamps.depth.ns[frame])
 
     def of(self, frame: int) -> set[str]:
         """Return the names of a frame's images, one for each modality of the dataset."""
@@ -154,7 +184,8 @@ class SequenceFacts:
     """The content of a sequence's text files.
 
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
-    rig: the sensors' poses on the robot; None where there is no rig.
+    rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
+    depth and poses have those of the paths.
     """
 
     format: OutputFormat
@@ -162,17 +193,34 @@ class SequenceFacts:
     rig: Rig | None
     frames: tuple[int, ...]
     paths: SensorPaths
+    stamps: FrameStamps | None = None
 
     @cached_property
     def chosen(self) -> SensorPaths:
-        """The paths of the frames that exist."""
+        """The paths of the frames that exist, in the order of the frames."""
         rows = list(self.frames)
         return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
+
+    @cached_property
+    def taken(self) -> FrameStamps:
+        """When colour, depth and pose of the frames that exist were taken."""
+        return self._stamps.take(self.frames)
+
+    @cached_property
+    def timed(self) -> tuple[SensorPaths, Stamps]:
+        """The paths of the frames that exist, in the order of the poses' own stamps, and these."""
+        order = np.argsort(self.taken.pose.seconds, kind="stable")
+        stamps = self.taken.pose.take(order)
+        return self.chosen.each(lambda path: Trajectory(path.c2w[order], stamps.seconds)), stamps
 
     @property
     def names(self) -> FrameNames:
         """The names of the images."""
-        return self.format.names(self.paths.rgb.stamps_s)
+        return self.format.names(self._stamps)
+
+    @property
+    def _stamps(self) -> FrameStamps:
+        return FrameStamps.of(self.paths.rgb.stamps_s) if self.stamps is None else self.stamps
 
 
 PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")

@@ -2,13 +2,20 @@
 """The layout of the Replica sequences that iMAP and NICE-SLAM read."""
 
 import re
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ...trajectories.files import read_trajectory, replica_text
-from ..stored import StoredSequence
-from .cam_params import CAM_PARAMS, cam_params_text, read_depth_scale
+from ...trajectories.files import detect_format, read_trajectory, replica_text
+from ...trajectories.stamps import FrameStamps
+from ...trajectories.trajectory import Trajectory
+from ..frame_times import read_frame_times
+from ..records import FRAMES
+from ..stored import RATE_HZ, StoredSequence
+from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, numbered, path_suffix
 
 RESULTS = "results"
@@ -28,18 +35,28 @@ class ReplicaLayout(Layout):
         *numbered(f"{RESULTS}/frame{{}}.png"),
         *numbered(f"{RESULTS}/depth{{}}.png"),
         *(f"traj{suffix}.txt" for suffix in PATH_SUFFIXES),
+        CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
 
-    def rgb_name(self, frame: int, stamp_s: float, image: Image) -> str:
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
-        del stamp_s
+        del stamp_ns
         return f"{RESULTS}/frame{frame:06d}.{image}"
 
-    def depth_name(self, frame: int, stamp_s: float) -> str:
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image."""
-        del stamp_s
+        del stamp_ns
         return f"{RESULTS}/depth{frame:06d}.png"
+
+    def image_note(self, image: Image) -> str:
+        """Say that PNG is not found: NICE-SLAM and its successors list results/frame*.jpg."""
+        if image == "jpg":
+            return ""
+        return (
+            "NICE-SLAM, Co-SLAM, GO-SLAM, SplaTAM and others that read this layout look for results/frame*.jpg and "
+            f"find no colour in {image}; set output.image: jpg for them"
+        )
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path."""
@@ -53,20 +70,40 @@ class ReplicaLayout(Layout):
         """Tell whether there is a folder `results`."""
         return (folder / RESULTS).is_dir()
 
-    def read(self, folder: Path) -> StoredSequence:
-        """Find the images, which match by number, and the poses, one for each image."""
+    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+        """Find the images, which match by number, and the poses, one for each image in the order of the numbers.
+
+        The stamps are those of frames.jsonl, where there is one; else frame i is at i / rate_hz.
+        """
         results = folder / RESULTS
         rgb = sorted((path for kind in self.images for path in results.glob(f"frame*.{kind}")), key=_number)
         depth = sorted(results.glob("depth*.png"), key=_number)
-        if not rgb or [_number(path) for path in rgb] != [_number(path) for path in depth]:
+        numbers = [_number(path) for path in rgb]
+        if not rgb or numbers != [_number(path) for path in depth] or any(a == b for a, b in pairwise(numbers)):
             problem = f"has {len(rgb)} colour and {len(depth)} depth images, which do not match by number"
             raise InputError(results, problem)
         poses = folder / "traj.txt"
         trajectory = read_trajectory(poses)
         if len(trajectory) != len(rgb):
             raise InputError(poses, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
-        scale_per_m = read_depth_scale(folder) or self.depth_scale_per_m
-        return StoredSequence(folder, tuple(rgb), tuple(depth), poses, trajectory, scale_per_m)
+        stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
+        if stamps is None and detect_format(poses) == "tum":
+            stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), poses
+        elif stamps is None:
+            stamps, stamps_path = FrameStamps.of(np.array(numbers) / (rate_hz or RATE_HZ)), None
+        params = read_cam_params(folder)
+        return StoredSequence(
+            folder,
+            tuple(rgb),
+            tuple(depth),
+            poses,
+            Trajectory(trajectory.c2w, stamps.rgb.seconds),
+            stamps,
+            params.depth_scale_per_m if params else self.depth_scale_per_m,
+            stamps_path,
+            params.camera if params else None,
+            params.path if params else None,
+        )
 
 
 def _number(path: Path) -> int:

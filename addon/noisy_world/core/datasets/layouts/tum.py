@@ -1,14 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The layout of the TUM RGB-D benchmark, which ORB-SLAM2 and 3 read."""
 
+import re
+from decimal import Decimal
 from pathlib import Path
+
+import numpy as np
 
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...trajectories.files import read_trajectory, tum_text
-from ..stored import StampedFile, StoredSequence, pair_by_stamp, read_text
-from .cam_params import CAM_PARAMS, cam_params_text, read_depth_scale
+from ...trajectories.stamps import NS_PER_S, Stamps
+from ..association import StampedFiles, associate_frames
+from ..stored import StoredSequence, check_files, read_text
+from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix
+
+LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
+SECONDS_PER_YEAR = 31_557_600  # Julian
+_ONE_STAMP = "an image has a stamp of its own"
+# float() would also take "nan", "1_000" and digits of other scripts.
+_NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?"
+# The benchmark's files begin with three lines of comments. Readers rely on them: ORB-SLAM's mono_tum leaves out three
+# lines of rgb.txt whatever they are, NICE-SLAM and its successors one of groundtruth.txt.
+_NO_BAG = "# file: none; written by Noisy World"
+_LISTED = "# timestamp filename"
+_POSES_HEADER = lines(["# ground truth trajectory", _NO_BAG, "# timestamp tx ty tz qx qy qz qw"])
 
 
 class TumLayout(Layout):
@@ -27,31 +44,41 @@ class TumLayout(Layout):
         "rgb.txt",
         "depth.txt",
         "associations.txt",
+        CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
 
-    def rgb_name(self, frame: int, stamp_s: float, image: Image) -> str:
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
-        del stamp_s
+        del stamp_ns
         return f"rgb/{frame:06d}.{image}"
 
-    def depth_name(self, frame: int, stamp_s: float) -> str:
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image."""
-        del stamp_s
+        del stamp_ns
         return f"depth/{frame:06d}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
-        """Return a file of poses for each path, a list for each modality, and the pairs if there are two modalities."""
-        stamps = [f"{stamp_s:.6f}" for stamp_s in facts.chosen.rgb.stamps_s]
-        names, modalities = facts.names, facts.format.modalities
-        rgb = [f"{stamp} {names.rgb(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
-        depth = [f"{stamp} {names.depth(frame)}" for stamp, frame in zip(stamps, facts.frames, strict=True)]
-        texts = {f"groundtruth{path_suffix(name)}.txt": tum_text(path) for name, path in facts.chosen.named().items()}
+        """Return a file of poses for each path, a list for each modality, and the pairs if there are two modalities.
+
+        Colour, depth and poses have their own stamps, and each list is in the order of its stamps.
+        """
+        names, modalities, taken = facts.names, facts.format.modalities, facts.taken
+        rgb = [f"{at} {names.rgb(frame)}" for at, frame in zip(_stamp_texts(taken.rgb), facts.frames, strict=True)]
+        depth = [
+            f"{at} {names.depth(frame)}" for at, frame in zip(_stamp_texts(taken.depth), facts.frames, strict=True)
+        ]
+        paths, _ = facts.timed
+        texts = {
+            f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path)
+            for name, path in paths.named().items()
+        }
         if "rgb" in modalities:
-            texts["rgb.txt"] = lines(["# color images", "# timestamp filename", *rgb])
+            texts["rgb.txt"] = lines(["# color images", _NO_BAG, _LISTED, *rgb])
         if "depth" in modalities:
-            texts["depth.txt"] = lines(["# depth maps", "# timestamp filename", *depth])
-        if len(modalities) == 2:
+            order = np.argsort(taken.depth.seconds, kind="stable").tolist()
+            texts["depth.txt"] = lines(["# depth maps", _NO_BAG, _LISTED, *(depth[row] for row in order)])
+        if len(modalities) == 2:  # without comments: ORB-SLAM's rgbd_tum reads every line as a pair
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
@@ -63,24 +90,62 @@ class TumLayout(Layout):
         """Tell whether there is a list of colour images."""
         return (folder / "rgb.txt").is_file()
 
-    def read(self, folder: Path) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find images and poses with close stamps."""
+        del rate_hz  # the lists have stamps
         rgb, depth = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
         poses = folder / "groundtruth.txt"
-        rgb_files, depth_files, trajectory = pair_by_stamp(folder, rgb, depth, poses, read_trajectory(poses))
-        scale_per_m = read_depth_scale(folder) or self.depth_scale_per_m
-        return StoredSequence(folder, rgb_files, depth_files, poses, trajectory, scale_per_m)
+        found = associate_frames(folder, rgb, depth, read_trajectory(poses))
+        check_files(folder / "rgb.txt", found.rgb_files)
+        check_files(folder / "depth.txt", found.depth_files)
+        params = read_cam_params(folder)
+        return StoredSequence(
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            poses,
+            found.path,
+            found.stamps,
+            params.depth_scale_per_m if params else self.depth_scale_per_m,
+            folder / "rgb.txt",
+            params.camera if params else None,
+            params.path if params else None,
+            (found.left_out,) if found.left_out else (),
+        )
 
 
-def _listed(path: Path) -> list[StampedFile]:
-    """Read a list of stamps and files."""
-    found = []
-    for number, line in enumerate(read_text(path).splitlines(), 1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
+def _stamp_texts(stamps: Stamps) -> list[str]:
+    """Return stamps in seconds as text: in microseconds, as the benchmark has them, or exact nanoseconds if known."""
+    if stamps.exact_ns is not None and any(stamp_ns % 1000 for stamp_ns in stamps.exact_ns):
+        return [f"{Decimal(stamp_ns).scaleb(-9):.9f}" for stamp_ns in stamps.exact_ns]
+    return [f"{stamp_s:.6f}" for stamp_s in stamps.seconds]
+
+
+def _listed(path: Path) -> StampedFiles:
+    """Read a list of stamps and files, in any order. Raises InputError where a stamp is given twice."""
+    found: dict[Decimal, Path] = {}
+    for number, line in enumerate(read_text(path).split("\n"), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
             continue
-        try:
-            found.append((float(words[0]), path.parent / words[1]))
-        except (ValueError, IndexError) as error:
-            raise InputError(path, "is no time stamp and file name", where=f"line {number}") from error
-    return found
+        where = f"line {number}"
+        words = re.split(r"[\s,]+", line.strip())  # associate.py takes commas too
+        if len(words) < 2 or not re.fullmatch(_NUMBER, words[0]):
+            raise InputError(path, "is no time stamp and file name", where=where)
+        stamp = Decimal(words[0])
+        if abs(stamp) > LARGEST_S:
+            problem = f"{words[0]} s is {float(stamp) / SECONDS_PER_YEAR:.0f} years"
+            raise InputError(path, problem, where=where, remedy="write the stamps in seconds")
+        if stamp in found:
+            problem = f"the time stamp {words[0]} is that of an earlier line"
+            raise InputError(path, problem, where=where, remedy=_ONE_STAMP)
+        found[stamp] = path.parent / words[1]
+    if not found:
+        raise InputError(path, "lists no image")
+    ordered = sorted(found)
+    stamps_ns = [stamp * NS_PER_S for stamp in ordered]
+    whole = all(stamp_ns == int(stamp_ns) for stamp_ns in stamps_ns)
+    seconds = np.array([float(stamp) for stamp in ordered])
+    stamps = Stamps(seconds, tuple(map(int, stamps_ns)) if whole else None)
+    if np.any(np.diff(seconds) <= 0):
+        raise InputError(path, "has two time stamps that are equal in float64", remedy=_ONE_STAMP)
+    return StampedFiles(stamps, tuple(found[stamp] for stamp in ordered))

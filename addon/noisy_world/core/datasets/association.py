@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which colour, depth and pose of a recording belong together, decided by their time stamps.
+
+The rule is that of associate.py, which the TUM RGB-D benchmark publishes: of all pairs closer than PAIRING_S, the
+closest is taken, then the closest of those that are left, and each stamp is used once. Of equally close pairs the one
+that is earlier in the first list comes first, then the one that is earlier in the second.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..trajectories.stamps import FrameStamps, Stamps
+from ..trajectories.trajectory import Trajectory
+
+PAIRING_S = 0.02  # stamps that belong together differ by less; the default of associate.py
+# Chosen: seconds and a gigabyte; stamps of a camera in seconds make a few pairs for each image.
+MAX_CANDIDATES = 10_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class StampedFiles:
+    """A list of images with their stamps, which increase."""
+
+    stamps: Stamps
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Associated:
+    """The frames of a recording. path: the poses, at the stamps of the colour. left_out: what is not used, in words."""
+
+    rgb_files: tuple[Path, ...]
+    depth_files: tuple[Path, ...]
+    path: Trajectory
+    stamps: FrameStamps
+    left_out: str
+
+
+def associate(
+    first_s: NDArray[np.float64], second_s: NDArray[np.float64], within_s: float = PAIRING_S
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rows of two lists of stamps that belong together, in the order of the first.
+
+    first_s (N,), second_s (M,): seconds, increasing. Raises ValueError where more than MAX_CANDIDATES pairs are closer
+    than within_s.
+    """
+    # The window is wider than the limit by float64's rounding; the limit itself is applied to the difference.
+    wide_s = within_s + 4 * np.spacing(np.abs(first_s) + within_s)
+    begin = np.searchsorted(second_s, first_s - wide_s, side="left")
+    end = np.searchsorted(second_s, first_s + wide_s, side="right")
+    count = end - begin
+    total = int(count.sum())
+    if total > MAX_CANDIDATES:
+        raise ValueError(f"{total} pairs of stamps are closer than {within_s:g} s")
+    first = np.repeat(np.arange(len(first_s)), count)
+    second = np.arange(total) - np.repeat(np.cumsum(count) - count, count) + np.repeat(begin, count)
+    apart_s = np.abs(first_s[first] - second_s[second])
+    close = apart_s < within_s
+    first, second, apart_s = first[close], second[close], apart_s[close]
+    partner: dict[int, int] = {}
+    taken: set[int] = set()
+    for index in np.lexsort((second, first, apart_s)).tolist():
+        here, there = int(first[index]), int(second[index])
+        if here not in partner and there not in taken:
+            partner[here] = there
+            taken.add(there)
+    rows = sorted(partner)
+    return np.array(rows, dtype=np.int64), np.array([partner[row] for row in rows], dtype=np.int64)
+
+
+def associate_frames(
+    folder: Path, rgb: StampedFiles, depth: StampedFiles, path: Trajectory, pose_stamps: Stamps | None = None
+) -> Associated:
+    """Return the frames of a recording: first each colour image with its depth, then each pair with its pose.
+
+    path: the ground truth. pose_stamps: its stamps where they are known more exactly than the path holds them. Raises
+    InputError where no colour image has both.
+    """
+    poses = pose_stamps or Stamps(path.stamps_s)
+    try:
+        of_rgb, of_depth = associate(rgb.stamps.seconds, depth.stamps.seconds)
+        with_pose, of_pose = associate(rgb.stamps.seconds[of_rgb], poses.seconds)
+    except ValueError as error:
+        raise InputError(folder, str(error), remedy="stamps are seconds: are these in another unit?") from error
+    if not with_pose.size:
+        covered = (("colour", rgb.stamps), ("depth", depth.stamps), ("poses", poses))
+        spans = ", ".join(f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in covered)
+        raise InputError(folder, f"no colour, depth and pose lie within {PAIRING_S} s of one another", remedy=spans)
+    paired = len(of_rgb)
+    of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
+    stamps = FrameStamps(rgb.stamps.take(of_rgb), depth.stamps.take(of_depth), poses.take(of_pose))
+    return Associated(
+        tuple(rgb.files[row] for row in of_rgb),
+        tuple(depth.files[row] for row in of_depth),
+        Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
+        stamps,
+        _left_out(len(rgb.files), paired, len(of_rgb)),
+    )
+
+
+def _left_out(images: int, paired: int, frames: int) -> str:
+    """Say how many colour images have no depth, and how many of the others no pose; "" where each has both."""
+    reasons = [(images - paired, "no depth image"), (paired - frames, "no pose")]
+    parts = [f"{number} with {reason}" for number, reason in reasons if number]
+    if not parts:
+        return ""
+    return f"{images - frames} of {images} colour images are left out: {', '.join(parts)} within {PAIRING_S} s"

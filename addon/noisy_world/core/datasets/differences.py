@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether a dataset can grow into what a plan makes, and if not, why, in the words of the preset.
+
+A dataset grows where what is common to all frames is equal, and each scene and setting that both name.
+"""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from ..planning.plan import Plan, source_paths
+from ..planning.sequence import Sequence, lay_out
+from ..planning.source import Scene
+from ..scenes.recentring import recentring_m
+from ..trajectories.sensor_paths import SensorPaths
+from .provenance import path_sha256
+
+ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
+ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
+COMMON = ("seed", "near_m", "far_m", "rig", "render", "output")
+KEYS = {"near_m": "camera.near_m", "far_m": "camera.far_m"}  # where they stand in a preset
+DECIDE_OTHERS = ("layout", "file")  # keys whose values decide what others mean or default to
+PATH_INPUTS = ("trajectory", "trajectory_sha256")  # the poses are compared instead
+
+
+def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | None:
+    """Return why a dataset with the identity `there` cannot take what a plan with the identity `here` makes, or None.
+
+    The text is the first difference that tells most, and the remedy.
+    """
+    for key in COMMON:
+        if None not in (there[key], here[key]) and there[key] != here[key]:
+            return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
+    for setting in plan.settings:
+        if setting.name in there["settings"]:
+            before, now = there["settings"][setting.name], here["settings"][setting.name]
+            if before != now:
+                return f"settings: {setting.name} {_setting(before, now)}; {ANOTHER_NAME}"
+    for scene in plan.scenes:
+        if scene.name in there["scenes"]:
+            before, now = there["scenes"][scene.name], here["scenes"][scene.name]
+            problem = _scene(scene, before, now) or _path(scene, before, now)
+            if problem := problem or _longer(scene, there["sequences"], plan):
+                return problem
+    return _cameras(there["scenes"], here["scenes"]) or _made_with(there, here)
+
+
+def first_difference(there: Any, here: Any, where: str = "") -> str | None:
+    """Return the keys of the first difference of two JSON values, with both values as text, or None."""
+    if isinstance(there, dict) and isinstance(here, dict):
+        parts = [(name, there.get(name), here.get(name)) for name in sorted({*there, *here}, key=_telling)]
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        parts = [(str(index), left, right) for index, (left, right) in enumerate(zip(there, here, strict=True))]
+    else:
+        return None if there == here else f"{where} {was_is(there, here)}"
+    inside = (first_difference(left, right, f"{where}.{name}" if where else name) for name, left, right in parts)
+    return next((found for found in inside if found), None)
+
+
+def was_is(there: Any, here: Any) -> str:
+    """Return both values in words."""
+    return f"was {_short(there)}, is {_short(here)}"
+
+
+def _telling(name: str) -> tuple[bool, str]:
+    return name not in DECIDE_OTHERS, name
+
+
+def _short(value: object) -> str:
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
+        value = int(value)
+    text = value if isinstance(value, str) and value.isprintable() and value else json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _common(key: str, there: Any, here: Any) -> str:
+    name = KEYS.get(key, key)
+    if key == "rig":
+        return f"{name}: the sensors have other poses on the robot than in the dataset"
+    return first_difference(there, here, name) or name
+
+
+# --- settings ---
+
+
+def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
+    """Return in which step and value two settings differ, in words."""
+    before, now = there["steps"], here["steps"]
+    names = [[step["name"] for step in steps] for steps in (before, now)]
+    if names[0] != names[1]:
+        return was_is(*(", ".join(item) or "clean" for item in names))
+    for number, (left, right) in enumerate(zip(before, now, strict=True)):
+        if found := _step(left, right):
+            alone = len(names[0]) == 1
+            key, values = found
+            nth = f" {names[0][: number + 1].count(left['name'])}" if names[0].count(left["name"]) > 1 else ""
+            return f"({key if alone else left['name'] + nth + '.' + key}) {values}"
+    return f"(backend) {was_is(there['backend'], here['backend'])}"
+
+
+def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None:
+    """Return the key in which two steps of the same perturbation differ, and both values."""
+    if (there["severity"], there["levels"]) != (here["severity"], here["levels"]):
+        modes = ["static" if step["levels"] is None else "dynamic" for step in (there, here)]
+        if modes[0] != modes[1]:
+            return "mode", was_is(*modes)
+        key = "severity" if modes[0] == "static" else "levels"
+        return key, was_is(there[key], here[key])
+    if there["temporal"] != here["temporal"]:
+        return "temporal", was_is(there["temporal"], here["temporal"])
+    for left, right in zip(_listed(there["parameters"]), _listed(here["parameters"]), strict=False):
+        for name in sorted({*left, *right}):
+            if left.get(name) != right.get(name):
+                return name, was_is(left.get(name), right.get(name))
+    return None if there == here else ("parameters", was_is(there["parameters"], here["parameters"]))
+
+
+def _listed(parameters: Any) -> list[dict[str, Any]]:
+    listed = parameters if isinstance(parameters, list) else [parameters]
+    return [item for item in listed if isinstance(item, dict)]
+
+
+# --- scenes ---
+
+
+def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | None:
+    """Return how the files or the camera of a scene differ, but for its path."""
+    before, now, place = there["inputs"], here["inputs"], scene.place.path
+    for name in sorted({*before, *now} - set(PATH_INPUTS)):
+        hashed = f"{name}_sha256"
+        if before.get(name) == now.get(name) or (before.get(hashed) and now.get(hashed)):
+            continue  # a file may be called otherwise
+        if name.endswith("_sha256") and before.get(name) and now.get(name):
+            key = name.removesuffix("_sha256")
+            return f"{place}.{key}: {_short(now.get(key))} is not what the dataset was made from; {ANOTHER_NAME}"
+        return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
+    if there["camera"] != here["camera"]:
+        return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
+    return None
+
+
+def _cameras(there: dict[str, Any], here: dict[str, Any]) -> str | None:
+    """Return why scenes of another camera cannot join: one file of intrinsics would have to become many."""
+    (first, camera), *others = ((name, scene["camera"]) for name, scene in there.items())
+    if any(other != camera for _, other in others):
+        return None
+    for name, scene in here.items():
+        if found := first_difference(camera, scene["camera"], "camera"):
+            return f"scenes: {name} has another camera than {first} ({found}); {ANOTHER_FOLDER}"
+    return None
+
+
+def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | None:
+    """Return how the path of a scene differs in the frames that the dataset's path has; None where it goes on."""
+    before, now = there["path"], here["path"]
+    if before == now:
+        return None
+    where = f"{scene.place.path}.trajectory"
+    changed = first_difference(there["entry"].get("trajectory"), here["entry"].get("trajectory"), where)
+    if now["frames"] >= before["frames"]:
+        if before["sha256"] == path_sha256(scene.source.trajectory(), scene.source.stamps_s, before["frames"]):
+            return None
+    elif changed is None or changed.startswith((f"{where}.stop ", f"{where}.handheld.frames ")):
+        cause = changed or f"{where}: the path was {before['frames']} frames long, is {now['frames']}"
+        return f"{cause}; keep the path, and choose its first frames with --frames 0:{now['frames']}, or {ANOTHER_NAME}"
+    name = here["inputs"].get("trajectory")
+    cause = f"{changed}, which makes another path" if changed else f"{where}: {_short(name)} has other poses or stamps"
+    return f"{cause}; {ANOTHER_NAME}"
+
+
+def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
+    """Return what looks different in the dataset's frames now that the path of a scene is longer.
+
+    counts: how long the path was that each sequence of the dataset was made from.
+    """
+    for render in plan.renders:
+        for sequence in render.sequences if render.scene.name == scene.name else ():
+            count = counts.get(sequence.folder, scene.frame_count)
+            if not 0 < count < scene.frame_count:
+                continue
+            before, after = source_paths(plan, render, count), source_paths(plan, render)
+            if scene.source.gives.rendered and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
+                far = "so far from the origin, a longer path is rendered around another point"
+                return f"{scene.place.path}.trajectory: {far}, and float32's rounding shows; {ANOTHER_NAME}"
+            if not _goes_on(sequence, count, before, after):
+                steps = ", ".join(step.perturbation.name for step in sequence.setting.steps)
+                problem = f"changes frames that are there, now that the path of {scene.name} is longer"
+                return f"settings: {sequence.setting.name} ({steps}) {problem}; {ANOTHER_NAME}"
+    return None
+
+
+def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorPaths) -> bool:
+    """Tell whether a sequence shows in each frame of a path's first `count` poses the same as on the longer path.
+
+    before, after: the sensors' paths, of the first poses and of all.
+    """
+    shorter = lay_out(sequence.setting, sequence.scene, count, sequence.identifiers)
+    for frame in shorter.frames:
+        if sequence.leaves_out(frame) or shorter.shown(frame) != sequence.shown(frame):
+            return False
+    rows = sorted(shorter.sources(("rgb", "depth")))
+    return all(
+        np.array_equal(left.c2w[rows], right.c2w[rows])
+        for left, right in zip(before.named().values(), after.named().values(), strict=True)
+    )
+
+
+# --- what it is made with ---
+
+
+def _made_with(there: dict[str, Any], here: dict[str, Any]) -> str | None:
+    for name in sorted({*there["versions"]} & {*here["versions"]}):
+        before, now = there["versions"][name], here["versions"][name]
+        if before != now:
+            return f"made with {name} {_short(before)}, this is {_short(now)}; {ANOTHER_FOLDER}"
+    if found := first_difference(there["processor"], here["processor"]):
+        return f"made on another processor: {found}; {ANOTHER_FOLDER}"
+    return None

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Removing a dataset's files from a folder, and no others."""
+
+import contextlib
+import shutil
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+
+from .layouts import LAYOUTS, Layout
+from .records import FRAMES
+from .standing import IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
+from .storage import storage_errors
+
+
+def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
+    """Remove the sequences, the dataset's own files and the journals of a folder. Raises StorageError."""
+    with storage_errors(out):
+        for folder in sequences:
+            sequence = out / folder
+            for layout in LAYOUTS.values():  # the dataset in the folder may have another layout than this run's
+                _remove_sequence(sequence, layout)
+            for empty in (sequence, sequence.parent):
+                with contextlib.suppress(OSError):
+                    empty.rmdir()
+        for name in (MANIFEST, RUN, OVERVIEW):
+            (out / name).unlink(missing_ok=True)
+        for journal in work.glob(f"*/*/{JOURNALS}"):
+            journal.unlink()
+
+
+def _remove_sequence(folder: Path, layout: Layout) -> None:
+    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then."""
+    for pattern in (*layout.patterns, FRAMES):
+        for path in folder.glob(pattern):
+            path.unlink()
+    for name in layout.setting_files:
+        (folder.parent / name).unlink(missing_ok=True)
+    inside = {parent for pattern in layout.patterns for parent in PurePosixPath(pattern).parents}
+    for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
+        if name.parts:
+            with contextlib.suppress(OSError):
+                (folder / name).rmdir()
+
+
+def empty_scratch(scratch: Path) -> None:
+    """Leave an empty folder for unfinished files, whatever was there. Raises StorageError."""
+    with storage_errors(scratch):
+        if scratch.is_symlink() or scratch.is_file():
+            scratch.unlink()
+        shutil.rmtree(scratch, ignore_errors=True)
+        scratch.mkdir(parents=True, exist_ok=True)
+
+
+def remove_journals(work: Path, folder: str) -> None:
+    """Remove the journals of a sequence, and the folders that are empty then. Raises StorageError."""
+    place = work / folder
+    with storage_errors(place):
+        for journal in place.glob(JOURNALS):
+            journal.unlink()
+    for empty in (place, place.parent):
+        with contextlib.suppress(OSError):
+            empty.rmdir()
+
+
+def remove_work_folder(work: Path, scratch: Path) -> None:
+    """Remove a working folder without journals; what is not ours stays in it. Raises StorageError."""
+    with storage_errors(work):
+        shutil.rmtree(scratch, ignore_errors=True)
+        # The identity is removed last, with the lock: until then the run can be resumed.
+        for path in (*work.glob("*/*"), *work.glob("*")):
+            if path.is_dir() and not path.is_symlink():
+                with contextlib.suppress(OSError):
+                    path.rmdir()
+        (work / IDENTITY).unlink(missing_ok=True)
+        (work / "lock").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            work.rmdir()

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a folder holds of a dataset: its manifest, and the working folder of a run that did not come to its end."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from .json_text import read_json
+from .provenance import FORMAT
+from .records import FRAMES, OUT_OF_RANGE, read_records
+
+WORK_FOLDER = ".noisy_world"
+IDENTITY = "identity.json"
+MANIFEST = "manifest.json"
+RUN = "run.json"
+OVERVIEW = "overview.png"
+JOURNALS = "journal-*.jsonl"
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A dataset in a folder.
+
+    identity: what it was made from, with all that a run which did not end was to make; None where that is unknown.
+    manifest: None where no run has ended, or where it cannot be read. sequences: the folders of all its sequences.
+    holds_frames: whether a frame is finished. problem: why nothing can be added. note: what the user should know.
+    """
+
+    identity: dict[str, Any] | None
+    manifest: dict[str, Any] | None
+    sequences: frozenset[str]
+    holds_frames: bool
+    problem: str = ""
+    note: str = ""
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """The files of the manifest: SHA-256 by name, and a level deeper those of each sequence."""
+        return self.manifest["files"] if self.manifest and self.manifest["identity"]["format"] == FORMAT else {}
+
+    @property
+    def finished(self) -> frozenset[str]:
+        """The sequences in the manifest."""
+        return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
+
+
+def read_standing(out: Path) -> Standing | None:
+    """Return what a folder holds of a dataset; None where it holds none of ours."""
+    opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, _identity_problem)
+    manifest, why_no_manifest = _read(out / MANIFEST, _manifest_problem)
+    begun = journal_folders(out / WORK_FOLDER)
+    recorded = frozenset[str]() if manifest else _recorded_folders(out)
+    if opened is None and manifest is None and not (begun or recorded or why_not_opened):
+        return None  # a manifest.json that is not ours is somebody else's
+    identity = opened or (manifest["identity"] if manifest else None)
+    sequences = begun | recorded | set(identity["sequences"] if identity else ())
+    sequences |= set(manifest["identity"]["sequences"] if manifest else ())
+    return Standing(
+        identity,
+        manifest,
+        frozenset(sequences),
+        bool(begun or recorded or manifest or why_no_manifest),
+        _problem(identity, why_not_opened, why_no_manifest),
+        ""
+        if not why_not_opened
+        else f"{WORK_FOLDER}/{IDENTITY} {why_not_opened}; frames that only it describes are made again",
+    )
+
+
+def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manifest: str) -> str:
+    if why_no_manifest:
+        return f"{MANIFEST} {why_no_manifest}"
+    if identity is None:
+        name, why = (f"{WORK_FOLDER}/{IDENTITY}", why_not_opened) if why_not_opened else (MANIFEST, "is missing")
+        return f"{name} {why}, so what the frames were made from is not known"
+    if identity["format"] == FORMAT:
+        return ""
+    by = "a later" if identity["format"] > FORMAT else "an earlier"
+    return f"made by {by} version of Noisy World, and cannot be continued by this one"
+
+
+def journal_folders(work: Path) -> frozenset[str]:
+    """Return the sequences of which a run has finished a frame, by the journals in its working folder."""
+    return _folders(path for path in work.glob(f"*/*/{JOURNALS}") if path.is_file() and path.stat().st_size)
+
+
+def _recorded_folders(out: Path) -> frozenset[str]:
+    """Return the sequences that a run has completed, by their frames.jsonl."""
+    return _folders(path for path in out.glob(f"*/*/{FRAMES}") if next(read_records(path), None))
+
+
+def _folders(paths: Any) -> frozenset[str]:
+    names = (f"{path.parent.parent.name}/{path.parent.name}" for path in paths)
+    return frozenset(name for name in names if _is_sequence(name))
+
+
+def _is_sequence(name: Any) -> bool:
+    """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
+    plain = "[A-Za-z0-9][A-Za-z0-9._-]*"
+    return isinstance(name, str) and re.fullmatch(f"{plain}/{plain}", name) is not None
+
+
+# --- what may be in the files ---
+
+
+def _read(path: Path, problem: Callable[[Any], str]) -> tuple[dict[str, Any] | None, str]:
+    """Return the content of a file, or why it cannot be used; (None, "") where there is none."""
+    try:
+        value = read_json(path)
+    except FileNotFoundError:
+        return None, ""
+    except ValueError as error:
+        return None, str(error)
+    found = problem(value)
+    return (None, found) if found else (value, "")
+
+
+NUMBER = (int, float, type(None))
+TEXT = (str, type(None))
+
+
+@dataclass(frozen=True)
+class _Each:
+    """A mapping of any names to values of one shape, or a list of these."""
+
+    kind: type
+    shape: Any
+
+
+_STEP = {"name": str, "severity": NUMBER, "levels": (list, type(None)), "temporal": str, "parameters": object}
+_SETTING = {"backend": TEXT, "steps": _Each(list, _STEP)}
+_SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
+_COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": dict}
+_MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": dict}
+_LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, _SETTING)}
+_IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
+_MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
+
+
+def _fits(value: Any, shape: Any) -> bool:
+    """Tell whether a JSON value has a shape: a mapping with at least these keys, or one of some types."""
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and all(name in value and _fits(value[name], shape[name]) for name in shape)
+    if isinstance(shape, _Each):
+        inside = value.values() if isinstance(value, dict) else value
+        return isinstance(value, shape.kind) and all(_fits(item, shape.shape) for item in inside)
+    return isinstance(value, shape) and (not isinstance(value, bool) or shape is object)
+
+
+def _identity_problem(value: Any) -> str:
+    if not _fits(value, {"format": int, "sequences": (list, dict)}) or not all(map(_is_sequence, value["sequences"])):
+        return "is not the identity of a dataset"
+    if value["format"] != FORMAT:
+        return ""
+    if not _fits(value, _IDENTITY):
+        return "lacks what an identity holds, or holds something else"
+    parts = [name.split("/") for name in value["sequences"]]
+    known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
+    return "" if known else "does not say what all its sequences are made from"
+
+
+def _manifest_problem(value: Any) -> str:
+    identity: Any = value.get("identity") if isinstance(value, dict) else None
+    if (problem := _identity_problem(identity)) or identity["format"] != FORMAT:
+        return problem
+    if not _fits(value, _MANIFEST):
+        return "lacks what a manifest holds, or holds something else"
+    finished = {name for name, found in value["files"].items() if isinstance(found, dict)}
+    agree = finished == set(value["frames"]) and finished <= set(identity["sequences"])
+    return "" if agree else "contradicts itself"

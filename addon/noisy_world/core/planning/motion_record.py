@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What motion did to the frames of a sequence: which pose of the planned path each shows, and how it deviates."""
+
+from typing import Any
+
+import numpy as np
+
+from ..geometry import quat_wxyz_from_rotation
+from ..perturbing.execution import chosen_poses, drawn_motion
+from ..trajectories.sensor_paths import SensorPaths
+from .plan import Render
+from .sequence import Sequence
+
+
+def motion_of_frames(render: Render, sequence: Sequence, paths: SensorPaths) -> list[dict[str, Any]]:
+    """Return for each frame of a sequence what motion did to it; [] where it did nothing.
+
+    paths: the render's. source_frame: the number of the pose on the scene's path, where frames show others than their
+    own. deviation: of the colour camera from the planned path: the planned pose, times this pose, is the true one;
+    translation_m in the planned camera's axes, quat_wxyz. drawn: what the perturbations drew, by their names.
+    """
+    rows = np.array(sequence.source_frames, dtype=np.int64)  # of the render's path
+    count = render.scene.frame_count
+    chosen = chosen_poses(render.moving, count, render.identifiers)
+    planned = rows if chosen is None else chosen[rows]
+    found: list[dict[str, Any]] = [{} for _ in rows]
+    if not np.array_equal(planned, np.arange(len(planned))):
+        for frame, pose in zip(found, planned.tolist(), strict=True):
+            frame["source_frame"] = pose
+    if paths.nominal is not None:
+        nominal, true = paths.nominal.c2w[rows], paths.rgb.c2w[rows]
+        to_camera = nominal[:, :3, :3].swapaxes(1, 2)
+        # The difference first: far from the origin, little of it would be left of the product of poses.
+        moved_m = (to_camera @ (true[:, :3, 3:] - nominal[:, :3, 3:]))[..., 0] + 0.0
+        quats_wxyz = quat_wxyz_from_rotation(to_camera @ true[:, :3, :3]) + 0.0
+        for frame, translation_m, quat_wxyz in zip(found, moved_m.tolist(), quats_wxyz.tolist(), strict=True):
+            frame["deviation"] = {"translation_m": translation_m, "quat_wxyz": quat_wxyz}
+    for name, made in drawn_motion(render.moving, count, render.identifiers).items():
+        for frame, row in zip(found, rows, strict=True):
+            frame.setdefault("drawn", {})[name] = {key: (values[row] + 0.0).tolist() for key, values in made.items()}
+    return found if any(found) else []

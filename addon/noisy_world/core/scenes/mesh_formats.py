@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Telling what a mesh file is that is not a PLY, so that the message says more than that."""
+
+import re
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..errors import InputError
+
+FORMAT_BYTES = 4096  # of a file's beginning: enough to tell the formats
+_STL_HEAD_BYTES, _STL_FACET_BYTES = 84, 50  # of a binary STL: 80 of anything, the number of facets, and each of them
+
+
+@dataclass(frozen=True)
+class MeshFormat:
+    """A format of mesh files.
+
+    suffixes: of its files. begins: whether a file of this size that begins with these bytes is one. blender: whether
+    Blender imports it.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    begins: Callable[[bytes, int], bool]
+    blender: bool = True
+
+
+def not_a_ply(path: Path, start: bytes) -> InputError:
+    """Return the error of a mesh file that is not a PLY. start: its first bytes, as many as FORMAT_BYTES or all."""
+    size = path.stat().st_size
+    content = next((item for item in _FORMATS if item.begins(start, size)), None)
+    named = next((item for item in _FORMATS if path.suffix.lower() in item.suffixes), None)
+    found = content or named
+    if found is None:
+        return InputError(path, "not a PLY file", remedy="the first line of a PLY file reads 'ply'")
+    problem = f"not a PLY file, but {found.name}" + ("" if content else " by its name")
+    if found.blender:
+        problem += ", which comes with Blender's importers in a later version"
+    return InputError(path, problem, remedy="export it as PLY")
+
+
+def _with_magic(*magics: bytes) -> Callable[[bytes, int], bool]:
+    return lambda start, _size: start.startswith(magics)
+
+
+def _is_gltf(start: bytes, _size: int) -> bool:
+    as_text = start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{") and b'"asset"' in start
+    return start.startswith(b"glTF") or as_text
+
+
+def _is_obj(start: bytes, _size: int) -> bool:
+    """Tell whether all whole lines are statements of OBJ, and one of them more than a common word."""
+    known = rb"(v|vt|vn|vp|f|l|p|o|g|s|usemtl|mtllib|cstype|deg|curv|curv2|surf|parm|end)\s"
+    lines = [line.strip() for line in start.splitlines()]
+    lines = [line for line in (lines[:-1] if len(start) >= FORMAT_BYTES else lines) if line and line[:1] != b"#"]
+    telling = re.compile(rb"(v\s+\S+\s+\S+\s+\S+|mtllib\s|o\s|g\s|f\s)")
+    return bool(lines) and all(re.match(known, line) for line in lines) and any(map(telling.match, lines))
+
+
+def _is_stl(start: bytes, size: int) -> bool:
+    if re.match(rb"\s*solid\b", start) and b"facet" in start:
+        return True
+    if len(start) < _STL_HEAD_BYTES:
+        return False
+    (facets,) = struct.unpack_from("<I", start, _STL_HEAD_BYTES - 4)
+    return size == _STL_HEAD_BYTES + facets * _STL_FACET_BYTES
+
+
+def _is_dae(start: bytes, _size: int) -> bool:
+    return re.match(rb"(\xef\xbb\xbf)?\s*<", start) is not None and b"<COLLADA" in start
+
+
+def _is_off(start: bytes, _size: int) -> bool:
+    return re.match(rb"\s*(ST)?C?N?4?n?OFF\b", start) is not None
+
+
+_FORMATS = (
+    MeshFormat("glTF", (".gltf", ".glb"), _is_gltf),
+    MeshFormat("FBX", (".fbx",), _with_magic(b"Kaydara FBX Binary", b"; FBX ")),
+    MeshFormat("USD", (".usd", ".usda", ".usdc", ".usdz"), _with_magic(b"#usda", b"PXR-USDC")),
+    MeshFormat("COLLADA (DAE)", (".dae",), _is_dae, blender=False),
+    MeshFormat("OFF", (".off",), _is_off, blender=False),
+    MeshFormat("STL", (".stl",), _is_stl),
+    MeshFormat("OBJ", (".obj",), _is_obj),
+)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files of textures: where they lie, and reading them."""
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+
+_LARGEST_PX = 32768  # a side: more is beyond any renderer's textures, and OpenCV refuses not much more
+
+
+@dataclass(frozen=True)
+class TextureFile:
+    """A texture's file. name: as the mesh gives it. path: where it lies, or should. moved: not where the name leads."""
+
+    name: str
+    path: Path
+    moved: bool
+
+    @property
+    def found(self) -> bool:
+        """Whether there is such a file."""
+        return _is_file(self.path)
+
+
+def locate_texture(mesh_path: Path, name: str) -> TextureFile:
+    """Return where the texture of a mesh lies: inside the mesh's folder, whatever the name says.
+
+    Names with the folders of another machine, or that lead out of the mesh's folder, are looked for beside the mesh.
+    """
+    posix = PurePosixPath(name.replace("\\", "/"))
+    beside = mesh_path.parent / (posix.name or name)
+    leads_away = posix.is_absolute() or ".." in posix.parts or re.match("[A-Za-z]:", name) is not None
+    inside = mesh_path.parent / posix
+    if leads_away or (len(posix.parts) > 1 and not _is_file(inside) and _is_file(beside)):
+        return TextureFile(name, beside, moved=True)
+    return TextureFile(name, inside, moved=False)
+
+
+def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
+    """Return an image as (H, W, 3) uint8 RGB, and whether it is transparent anywhere, which is not kept.
+
+    An orientation that a camera wrote beside the pixels is not applied: texture coordinates know nothing of it.
+    Raises InputError where the file cannot be read, is damaged or is no image.
+    """
+    import cv2
+
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    if _is_cut_short(data):
+        raise InputError(path, "cut short: the image has no end", remedy="export it again")
+    try:
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    except cv2.error as error:
+        raise InputError(path, f"cannot be decoded: {error.err or error.msg}"[:200], remedy=_REMEDY) from error
+    if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
+        raise InputError(path, "is no image of 8 or 16 bits a channel", remedy=_REMEDY)
+    if max(decoded.shape[:2]) > _LARGEST_PX:
+        raise InputError(path, f"is {decoded.shape[1]} x {decoded.shape[0]}, more than {_LARGEST_PX} a side")
+    pixels = decoded if decoded.dtype == np.uint8 else (decoded // 257 + (decoded % 257 > 128)).astype(np.uint8)
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
+    transparent = pixels.shape[2] in (2, 4) and bool((pixels[..., -1] < 255).any())
+    bgr = pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)
+    return np.ascontiguousarray(bgr[..., ::-1]), transparent
+
+
+_REMEDY = "save it as PNG or JPEG"
+
+
+def _is_cut_short(data: bytes) -> bool:
+    """Tell whether a PNG or JPEG lacks its end: OpenCV fills in what is missing without a word."""
+    if data.startswith(b"\x89PNG"):
+        return b"IEND" not in data[-64:] and b"IEND" not in data
+    # Within a scan 0xff is followed by 0, so the last start of a scan and the end of the image are told for sure.
+    return data.startswith(b"\xff\xd8") and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
+
+
+def _is_file(path: Path) -> bool:
+    return os.path.isfile(path)  # noqa: PTH113 - for a name that no file can have, Path.is_file raises

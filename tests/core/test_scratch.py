@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Scratch folders: a living process keeps its own, whatever another one sweeps; a killed one leaves none for long."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from noisy_world.core import scratch
+from noisy_world.core.errors import StorageError
+from noisy_world.core.scratch import SCRATCH_PREFIX, ScratchFolder, sweep
+
+HOLD = """
+import sys
+from pathlib import Path
+from noisy_world.core import scratch
+scratch.SHARED_MEMORY = Path(sys.argv[1])
+folder = scratch.ScratchFolder(1)
+(folder.path / "frame.exr").write_bytes(b"pixels")
+print(folder.path, flush=True)
+sys.stdin.read()
+"""
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no locks on folders")
+
+
+@pytest.fixture
+def memory(tmp_path, monkeypatch):
+    """A folder in the place of shared memory, and one in that of the disk."""
+    memory, disk = tmp_path / "memory", tmp_path / "disk"
+    memory.mkdir()
+    disk.mkdir()
+    monkeypatch.setattr(scratch, "SHARED_MEMORY", memory)
+    monkeypatch.setenv("TMPDIR", str(disk))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    return memory
+
+
+def holder(memory):
+    """Start a process that holds a scratch folder; return it and the folder."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(memory)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=environment,
+    )
+    return process, Path(process.stdout.readline().strip())
+
+
+def end(process):
+    process.stdin.close()
+    process.stdout.close()
+    process.wait(20)
+
+
+@pytest.mark.parametrize("place", ["memory", "disk"])
+def test_the_next_sweeps_what_a_killed_process_left(memory, place):
+    parent = memory if place == "memory" else memory.parent / "disk"
+    killed, left = holder(memory if place == "memory" else memory / "none")
+    living, kept = holder(memory if place == "memory" else memory / "none")
+    try:
+        assert left.parent == kept.parent == parent
+        killed.send_signal(signal.SIGKILL)
+        killed.wait(20)
+        assert (left / "frame.exr").exists(), "nothing could remove it"
+        with_own = ScratchFolder(1)
+        assert not left.exists()
+        assert (kept / "frame.exr").read_bytes() == b"pixels"
+        assert with_own.path.is_dir()
+        with_own.remove()
+        assert not with_own.path.exists()
+        assert kept.is_dir()
+    finally:
+        end(killed)
+        end(living)
+    assert list(parent.iterdir()) == [], "a process that ends removes its own"
+
+
+def test_own_folders_stay(memory):
+    first, second = ScratchFolder(1), ScratchFolder(1)
+    sweep(memory)
+    assert first.path.is_dir()
+    assert second.path.is_dir()
+    first.remove()
+    first.remove()
+    second.remove()
+    assert list(memory.iterdir()) == []
+
+
+def test_only_our_folders_are_swept(memory, tmp_path):
+    theirs = tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "picture").touch()
+    (memory / "another").mkdir()
+    (memory / f"{SCRATCH_PREFIX}file").touch()
+    (memory / f"{SCRATCH_PREFIX}link").symlink_to(theirs)
+    (memory / f"{SCRATCH_PREFIX}left").mkdir()
+    sweep(memory)
+    names = {path.name.removeprefix(SCRATCH_PREFIX) for path in memory.iterdir()}
+    assert names == {"another", "file", "link"}
+    assert (theirs / "picture").exists()
+
+
+def test_another_users_folder_stays(memory, monkeypatch):
+    (memory / f"{SCRATCH_PREFIX}theirs").mkdir()
+    monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
+    sweep(memory)
+    assert (memory / f"{SCRATCH_PREFIX}theirs").is_dir()
+
+
+def test_making_and_sweeping_at_the_same_time(memory):
+    """A folder that is swept between its making and its locking is made again, so a holder always has its own."""
+    done = threading.Event()
+
+    def sweep_on():
+        while not done.is_set():
+            sweep(memory)
+
+    sweepers = [threading.Thread(target=sweep_on) for _ in range(3)]
+    for thread in sweepers:
+        thread.start()
+    try:
+        for _ in range(200):
+            folder = ScratchFolder(1)
+            (folder.path / "frame.exr").write_bytes(b"pixels")
+            assert (folder.path / "frame.exr").read_bytes() == b"pixels"
+            folder.remove()
+    finally:
+        done.set()
+        for thread in sweepers:
+            thread.join()
+
+
+def test_without_room_in_memory_it_is_on_the_disk(memory):
+    folder = ScratchFolder(1 << 60)
+    assert folder.path.parent == memory.parent / "disk"
+    folder.remove()
+
+
+def test_without_locks_there_is_a_folder_and_no_sweeping(memory, monkeypatch):
+    def none_here(*_args, **_kwargs):
+        raise OSError(37, "No locks available")
+
+    (memory / f"{SCRATCH_PREFIX}left").mkdir()
+    monkeypatch.setattr("fcntl.flock", none_here)
+    folder = ScratchFolder(1)
+    assert folder.path.is_dir()
+    assert (memory / f"{SCRATCH_PREFIX}left").is_dir()
+    folder.remove()
+    assert not folder.path.exists()
+
+
+def test_nowhere_to_make_one_is_one_line(memory, monkeypatch):
+    def full(*_args, **_kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tempfile.mkdtemp", full)
+    with pytest.raises(StorageError, match=r"No space left on device; name one with room in .* TMPDIR") as error:
+        ScratchFolder(1)
+    assert "\n" not in str(error.value)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A path that begins with frames that see nothing ends the run, whoever renders them, and leaves nothing behind."""
+
+import json
+import sys
+import threading
+
+import fake_session
+import pytest
+from cases import cases
+from worlds import write_world
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+
+pytestmark = pytest.mark.usefixtures("no_blender")
+RENDER = {"engine": "cycles", "samples": 1, "backend": "reference"}
+
+
+@pytest.fixture
+def see_nothing(monkeypatch):
+    def these(frames):
+        monkeypatch.setattr(fake_session.Session, "empty", set(frames))
+        fake_session.Session.rendered.clear()
+
+    return these
+
+
+def run(path, out, *, frames=None, jobs=1):
+    """Run a preset; several jobs one after the other, the last first, as if it were the fastest."""
+
+    def options(workers=None):
+        return {
+            "progress": PlainProgress(sys.stderr), "stop": threading.Event(), "jobs": jobs, "workers": workers,
+        }  # fmt: skip
+
+    def work(pieces, _progress):
+        for number, piece in reversed(list(enumerate(pieces))):
+            report = Run(make_plan(read_preset(path), frames), out, **options()).take_part(piece, number)
+        return report
+
+    return Run(make_plan(read_preset(path), frames), out, **options(work)).make_dataset()
+
+
+@cases("jobs", [1, 2, 3, 8])
+@cases("modalities", [["rgb", "depth"], ["rgb"], ["depth"]])
+def test_a_path_elsewhere_ends_the_run(tmp_path, see_nothing, jobs, modalities):
+    see_nothing(range(8))
+    output = {"layout": "replica", "image": "png", "modalities": modalities}
+    path = write_world(tmp_path / "world", frames=8, size=(8, 6), output=output)
+    with pytest.raises(InputError) as error:
+        run(path, tmp_path / "out", jobs=jobs)
+    assert str(error.value) == (
+        f"{path}: scenes.0.trajectory: frames 0 to 2 of traj.txt see nothing of mesh.ply; is it this mesh's path? "
+        "Declare pose (c2w) and axes (opencv) as the file has them, or go on with render.allow_empty: true"
+    )
+    assert not (tmp_path / "out").exists()
+
+
+@cases("jobs", [1, 2, 8])
+@cases("empty", [{3, 4, 5, 6, 7}, {0, 1}, {1, 2}, {0, 1, 3, 4, 5, 6, 7}, {0, 2}])
+def test_void_later_or_in_between_goes_on(tmp_path, see_nothing, jobs, empty):
+    see_nothing(empty)
+    out = tmp_path / f"out {jobs} {sorted(empty)}"
+    run(write_world(tmp_path / "world", frames=8, size=(8, 6)), out, jobs=jobs)
+    assert json.loads((out / "manifest.json").read_text())["frames"] == {"clean/box": 8}
+
+
+def test_the_key_goes_on(tmp_path, see_nothing):
+    see_nothing(range(4))
+    path = write_world(tmp_path / "world", frames=4, size=(8, 6), render={**RENDER, "allow_empty": True})
+    run(path, tmp_path / "out", jobs=2)
+    assert fake_session.Session.rendered == [2, 3, 0, 1]
+    assert json.loads((tmp_path / "out/manifest.json").read_text())["frames"] == {"clean/box": 4}
+
+
+@cases(("count", "said"), [(1, "frame 0 of traj.txt sees nothing"), (2, "frames 0 to 1 of traj.txt see nothing")])
+def test_a_shorter_path(tmp_path, see_nothing, count, said):
+    see_nothing(range(count))
+    with pytest.raises(InputError, match=said):
+        run(write_world(tmp_path / "world", frames=count, size=(8, 6)), tmp_path / "out")
+
+
+def test_the_first_frames_are_those_that_are_made(tmp_path, see_nothing):
+    path = write_world(tmp_path / "world", frames=12, size=(8, 6))
+    see_nothing({0, 1, 2, 3})
+    run(path, tmp_path / "out", frames=slice(4, 8))
+    see_nothing({4, 5, 6})
+    with pytest.raises(InputError, match=r"frames 4 to 6 of traj\.txt"):
+        run(path, tmp_path / "other", frames=slice(4, 8))
+
+
+def test_nothing_is_rendered_twice_where_the_first_frame_sees_something(tmp_path, see_nothing):
+    see_nothing(())
+    path = write_world(tmp_path / "world", frames=4, size=(8, 6))
+    run(path, tmp_path / "out")
+    assert fake_session.Session.rendered == [0, 1, 2, 3]
+
+
+def test_a_run_that_is_taken_up_again_does_not_ask_again(tmp_path, see_nothing):
+    see_nothing({1, 2, 3})
+    path = write_world(tmp_path / "world", frames=4, size=(8, 6))
+    run(path, tmp_path / "out")
+    for file in (tmp_path / "out/clean/box/results").glob("*00000[123].png"):
+        file.unlink()
+    see_nothing({0, 1, 2, 3})
+    run(path, tmp_path / "out")
+    assert fake_session.Session.rendered == [1, 2, 3]

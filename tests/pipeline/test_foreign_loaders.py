@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Our layouts as other people's systems load them: each frame has its own files and pose, the first and last too."""
+
+import sys
+
+import fake_session
+import foreign_loaders
+import numpy as np
+import pytest
+from worlds import path_poses
+from written import COUNT, RIG, SHAKY, fake_depth_m, fake_rgb, read, run, world, write_tum_path
+
+LOADERS = {
+    "tum": ("slam_tum", "associate_py", "orb_slam_rgbd_tum", "orb_slam_mono_tum"),
+    "replica": ("slam_replica", "splatam_replica"),
+    "euroc": ("orb_slam3_mono_euroc", "evo_euroc"),
+}
+CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]
+BENCHMARK_STAMPS = ["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"]
+
+
+@pytest.fixture(autouse=True)
+def _no_blender(monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+
+
+def load(name, folder):
+    return getattr(foreign_loaders, name)(folder)
+
+
+def check(found, frames, poses, stamps_s, scale_per_m):
+    """Hold what a system has against frames of known content: source frame k shows k in blue and in depth."""
+    assert len(found.rgb) == len(frames)
+    for place, frame in enumerate(frames):
+        pixels = read(found.rgb[place]).astype(float)
+        if pixels.ndim == 3:
+            assert np.abs(pixels[..., 0].mean() - 255 * fake_rgb(frame)[..., 2].mean()) < 0.5
+        else:
+            grey = 255 * fake_rgb(frame) @ [0.299, 0.587, 0.114]
+            assert np.abs(pixels - grey).max() <= 0.51
+        if found.depth is not None:
+            assert np.abs(read(found.depth[place]) / scale_per_m - fake_depth_m(frame)).max() <= 0.51 / scale_per_m
+    if found.stamps_s is not None:
+        assert np.abs(np.array(found.stamps_s) - stamps_s).max() < 1e-6
+    if found.c2w is not None:
+        assert np.abs(found.c2w - poses).max() < 1e-9
+
+
+@pytest.mark.parametrize(("layout", "name"), CASES)
+def test_every_frame_has_its_own_files_and_pose(tmp_path, layout, name):
+    preset = world(tmp_path / "w", layout, output={"depth_scale_per_m": 1000})
+    run(preset, tmp_path / "out")
+    found = load(name, tmp_path / "out/clean/box")
+    check(found, range(COUNT), path_poses(COUNT), np.arange(COUNT) / 20, 1000)
+
+
+@pytest.mark.parametrize(("layout", "name"), CASES)
+def test_stamps_that_a_trajectory_brings(tmp_path, layout, name):
+    preset = world(tmp_path / "w", layout, output={"depth_scale_per_m": 1000})
+    run(preset, tmp_path / "out", overrides=[write_tum_path(tmp_path / "w", BENCHMARK_STAMPS)])
+    poses = np.stack([np.eye(4)] * COUNT)
+    poses[:, :3, 3] = [[0.1 * k, 0.0, 1.2] for k in range(COUNT)]
+    found = load(name, tmp_path / "out/clean/box")
+    stamps_s = np.array([float(stamp) for stamp in BENCHMARK_STAMPS])
+    kept = list(range(COUNT))
+    if name == "slam_tum":  # it leaves out frames that follow within 1/32 s, of our sequences as of the benchmark's
+        kept = [0]
+        for k in range(1, COUNT):
+            if stamps_s[k] - stamps_s[kept[-1]] > 1 / 32:
+                kept.append(k)
+    check(found, kept, poses[kept], stamps_s[kept], 1000)
+
+
+@pytest.mark.parametrize(("layout", "name"), CASES)
+def test_selected_frames_of_a_faster_sequence(tmp_path, layout, name):
+    fast = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
+    preset = world(tmp_path / "w", layout, frames=9, output={"depth_scale_per_m": 1000}, settings=[fast])
+    run(preset, tmp_path / "out", frames=slice(1, 4))
+    found = load(name, tmp_path / "out/fast/box")
+    check(found, [2, 4, 6], path_poses(9)[[2, 4, 6]], np.array([1, 2, 3]) / 20, 1000)
+
+
+def test_all_files_of_poses_have_the_benchmarks_lines(tmp_path):
+    run(world(tmp_path / "w", "tum", rig=RIG, settings=[SHAKY]), tmp_path / "out")
+    folder = tmp_path / "out/shaky/box"
+    for name in ("groundtruth", "groundtruth_depth", "groundtruth_robot", "groundtruth_nominal"):
+        lines = (folder / f"{name}.txt").read_text().splitlines()
+        assert lines[0] == "# ground truth trajectory"
+        assert lines[1].startswith("# file: ")
+        assert lines[2] == "# timestamp tx ty tz qx qy qz qw"
+        assert [len(line.split()) for line in lines[3:]] == [8] * COUNT
+    for name, first in (("rgb", "# color images"), ("depth", "# depth maps")):
+        lines = (folder / f"{name}.txt").read_text().splitlines()
+        assert (lines[0], lines[2]) == (first, "# timestamp filename")
+        assert lines[1].startswith("# file: ")
+        assert not any(line.startswith("#") for line in lines[3:])
+    assert "#" not in (folder / "associations.txt").read_text()
+
+
+def test_a_loader_that_counts_lines_would_see_a_missing_header(tmp_path):
+    """The loaders here are strict enough: without the three lines they go wrong as the originals do."""
+    run(world(tmp_path / "w", "tum"), tmp_path / "out")
+    folder = tmp_path / "out/clean/box"
+    for name in ("groundtruth.txt", "rgb.txt"):
+        lines = (folder / name).read_text().splitlines(keepends=True)
+        (folder / name).write_text("".join(line for line in lines if not line.startswith("#")))
+    assert np.abs(foreign_loaders.slam_tum(folder).c2w[0] - path_poses(COUNT)[1]).max() < 1e-9
+    assert len(foreign_loaders.orb_slam_mono_tum(folder).rgb) == COUNT - 3

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What cannot be added to a dataset is refused in words of the preset, and nothing is touched."""
+
+import json
+import sys
+
+import fake_session
+import pytest
+from cases import cases
+from growing import CLEAN, PATH, change, marks, world
+from written import run
+
+from noisy_world.core.errors import StorageError
+
+pytestmark = pytest.mark.usefixtures("no_blender")
+
+REMEDY = "choose another folder with --out, or replace the dataset with --overwrite"
+FOG_STEP = "settings.1.perturb.0.fog"
+
+
+@cases(
+    "values, words",
+    [
+        ({f"{FOG_STEP}.severity": 4}, "settings: fog (severity) was 3, is 4; give it another name, "),
+        ({f"{FOG_STEP}.mode": "dynamic"}, "settings: fog (mode) was static, is dynamic; give it another name, "),
+        ({f"{FOG_STEP}.uniform": True}, "settings: fog (uniform) was false, is true; give it another name, "),
+        ({"settings.1.perturb": [{"contrast": None}]}, "settings: fog was fog, is contrast; give it another name, "),
+        ({"settings.1.perturb": []}, "settings: fog was fog, is clean; give it another name, "),
+        ({"settings.1.backend": "compositor"}, "settings: fog (backend) was reference, is compositor; give it another"),
+        ({"settings.2.perturb.0.desync.offset": 2}, "settings: late (offset) was 1, is 2; give it another name, "),
+        ({"seed": 4}, f"seed was 3, is 4; {REMEDY}"),
+        ({"camera.fx": 9.0}, f"camera.fx was 8, is 9; {REMEDY}"),
+        ({"camera.width": 17}, f"camera.width was 16, is 17; {REMEDY}"),
+        ({"camera.far_m": 9.5}, f"camera.far_m was 1000, is 9.5; {REMEDY}"),
+        ({"render.samples": 2}, f"render.samples was 1, is 2; {REMEDY}"),
+        ({"output.image": "jpg"}, f"output.image was png, is jpg; {REMEDY}"),
+        ({"output.layout": "tum"}, f"output.layout was replica, is tum; {REMEDY}"),
+        ({f"{PATH}.stop": 3}, f"{PATH}.stop was 6, is 3; keep the path, and choose its first frames with --frames 0:3"),
+        ({f"{PATH}.every": 2}, f"{PATH}.every was 1, is 2, which makes another path; give it another name, "),
+        ({f"{PATH}.start": 1}, f"{PATH}.start was 0, is 1, which makes another path; give it another name, "),
+        ({f"{PATH}.rate_hz": 10}, f"{PATH}.rate_hz was 20, is 10, which makes another path; give it another name, "),
+        ({"scenes.0.mesh": "embedded:room"}, "scenes.0.mesh was mesh.ply, is embedded:room; give it another name, "),
+    ],
+)
+def test_what_differs_is_refused_in_words_of_the_preset(made, values, words):
+    preset, out, before = made
+    kept = preset.read_text()
+    try:
+        change(preset, values)
+        with pytest.raises(StorageError) as error:
+            run(preset, out)
+    finally:
+        preset.write_text(kept)
+    assert str(error.value).startswith(f"{out}: holds another dataset: {words}"), str(error.value)
+    assert str(error.value).endswith(REMEDY)
+    assert "\n" not in str(error.value)
+    assert marks(out) == before
+
+
+@cases(
+    "name, old, new, words",
+    [
+        (
+            "mesh.ply",
+            "200 60 50",
+            "201 60 50",
+            "scenes.0.mesh: mesh.ply is not what the dataset was made from; give it",
+        ),
+        ("traj.txt", "1.2", "1.3", "scenes.0.trajectory: traj.txt has other poses or stamps; give it another name, "),
+    ],
+)
+def test_a_file_that_changed_is_named(made, name, old, new, words):
+    preset, out, before = made
+    path = preset.with_name(name)
+    kept = path.read_text()
+    try:
+        path.write_text(kept.replace(old, new, 1))
+        with pytest.raises(StorageError) as error:
+            run(preset, out)
+    finally:
+        path.write_text(kept)
+    assert str(error.value).startswith(f"{out}: holds another dataset: {words}"), str(error.value)
+    assert marks(out) == before
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A preset, its dataset, and the marks of its files."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+        folder = tmp_path_factory.mktemp("made")
+        preset = world(folder / "world")
+        run(preset, folder / "out")
+        return preset, folder / "out", marks(folder / "out")
+
+
+def test_a_dataset_of_another_version_is_refused_and_replaced(tmp_path):
+    preset, out = world(tmp_path / "world"), tmp_path / "out"
+    run(preset, out)
+    manifest = json.loads((out / "manifest.json").read_text())
+    # As the version before wrote it: a list of sequences, and the preset's document instead of scenes and settings.
+    identity = {"format": 1, "preset": {}, "sequences": ["clean/box", "fog/box", "late/box"]}
+    (out / "manifest.json").write_text(json.dumps({**manifest, "identity": identity}))
+    with pytest.raises(StorageError, match="made by an earlier version of Noisy World, and cannot be"):
+        run(preset, out)
+    run(change(preset, {"settings": [CLEAN]}), out, overwrite=True)
+    assert {path.name for path in out.iterdir()} == {"clean", "manifest.json", "run.json"}

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings in presets: cameras, rates and globs; several cameras in one dataset."""
+
+import json
+import sys
+
+import fake_session
+import numpy as np
+import pytest
+from worlds import generate_here
+from written import names_in, read, run, world
+
+from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.errors import InputError
+from noisy_world.core.planning.estimate import estimate
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturb import frames
+from noisy_world.planning import make_plan
+
+
+@pytest.fixture(autouse=True)
+def _no_blender(monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+
+
+def camera(width=8, height=6, **values):
+    return {"width": width, "height": height, "fx": 4.0, "fy": 4.0, "cx": 3.5, "cy": 2.5, **values}
+
+
+def preset_of(folder, *scenes, **keys):
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "preset.json"
+    path.write_text(json.dumps({"seed": 3, "scenes": scenes, "render": {"backend": "reference"}, **keys}))
+    return path
+
+
+def recorded(folder, layout="replica", **keys):
+    """Write a dataset of one sequence, source/clean/box."""
+    run(world(folder / "w", layout, output={"image": "png"}, **keys), folder / "source")
+    return folder / "source/clean/box"
+
+
+# --- intrinsics ---
+
+
+@pytest.mark.parametrize("layout", ["replica", "tum", "euroc"])
+def test_without_a_camera_a_recordings_own_counts(tmp_path, layout):
+    own = camera(fx=4.25, fy=4.75, cx=3.125, cy=-2.0625)
+    source = recorded(tmp_path, layout, camera=own)
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)})
+    run(preset, tmp_path / "again")
+    told = json.loads((tmp_path / "again/clean/cam_params.json").read_text())["camera"]
+    assert told == {"w": 8, "h": 6, "fx": 4.25, "fy": 4.75, "cx": 3.125, "cy": -2.0625, "scale": 6553.5}
+    manifest = json.loads((tmp_path / "again/manifest.json").read_text())
+    assert manifest["camera"]["cy_px"] == -2.0625
+    assert manifest["identity"]["scenes"]["box"]["camera"]["fx"] == 4.25
+    with pytest.raises(InputError) as error:
+        run(preset, tmp_path / "no", overrides=["camera=" + json.dumps(camera(fx=4.5, cx=3.125, cy=-2.0625))])
+    assert "scenes.0.sequence: its camera has fx 4.25, fy 4.75" in str(error.value)
+    assert "but the preset's fx 4.5, fy 4," in str(error.value)
+    with pytest.raises(
+        InputError,
+        match="its images are 8 x 6, but the preset's camera has 16 x 6; set camera to that, or leave it out",
+    ):
+        run(preset, tmp_path / "no", overrides=["camera=" + json.dumps(camera(width=16))])
+    # What is nearer or farther than a camera sees is no contradiction, and neither is rounding.
+    wide = json.dumps({**own, "fx": 4.2500001, "near_m": 0.5, "far_m": 3.0})
+    run(preset, tmp_path / "near", overrides=[f"camera={wide}"])
+
+
+@pytest.mark.parametrize("layout", ["replica", "tum"])
+def test_no_camera_at_all_is_never_guessed(tmp_path, layout):
+    source = recorded(tmp_path, layout)
+    (source.parent / "cam_params.json").unlink()
+    preset = preset_of(tmp_path / "p", {"sequence": str(source)})
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(preset))
+    assert str(error.value).endswith("says its intrinsics; give camera; its images are 8 x 6")
+    assert "scenes.0.sequence" in str(error.value)
+    run(preset, tmp_path / "given", overrides=["camera=" + json.dumps(camera())])
+
+
+def test_scenes_with_different_cameras(tmp_path, capfd):
+    narrow = recorded(tmp_path / "a", camera=camera(fx=9.0))
+    big = recorded(tmp_path / "b", "tum", camera=camera(width=12, height=10))
+    scenes = [{"name": "narrow", "sequence": str(narrow)}, {"name": "big", "sequence": str(big)}]
+    settings = [{"name": "clean"}, {"name": "hazy", "perturb": [{"fog_depth": {"severity": 3}}]}]
+    for layout in ("replica", "tum", "euroc"):
+        preset = preset_of(tmp_path / layout, *scenes, settings=settings, output={"layout": layout, "overview": True})
+        out = tmp_path / f"out_{layout}"
+        run(preset, out)
+        manifest = json.loads((out / "manifest.json").read_text())
+        assert "camera" not in manifest
+        assert {name: item["fx_px"] for name, item in manifest["cameras"].items()} == {"narrow": 9.0, "big": 4.0}
+        for setting in ("clean", "hazy"):
+            assert not (out / setting / "cam_params.json").exists()
+            for name, size, fx in (("narrow", (8, 6), 9.0), ("big", (12, 10), 4.0)):
+                found = find_sequence(out / setting / name)
+                assert found.size_px == size
+                assert found.known_camera.fx_px == fx
+                if layout != "euroc":
+                    assert manifest["files"][f"{setting}/{name}"]["cam_params.json"]
+        (again,) = make_plan(read_preset(preset_of(tmp_path / f"q{layout}", {"sequence": f"{out}/clean/big"}))).renders
+        assert again.camera.fx_px == 4.0
+        before = names_in(out)
+        assert any("overview.png" in name for name in before)
+        alone = preset_of(tmp_path / f"alone_{layout}", scenes[0], output={"layout": layout})
+        run(alone, out, overwrite=True)
+        assert not {name for name in names_in(out) if "big" in name or "hazy" in name}
+        assert (out / "clean/cam_params.json").exists() == (layout != "euroc")
+        assert not (out / "clean/narrow/cam_params.json").exists()
+    plan = make_plan(read_preset(preset))
+    assert plan.camera is None
+    alone_bytes = [
+        estimate(make_plan(read_preset(preset_of(tmp_path / f"one{k}", scenes[k], settings=settings, output={"layout": "euroc"})))).bytes_written  # noqa: E501
+        for k in range(2)
+    ]  # fmt: skip
+    assert abs(estimate(plan).bytes_written - sum(alone_bytes)) <= 1
+    capfd.readouterr()
+    shown = generate_here(preset, "--dry-run", "--out", tmp_path / "dry").stdout
+    assert "camera     narrow: 8 x 6, fx 9, fy 4" in shown
+    assert "camera     big: 12 x 10, fx 4, fy 4" in shown
+    mixed = preset_of(tmp_path / "m", scenes[0], {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}})
+    assert {name: item.width_px for name, item in make_plan(read_preset(mixed)).cameras.items()} == {
+        "narrow": 8,
+        "room": 1200,
+    }
+
+
+def test_depth_of_another_camera_is_refused(tmp_path):
+    source = recorded(tmp_path, "euroc")
+    path = source / "mav0/depth0/sensor.yaml"
+    path.write_text(path.read_text().replace("intrinsics: [4.0", "intrinsics: [4.5"))
+    with pytest.raises(InputError, match=r"depth0/sensor\.yaml: resolution or intrinsics are not those of mav0/cam0"):
+        find_sequence(source)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("resolution: [8, 6]", "resolution: [8.5, 6]", "resolution: is 8.5, but a size is whole"),
+        ("resolution: [8, 6]", "resolution: [true, 6]", "resolution: is no finite number"),
+        ("intrinsics: [4.0", "intrinsics: [-4.0", "intrinsics: is -4, but has to be above 0"),
+        ("intrinsics: [4.0", "intrinsics: [.nan", "intrinsics: is no finite number"),
+        ("intrinsics: [4.0", "intrinsics: [x", "intrinsics: is no finite number"),
+        ("resolution: [8, 6]", "resolution: [6, 8]", "says 6 x 8, but 0000000000000000000.png has 8 x 6 pixels"),
+    ],
+)
+def test_a_sensor_yaml_that_no_camera_has(tmp_path, old, new, words):
+    source = recorded(tmp_path, "euroc")
+    for sensor in ("cam0", "depth0"):
+        path = source / f"mav0/{sensor}/sensor.yaml"
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(preset_of(tmp_path / "p", {"sequence": str(source)})))
+    assert words in str(error.value)
+
+
+# --- rates and globs ---
+
+
+def test_the_rate_of_a_sequence_without_stamps(tmp_path):
+    source = recorded(tmp_path)
+    (source / "frames.jsonl").unlink()
+    scene = {"name": "box", "sequence": str(source)}
+    run(preset_of(tmp_path / "p", scene, output={"layout": "tum"}), tmp_path / "twenty")
+    run(preset_of(tmp_path / "q", {**scene, "rate_hz": 12.5}, output={"layout": "tum"}), tmp_path / "given")
+    for name, gap_s in (("twenty", 0.05), ("given", 0.08)):
+        stamps_s = np.loadtxt(tmp_path / name / "clean/box/groundtruth.txt")[:, 0]
+        assert np.allclose(stamps_s, gap_s * np.arange(4), atol=1e-12)
+    own = {**scene, "sequence": str(tmp_path / "given/clean/box")}
+    with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: is 20 Hz, but .*rgb\.txt says 12\.5 Hz"):
+        run(preset_of(tmp_path / "r", {**own, "rate_hz": 20}), tmp_path / "no")
+    mesh = {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}, "rate_hz": 20}
+    with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: goes with sequence"):
+        read_preset(preset_of(tmp_path / "s", mesh))
+
+
+def test_a_glob_passes_over_files_beside_sequences(tmp_path):
+    source = recorded(tmp_path)
+    out = source.parents[1]
+    assert (source.parent / "cam_params.json").is_file()
+    preset = preset_of(out, {"sequence": "clean/*", "name": "s_*"})
+    (scene,) = make_plan(read_preset(preset)).scenes
+    assert scene.name == "s_box"
+    (out / "clean/readme.txt").write_text("mine")
+    (scene,) = make_plan(read_preset(preset_of(out, {"sequence": "clean/*", "name": "one"}))).scenes
+    assert scene.name == "one"
+    preset = preset_of(out, {"sequence": "clean/*"})
+    (out / "clean/notes").mkdir()
+    with pytest.raises(InputError, match=r"clean/notes: is no sequence"):
+        make_plan(read_preset(preset))
+    (out / "clean/notes").rmdir()
+    (out / "clean/gone").symlink_to("nowhere")
+    with pytest.raises(InputError, match=r"clean/gone: is no sequence"):
+        make_plan(read_preset(preset))
+    with pytest.raises(InputError, match=r"no folder matches 'clean/\*\.json'"):
+        make_plan(read_preset(preset_of(out, {"sequence": "clean/*.json"})))
+
+
+# --- stamps of depth ---
+
+
+def jittered_tum(folder):
+    """A recording whose depth is 7 ms late, whose third image has no depth, and whose poses are 4 ms early."""
+    source = recorded(folder, "tum", frames=6)
+    shift = {"rgb.txt": 0.0, "depth.txt": 0.007, "groundtruth.txt": -0.004}
+    for name, late_s in shift.items():
+        rows = [row for row in (source / name).read_text().splitlines() if not row.startswith("#")]
+        rows = [f"{1.4e9 + float(row.split()[0]) + late_s:.6f} {row.split(' ', 1)[1]}" for row in rows]
+        if name == "depth.txt":
+            del rows[2]
+        (source / name).write_text("\n".join(rows) + "\n")
+    return source
+
+
+def test_each_frame_says_when_its_depth_was_taken_and_the_report_what_is_left_out(tmp_path):
+    source = jittered_tum(tmp_path)
+    late = {"name": "late", "perturb": [{"desync": {"offset": 1}}]}
+    fast = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
+    scene = {"name": "box", "sequence": str(source)}
+    preset = preset_of(tmp_path / "p", scene, settings=[{"name": "clean"}, late, fast])
+    report = run(preset, tmp_path / "out")
+    assert report.notes == [
+        "box: 1 of 6 colour images are left out: 1 with no depth image within 0.02 s",
+    ]
+    wanted_s = [1.4e9 + k / 20 for k in (0, 1, 3, 4, 5)]
+    for setting, count in (("clean", 5), ("late", 5), ("fast", 3)):
+        records = [json.loads(line) for line in (tmp_path / f"out/{setting}/box/frames.jsonl").read_text().splitlines()]
+        # Frame i keeps the i-th stamps, whatever it shows.
+        assert np.allclose([item["time_s"] for item in records], wanted_s[:count], atol=1e-6)
+        assert np.allclose([item["depth_time_s"] for item in records], np.array(wanted_s[:count]) + 0.007, atol=1e-6)
+    # Resumed and complete: nothing is made again, and the stamps stay.
+    before = (tmp_path / "out/clean/box/frames.jsonl").read_bytes()
+    assert run(preset, tmp_path / "out").frames_rendered == 0
+    assert (tmp_path / "out/clean/box/frames.jsonl").read_bytes() == before
+    run(
+        preset_of(tmp_path / "e", {"name": "box", "sequence": str(source)}, output={"layout": "euroc"}), tmp_path / "ns"
+    )
+    names = sorted(path.name for path in (tmp_path / "ns/clean/box/mav0/depth0/data").iterdir())
+    assert names == [f"{round((t - 1.4e9) * 1e6) + 7000 + 1_400_000_000_000_000}000.png" for t in wanted_s]
+
+
+def test_the_library_reads_as_a_preset_does(tmp_path):
+    source = jittered_tum(tmp_path)
+    with pytest.warns(UserWarning, match="1 of 6 colour images are left out"):
+        found = list(frames(source, [{"fog_depth": {"severity": 2}}], seed=3, setting="hazy", scene="box"))
+    hazy = {"name": "hazy", "perturb": [{"fog_depth": {"severity": 2}}]}
+    preset = preset_of(
+        tmp_path / "p", {"name": "box", "sequence": str(source)}, settings=[hazy], output={"image": "png"}
+    )
+    run(preset, tmp_path / "out")
+    for item in found:
+        assert np.array_equal(item.rgb, read(tmp_path / f"out/hazy/box/results/frame{item.index:06d}.png")[..., ::-1])
+    assert np.allclose([item.stamp_s for item in found], [1.4e9 + k / 20 for k in (0, 1, 3, 4, 5)], atol=1e-6)
+    (source / "groundtruth.txt").write_text("0 0 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="no colour, depth and pose lie within"):
+        next(frames(source, []))

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loaders of other people's systems, written anew after what these do with the files of a sequence.
+
+Only what decides which file and which pose a frame gets is here. None of it is from Noisy World, and nothing is more
+forgiving than the original: a header that they count, they count here.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What a system has of a sequence: stamps in seconds, files and camera-to-world poses; None where it reads none."""
+
+    rgb: list[Path]
+    depth: list[Path] | None = None
+    stamps_s: list[float] | None = None
+    c2w: np.ndarray | None = None
+
+
+def pose_of(vector):
+    """A pose (4, 4) of tx ty tz qx qy qz qw, as scipy's Rotation.from_quat makes it: of any length."""
+    x, y, z, w = np.asarray(vector[3:7], float) / np.linalg.norm(vector[3:7])
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, 3] = vector[:3]
+    return pose
+
+
+# --- TUM ---
+
+
+def slam_tum(folder, *, frame_rate=32.0, max_dt_s=0.08):
+    """NICE-SLAM, Co-SLAM, GO-SLAM and SplaTAM, whose TUM loaders go back to one.
+
+    Lists of images are read without, poses with a line left out at the top; each colour image takes the nearest depth
+    and the nearest pose if both lie within 0.08 s; frames that follow within 1/32 s of the last one kept are left out.
+    """
+
+    def table(name, skiprows):
+        return np.loadtxt(folder / name, delimiter=" ", dtype=np.str_, skiprows=skiprows)
+
+    images, depths, poses = table("rgb.txt", 0), table("depth.txt", 0), table("groundtruth.txt", 1)
+    rgb_s, depth_s, pose_s = (part[:, 0].astype(np.float64) for part in (images, depths, poses))
+    vectors = poses[:, 1:].astype(np.float64)
+    found = []
+    for i, stamp_s in enumerate(rgb_s):
+        j, k = np.argmin(np.abs(depth_s - stamp_s)), np.argmin(np.abs(pose_s - stamp_s))
+        if abs(depth_s[j] - stamp_s) < max_dt_s and abs(pose_s[k] - stamp_s) < max_dt_s:
+            found.append((i, j, k))
+    kept = [found[0]]
+    for item in found[1:]:
+        if rgb_s[item[0]] - rgb_s[kept[-1][0]] > 1.0 / frame_rate:
+            kept.append(item)
+    return Loaded(
+        [folder / images[i, 1] for i, _, _ in kept],
+        [folder / depths[j, 1] for _, j, _ in kept],
+        [float(rgb_s[i]) for i, _, _ in kept],
+        np.array([pose_of(vectors[k]) for _, _, k in kept]),
+    )
+
+
+def tools_list(path):
+    """The benchmark's tools: lines that begin with # are left out, commas and tabs are blanks."""
+    lines = path.read_text().replace(",", " ").replace("\t", " ").split("\n")
+    rows = [[word.strip() for word in line.split(" ") if word.strip()] for line in lines if line and line[0] != "#"]
+    return {float(row[0]): row[1:] for row in rows if len(row) > 1}
+
+
+def tools_associate(first, second, max_difference_s=0.02):
+    """The benchmark's associate.py: the closest pairs first, each stamp once."""
+    near = sorted((abs(a - b), a, b) for a in first for b in second if abs(a - b) < max_difference_s)
+    pairs, left, right = [], set(first), set(second)
+    for _, a, b in near:
+        if a in left and b in right:
+            left.remove(a)
+            right.remove(b)
+            pairs.append((a, b))
+    return sorted(pairs)
+
+
+def associate_py(folder):
+    """associate.py of rgb.txt and depth.txt, and of rgb.txt and groundtruth.txt."""
+    rgb, depth, poses = (tools_list(folder / name) for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
+    pairs, truth = tools_associate(rgb, depth), dict(tools_associate(rgb, poses))
+    return Loaded(
+        [folder / rgb[a][0] for a, _ in pairs],
+        [folder / depth[b][0] for _, b in pairs],
+        [a for a, _ in pairs],
+        np.array([pose_of([float(word) for word in poses[truth[a]]]) for a, _ in pairs]),
+    )
+
+
+def number_at_the_start(words):
+    """What C++ reads into a double: 0 where there is no number."""
+    found = re.match(r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?", words)
+    return float(found[0]) if found else 0.0
+
+
+def orb_slam_rgbd_tum(folder):
+    """ORB-SLAM2 and 3, rgbd_tum: every line of associations.txt that is not empty is a pair, comments too."""
+    rows = [line.split() for line in (folder / "associations.txt").read_text().split("\n") if line]
+    return Loaded(
+        [folder / row[1] for row in rows],
+        [folder / row[3] for row in rows],
+        [number_at_the_start(row[0]) for row in rows],
+    )
+
+
+def orb_slam_mono_tum(folder):
+    """ORB-SLAM2 and 3, mono_tum: three lines of rgb.txt are left out, whatever they hold."""
+    rows = [line.split() for line in (folder / "rgb.txt").read_text().split("\n")[3:] if line]
+    return Loaded([folder / row[1] for row in rows], None, [number_at_the_start(row[0]) for row in rows])
+
+
+# --- Replica ---
+
+
+def natural(name):
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+def slam_replica(folder, key=None):
+    """NICE-SLAM, Co-SLAM and GO-SLAM: sorted names, only jpg, and as many lines of traj.txt."""
+    rgb = sorted(map(str, folder.glob("results/frame*.jpg")), key=key)
+    depth = sorted(map(str, folder.glob("results/depth*.png")), key=key)
+    lines = (folder / "traj.txt").read_text().splitlines()
+    c2w = [np.array(list(map(float, lines[i].split()))).reshape(4, 4) for i in range(len(rgb))]
+    return Loaded([Path(name) for name in rgb], [Path(name) for name in depth], None, np.array(c2w))
+
+
+def splatam_replica(folder):
+    """SplaTAM sorts names naturally, by their numbers."""
+    return slam_replica(folder, key=natural)
+
+
+# --- EuRoC ---
+
+
+def orb_slam3_mono_euroc(folder):
+    """ORB-SLAM3, mono_euroc: each line of the file of times, with .png, is an image; its number is nanoseconds."""
+    lines = [line for line in (folder / "mav0/cam0/timestamps.txt").read_text().split("\n") if line]
+    rgb = [folder / "mav0/cam0/data" / f"{line}.png" for line in lines]
+    return Loaded(rgb, None, [number_at_the_start(line) / 1e9 for line in lines])
+
+
+def evo_euroc(folder):
+    """evo, and others that read data.csv by rows of commas: comments left out; t [ns], p, q with w first."""
+    rows = [
+        line.split(",")
+        for line in (folder / "mav0/state_groundtruth_estimate0/data.csv").read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
+    images = [
+        line.split(",")[1]
+        for line in (folder / "mav0/cam0/data.csv").read_text().splitlines()
+        if line and not line.startswith("#")
+    ]
+    poses = [pose_of([*map(float, row[1:4]), *map(float, row[5:8]), float(row[4])]) for row in rows]
+    return Loaded(
+        [folder / "mav0/cam0/data" / name for name in images],
+        None,
+        [float(row[0]) / 1e9 for row in rows],
+        np.array(poses),
+    )
