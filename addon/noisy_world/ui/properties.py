@@ -20,6 +20,7 @@ from ..core.presets.preset import (
     SettingSpec,
     TrajectorySpec,
 )
+from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
@@ -191,6 +192,9 @@ def _panel_members() -> dict[str, Any]:
         "mesh_path": described(
             SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
             description="Mesh with vertex colours: PLY, ASCII or binary",
+        ),
+        "room_seed": bpy.props.IntProperty(
+            name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")
         ),
         "scene_name": described(
             SceneSpec, "name", label="Scene Name", update="scene_name", default="room",

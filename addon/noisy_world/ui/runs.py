@@ -15,7 +15,8 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
+from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
+from ..core.scenes.embedded import is_embedded
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
 from .properties import panel_of
@@ -107,7 +108,7 @@ def _placed(preset: Preset) -> PresetSpec:
     """Return a preset's content with absolute paths, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
-        return name if name in (None, EMBEDDED_ROOM) else (preset.path.parent / str(name)).resolve().as_posix()
+        return name if name is None or is_embedded(name) else (preset.path.parent / str(name)).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory

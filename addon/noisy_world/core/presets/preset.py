@@ -11,10 +11,10 @@ from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..scenes.embedded import EMBEDDED_ROOM
 from ..schema import Place, key, parse
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 
-EMBEDDED_ROOM = "embedded:room"
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
 
 

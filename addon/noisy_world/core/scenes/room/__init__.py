@@ -42,8 +42,11 @@ def build_room(seed: int = 0) -> Mesh:
     """The room of a seed, the same to the byte on every call.
 
     Metres, Z up, floor at z = 0. Room 0's inside is between INTERIOR_MIN_M and INTERIOR_MAX_M; what is seen through
-    windows lies outside of the rooms. All faces are quads; colours are display-encoded multiples of 1/255.
+    windows lies outside of the rooms. All faces are quads; colours are display-encoded multiples of 1/255. Raises
+    ValueError for a seed that has no room.
     """
+    if not 0 <= seed < len(_ROOMS):
+        raise ValueError(f"there are rooms 0 to {len(_ROOMS) - 1}, not {seed}")
     piece, lighting = _ROOMS[seed]()
     vertices = [s.points_m.reshape(-1, 3) for s in piece.sheets]
     corners: list[np.ndarray] = []

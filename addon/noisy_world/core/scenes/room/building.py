@@ -168,14 +168,14 @@ def _level(corners_m: tuple[tuple[float, float], ...], z_m: float, coat: Coat, *
     for x0, y0, x1, y1 in slabs(corners_m):
         # Each line of vertices is one of the whole plan, so that boards and tiles go on from one slab to the next.
         spans = ((x0 - west, x1 - west, east - west), (y0 - south, y1 - south, north - south))
-        edges = ((x1 - x0, 0.0, 0.0), (0.0, y1 - y0, 0.0))
+        edges: tuple[Point, Point] = ((x1 - x0, 0.0, 0.0), (0.0, y1 - y0, 0.0))
         lines = [coat.columns_m, coat.rows_m]
         paint = coat.paint
         # The normal is u x v: up for the floor, down for the ceiling.
         if turned == (z_m == 0.0):
             paint = _swapped(paint)
         if z_m > 0.0:
-            spans, edges = spans[::-1], edges[::-1]
+            spans, edges = spans[::-1], (edges[1], edges[0])
         if turned != (z_m > 0.0):
             lines.reverse()
         u_m, v_m = (

@@ -39,7 +39,7 @@ _HOLES: dict[int, tuple[Hole, ...]] = {
     4: (door_hole(3.2), door_hole(6.4)),
     5: (_END_WINDOW,),
 }
-_LAMPS_M = ((-3.0, 0.0, 2.2, 0.22), (-0.2, 0.0, 2.2, 0.22), (3.1, 1.0, 2.15, 0.3), (2.15, 2.67, 1.2, 0.12))
+_LAMPS_M = ((-3.0, 0.0, 2.2, 0.18), (-0.2, 0.0, 2.2, 0.18), (3.1, 1.0, 2.15, 0.26), (2.15, 2.67, 1.2, 0.12))
 _FLOOR = Coat(
     cement_tiles(["#e9dfc8", "#3f5a60", "#b5654a", "#2c2f33"], 0.2, 2220),
     columns_m=lambda length: joints(0.2, 9, length),
@@ -60,8 +60,7 @@ def corridor() -> tuple[Piece, Lighting]:
         (sides[5].window(_END_WINDOW), sides[2].window(_HALL_WINDOW)),
         _LAMPS_M,
         sun=(1.0, -0.3, -0.5),
-        day=1.3,
-        ambient=1.1,
+        day=1.05,
     )
     built: list[Piece] = []
     rail = pt.plain("#1f3f33", 2204, grain=0.15)

@@ -132,7 +132,7 @@ def radiator(width_m: float) -> Piece:
     count = round(width_m / 0.06)
     ribs = [
         rounded_box(
-            (-width_m / 2 + 0.06 * k, -0.11, 0.14), (-width_m / 2 + 0.06 * k + 0.05, -0.035, 0.72), 0.02, 0.03, enamel
+            (-width_m / 2 + 0.06 * k, -0.11, 0.14), (-width_m / 2 + 0.06 * k + 0.05, -0.035, 0.72), 0.02, 0.045, enamel
         )
         for k in range(count)
     ]

@@ -33,7 +33,7 @@ DESK_M = 0.74  # height of a desk's top
 def desk(width_m: float, timber: Painter, *, depth_m: float = 0.78, drawers: bool = True) -> Piece:
     """A desk about its origin; who sits at it sits at -y and looks towards +y."""
     w, d = width_m / 2, depth_m / 2
-    parts = [rounded_box((-w, -d, DESK_M - 0.03), (w, d, DESK_M), 0.006, 0.0125, timber)]
+    parts = [rounded_box((-w, -d, DESK_M - 0.03), (w, d, DESK_M), 0.006, 0.018, timber)]
     for x in (-w + 0.05, w - 0.05):
         parts.append(box((x - 0.025, -d + 0.05, 0.0), (x + 0.025, -d + 0.1, DESK_M - 0.03), 0.03, _GREY, skip="zZ"))
         parts.append(box((x - 0.025, d - 0.1, 0.0), (x + 0.025, d - 0.05, DESK_M - 0.03), 0.03, _GREY, skip="zZ"))
@@ -115,10 +115,10 @@ def papers(seed: int) -> Piece:
 def swivel_chair(cloth: Painter) -> Piece:
     """An office chair on five castors, about its origin, looking towards +y."""
     parts = [
-        rounded_box((-0.24, -0.22, 0.44), (0.24, 0.25, 0.52), 0.035, 0.0165, cloth, arc=3, bulge_m=0.015),
+        rounded_box((-0.24, -0.22, 0.44), (0.24, 0.25, 0.52), 0.035, 0.021, cloth, arc=3, bulge_m=0.015),
         placed(
             tilted(
-                rounded_box((-0.22, -0.03, 0.0), (0.22, 0.035, 0.55), 0.03, 0.0165, cloth, arc=3, bulge_m=0.015), 0, 9.0
+                rounded_box((-0.22, -0.03, 0.0), (0.22, 0.035, 0.55), 0.03, 0.021, cloth, arc=3, bulge_m=0.015), 0, 9.0
             ),
             (0, -0.25, 0.6),
         ),
@@ -141,7 +141,7 @@ def board(width_m: float, height_m: float, seed: int, *, pinned: bool = False) -
     w = width_m / 2
     face = noticeboard(width_m, height_m, seed) if pinned else whiteboard(width_m, height_m, seed)
     rim = pt.wood("#b58a58", "#8f6238", seed) if pinned else _GREY
-    parts = [rect((-w, -0.012, 0.0), (width_m, 0, 0), (0, 0, height_m), 0.0105, face)]
+    parts = [rect((-w, -0.012, 0.0), (width_m, 0, 0), (0, 0, height_m), 0.012, face)]
     for low, high in (
         ((-w - 0.02, -0.022, -0.02), (w + 0.02, 0.0, 0.0)),
         ((-w - 0.02, -0.022, height_m), (w + 0.02, 0.0, height_m + 0.02)),
@@ -244,7 +244,7 @@ def printer() -> Piece:
 def screen_wall(width_m: float, height_m: float, cloth: Painter) -> Piece:
     """A padded partition between desks, standing on the origin along x."""
     w = width_m / 2
-    parts = [rounded_box((-w, -0.03, 0.1), (w, 0.03, height_m), 0.02, 0.0165, cloth)]
+    parts = [rounded_box((-w, -0.03, 0.1), (w, 0.03, height_m), 0.02, 0.023, cloth)]
     parts += [shadeless(box((x - 0.02, -0.2, 0.0), (x + 0.02, 0.2, 0.1), 0.03, _GREY)) for x in (-w + 0.1, w - 0.1)]
     return joined(parts)
 

@@ -48,6 +48,7 @@ def open_office() -> tuple[Piece, Lighting]:
         tuple((x, y, _HEIGHT_M - 0.1, 0.42) for x, y in _LIGHTS_M),
         sun=(0.5, 1.0, -0.75),
         day=0.9,
+        reach_m=3.0,
     )
     coats = [
         Coat(plaster("#e9e8e2", "#c4c8c8", 2510), 0.021),
@@ -67,7 +68,7 @@ def open_office() -> tuple[Piece, Lighting]:
         *(glazed(south, w, city(2530 + k), 2533 + k, hung=None, eye_out_m=3.5) for k, w in enumerate(_WINDOWS)),
         closed_door(north, _DOOR, "#c9692f"),
         *(ceiling_light((x, y, _HEIGHT_M), (1.2, 0.6)) for x, y in _LIGHTS_M),
-        box((-0.25, -0.25, 0.0), (0.25, 0.25, _HEIGHT_M), 0.018, concrete("#a9a69e", 2514), skip="zZ"),
+        box((-0.9, -0.55, 0.0), (-0.5, -0.15, _HEIGHT_M), 0.02, concrete("#a9a69e", 2514), skip="zZ"),
     ]
     return joined([*built, *_desks(), *_furniture(sides), *_decor(sides)]), lighting
 
@@ -79,7 +80,7 @@ def _desks() -> list[Piece]:
         for k, (c, thread) in enumerate((("#3a3d44", "#565b64"), ("#2f7f86", "#56a0a4"), ("#c9692f", "#e09a68")))
     ]
     parts = []
-    for island, (x, y) in enumerate(((-2.35, -0.6), (2.35, -0.6))):
+    for island, (x, y) in enumerate(((-2.5, -0.35), (2.5, -0.35))):
         for k, (dx, dy, yaw) in enumerate(
             ((-0.81, -0.43, 0.0), (0.81, -0.43, 0.0), (-0.81, 0.43, 180.0), (0.81, 0.43, 180.0))
         ):
@@ -108,7 +109,7 @@ def _furniture(sides: list[Wall]) -> list[Piece]:
         placed(coffee_table(_MAPLE), (-2.9, 1.95, 0.0), 90.0),
         placed(pouf(["#e08a3c", "#d07a2f", "#b5652a"]), (-2.15, 2.7, 0.0)),
         east.before(cabinet_row(2, ["#d8dadb", "#2f7f86"], 1.3, 2563), 5.6),
-        east.before(water_cooler(), 4.5),
+        north.before(water_cooler(), 8.8),
         east.before(board(2.4, 1.15, 2564, pinned=True), 2.6, 1.0),
         *(south.before(radiator(1.5), x) for x in (1.8, 4.5, 7.2)),
     ]
@@ -122,9 +123,9 @@ def _decor(sides: list[Wall]) -> list[Piece]:
     return [
         placed(potted_palm(), (-0.7, 3.05, 0.0), 40.0),
         placed(potted_palm(), (4.1, -3.2, 0.0), 150.0),
-        placed(potted_palm(), (-4.05, -3.0, 0.0), 250.0),
-        placed(bin_("#34424c", 2574), (-0.35, -0.75, 0.0)),
-        placed(bin_("#34424c", 2575), (0.45, 0.55, 0.0)),
+        placed(potted_palm(), (-3.75, -3.15, 0.0), 250.0),
+        placed(bin_("#34424c", 2574), (-0.68, -0.8, 0.0)),
+        placed(bin_("#34424c", 2575), (-0.68, 0.1, 0.0)),
         north.before(placed(flowers(), (0.0, -0.22, 0.0)), 7.0, 0.8205),
         north.before(placed(trailing_plant(), (0.0, -0.3, 0.0)), 8.1, 0.8205),
         east.before(placed(trailing_plant(), (0.0, -0.3, 0.0)), 6.2, 1.3005),

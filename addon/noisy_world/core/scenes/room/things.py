@@ -118,6 +118,7 @@ def pendant(bulb_m: Point, ceiling_m: float, codes: list[str] = PENDANT_CODES) -
     x, y, z = bulb_m
     outline = [(0.25, 0.0), (0.235, 0.05), (0.18, 0.13), (0.09, 0.185), (0.03, 0.20), (0.026, 0.25)]
     low = z - 0.03
+    middle = min(low + 0.6, (low + 0.25 + ceiling_m) / 2)
     bands = pt.stripes(codes, [0.12, 0.012, 0.05, 0.008, 0.06, 0.012], 780)
 
     def rings(u: Array, v: Array) -> Array:
@@ -127,7 +128,7 @@ def pendant(bulb_m: Point, ceiling_m: float, codes: list[str] = PENDANT_CODES) -
     parts = [
         lathe((x, y, low), outline, 48, rings, cell_m=0.01),
         lathe((x, y, low), [(r - 0.004, h) for r, h in reversed(outline[:5])], 48, glow, cell_m=0.015, glow=0.9),
-        tube([(x, y, low + 0.25), (x, y, low + 0.6), (x, y, ceiling_m - 0.03)], 0.005, 6, BLACK),
+        tube([(x, y, low + 0.25), (x, y, middle), (x, y, ceiling_m - 0.03)], 0.005, 6, BLACK),
         lathe((x, y, ceiling_m - 0.035), [(0.01, 0.0), (0.05, 0.012), (0.055, 0.035)], 20, BRASS),
         _glowing(ball((x, y, z + 0.03), 0.04, 0.02, pt.plain("#fff8e2", 782, grain=0.0, patch=0.0))),
     ]
