@@ -1,12 +1,21 @@
 # The README gives `make demo` and `make test`; each sets everything up by itself. `make help` lists the rest.
 # Python 3.13 from the path or, where that is how it is had, from uv.
 PYTHON ?= $(shell python3.13 -c 'import sys; print(sys.executable)' 2>/dev/null || uv python find 3.13 2>/dev/null)
+# Python 3.11, for what we compare with; a shim for another version is passed over.
+PYTHON311 = $(shell for python in python3.11 /usr/bin/python3.11; do $$python -c 'import sys; print(sys.executable)' 2>/dev/null && break; done)
 BLENDER ?= blender
 VENV := .venv
 PY := $(VENV)/bin/python
+ENVIRONMENT := @sh headless/tools/environment.sh
+PINNED := --require-hashes --only-binary :all: -r
+
+define NEEDS_PYTHON
+test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }; \
+"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 13))' 2>/dev/null || { echo "make: $(PYTHON) is no Python 3.13, which is needed; say PYTHON=/path/to/one" >&2; exit 1; }
+endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test fuzz bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -14,9 +23,8 @@ help: ## list the targets
 venv: $(VENV)/.installed ## make .venv with the pinned packages
 
 $(VENV)/.installed: requirements.lock
-	@test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }
-	test -x $(PY) || $(PYTHON) -m venv $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements.lock
+	@$(NEEDS_PYTHON)
+	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	PYTHONPATH=addon $(PY) -m noisy_world.cli.system_libraries
 	touch $@
 
@@ -50,9 +58,8 @@ docs: $(VENV)-docs/.installed ## build the docs' site into out/docs; a broken li
 	@echo "wrote out/docs/index.html"
 
 $(VENV)-docs/.installed: requirements-docs.lock
-	@test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed" >&2; exit 1; }
-	test -x $(VENV)-docs/bin/python || $(PYTHON) -m venv $(VENV)-docs
-	$(VENV)-docs/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $<
+	@$(NEEDS_PYTHON)
+	$(ENVIRONMENT) "$(PYTHON)" $(VENV)-docs $(PINNED) $<
 	touch $@
 
 # What stands below Blender, whose branches are counted: 95 % of core's and of the perturbations' have to be taken.
@@ -64,13 +71,16 @@ test: venv ## run the tests; of core and perturbations, count the branches that 
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
 	$(PY) -m pytest tests $(BELOW_BLENDER:%=--ignore=%)
 
+fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
+	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
+
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env
 	$(PY) headless/bench/report.py --out out/bench
 
 $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
-	$(PY) -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r requirements-bench.lock
-	touch $@
+	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
+	touch $(VENV)/.installed $@
 
 lint: venv ## check style, layers, formatting and types
 	$(VENV)/bin/ruff check .
@@ -87,20 +97,16 @@ blender-env: venv ## install the packages that a Blender program lacks, beside t
 peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to compare with; needs Python 3.11
 
 .venv-peer/.installed: tests/peer/requirements.txt
-	@for python in python3.11 /usr/bin/python3.11; do \
-	  if $$python -c pass 2>/dev/null; then rm -rf .venv-peer; $$python -m venv .venv-peer && exit 0; fi; \
-	done; echo "make: Open3D needs Python 3.11, which is not here" >&2; exit 1
-	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: -r $<
+	@test -n "$(PYTHON311)" || { echo "make: Open3D needs Python 3.11, which is not here" >&2; exit 1; }
+	$(ENVIRONMENT) "$(PYTHON311)" .venv-peer --only-binary :all: -r $<
 	.venv-peer/bin/python -m pip install --quiet --disable-pip-version-check --only-binary :all: --no-deps pyrender==0.1.45
 	touch $@
 
 corruptions-env: .venv-corruptions/.installed ## an environment with imagecorruptions, to compare with; Python 3.11, a compiler
 
 .venv-corruptions/.installed: tests/peer/corruptions.txt
-	@for python in python3.11 /usr/bin/python3.11; do \
-	  if $$python -c pass 2>/dev/null; then rm -rf .venv-corruptions; $$python -m venv .venv-corruptions && exit 0; fi; \
-	done; echo "make: imagecorruptions needs Python 3.11, which is not here" >&2; exit 1
-	.venv-corruptions/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	@test -n "$(PYTHON311)" || { echo "make: imagecorruptions needs Python 3.11, which is not here" >&2; exit 1; }
+	$(ENVIRONMENT) "$(PYTHON311)" .venv-corruptions -r $<
 	touch $@
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv

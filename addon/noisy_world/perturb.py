@@ -12,85 +12,135 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
+from .core.datasets.stored import StoredSequence
 from .core.geometry import Intrinsics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
+from .core.perturbing.inputs import (
+    LARGEST_FRAME,
+    LARGEST_SEED,
+    check_intrinsics,
+    check_size,
+    checked_colour,
+    checked_depth,
+    checked_rate,
+    checked_stamp,
+    checked_text,
+    checked_whole_number,
+    plain,
+)
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
 from .core.perturbing.reading import parse_steps
 from .core.perturbing.steps import Setting, Step
+from .core.planning.sequence import Sequence as PlannedSequence
 from .core.planning.sequence import lay_out, written_paths
-from .core.schema import Place
+from .core.schema import Place, describe
 from .core.trajectories.sensor_paths import SensorPaths
+from .core.trajectories.trajectory import Trajectory
 from .perturbations import registry
 from .pipeline.clean_frame import Camera, CleanFrame
 from .sources.recording import RecordedFrame, read_recording
 
 
-def apply[Pixel: (np.uint8, np.float32)](
-    image: NDArray[Pixel],
+@overload
+def apply(
+    image: NDArray[np.uint8],
     name: str,
     *,
     seed: int = 0,
     frame: int = 0,
-    depth_m: NDArray[np.float32] | None = None,
+    depth_m: NDArray[np.floating] | None = None,
     rgb: NDArray[Any] | None = None,
     intrinsics: Intrinsics | None = None,
     stamp_s: float | None = None,
     **values: Any,
-) -> NDArray[Pixel]:
+) -> NDArray[np.uint8]: ...
+
+
+@overload
+def apply(
+    image: NDArray[np.floating],
+    name: str,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    depth_m: NDArray[np.floating] | None = None,
+    rgb: NDArray[Any] | None = None,
+    intrinsics: Intrinsics | None = None,
+    stamp_s: float | None = None,
+    **values: Any,
+) -> NDArray[np.float32]: ...
+
+
+def apply(
+    image: NDArray[Any],
+    name: str,
+    *,
+    seed: int = 0,
+    frame: int = 0,
+    depth_m: NDArray[np.floating] | None = None,
+    rgb: NDArray[Any] | None = None,
+    intrinsics: Intrinsics | None = None,
+    stamp_s: float | None = None,
+    **values: Any,
+) -> NDArray[Any]:
     """Perturb one colour or depth image; the input is not changed.
 
-    image: (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], for a perturbation of colour; (H, W) float32 planar
-    depth in metres, 0 = void, for one of depth. The result has the same shape and type.
-    name: of the perturbation, such as "fog". seed, frame: decide the random stream; equal ones give equal pixels.
-    depth_m: (H, W) float32 planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
+    image: (H, W, 3) RGB, sRGB-encoded, uint8 or float in [0, 1], for a perturbation of colour; (H, W) float planar
+    depth in metres, 0 = void, for one of depth. The result has the same shape; it is uint8 for uint8, and float32 for
+    any floating type, which is converted first.
+    name: of the perturbation, such as "fog". seed, frame: decide the random stream; equal ones give equal pixels. seed
+    is from 0 to 2^63 - 1, frame from 0 to 2^64 - 1.
+    depth_m: (H, W) float planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
     an image of colour, for the perturbations of depth that depend on it. intrinsics, stamp_s: of the image, for
     perturbations that ask for them; stamp_s in seconds.
     values: as in a preset: severity (0, or 1 to 5), mode, levels, temporal, or single parameters.
 
-    Raises InputError for a name or a value that does not exist, TypeError for an array of another kind.
+    Raises InputError for a name or a value that does not exist; TypeError for an argument of another kind, such as
+    depth in whole numbers or colour with an alpha channel; ValueError for values that it may not hold: colour outside
+    [0, 1], negative depth, NaN and infinities, an image without pixels, sizes that differ.
     """
-    (step,) = parse_steps([{name: values}], Place("apply"), registry())
+    name = checked_text("name", name)
+    place = Place("apply")
+    (step,) = parse_steps([{name: plain(values)}], place, registry())
     if isinstance(step.perturbation, SEQUENCE_KINDS):
         raise TypeError(f"{name} acts on a whole sequence, not on an image")
+    of_depth = isinstance(step.perturbation, DepthPerturbation)
+    pixels = checked_depth("image", image) if of_depth else checked_colour("image", image)
+    depth_m = None if depth_m is None else checked_depth("depth_m", depth_m)
+    rgb = None if rgb is None else checked_colour("rgb", rgb)
+    for argument, beside in (("depth_m", depth_m), ("rgb", rgb)):
+        if beside is not None:
+            check_size(argument, beside, pixels)
+    check_intrinsics(intrinsics, (pixels.shape[1], pixels.shape[0]))
     where = FrameContext(
-        frame,
-        (seed, "", ""),
-        stamp_s=stamp_s,
+        checked_whole_number("frame", frame, LARGEST_FRAME),
+        (checked_whole_number("seed", seed, LARGEST_SEED), "", ""),
+        stamp_s=checked_stamp("stamp_s", stamp_s),
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
         read_depth_m=None if depth_m is None else lambda: depth_m,
     )
-    return _perturbed(step, image, where)
+    made = _perturbed(step, pixels, where)
+    return made.copy() if made is pixels else made
 
 
 def _perturbed(step: Step[Any], image: NDArray[Any], where: FrameContext) -> NDArray[Any]:
-    """Return the image, of the same type, after a step of colour or depth."""
+    """Return the image, of the same type, after a step of colour or depth; itself where the step does nothing."""
     if isinstance(step.perturbation, DepthPerturbation):
-        _check(image, image.ndim == 2 and image.dtype == np.float32, "(H, W) float32")
         made_m, _ = perturb_depth([step], image, where)
-        return image.copy() if made_m is None else made_m
-    kinds = (np.uint8, np.float32)
-    _check(image, image.ndim == 3 and image.shape[2] == 3 and image.dtype in kinds, "(H, W, 3) uint8 or float32")
+        return image if made_m is None else made_m
     if image.dtype == np.uint8:
         pixels, _ = perturb_rgb([step], image, where)
-        return image.copy() if pixels is None else pixels
+        return image if pixels is None else pixels
     context = step.context(where)
     severity = step.severity_of(context)
-    if severity == 0:
-        return image.copy()
-    made = perturb_colour(step, image, severity, context)
-    return np.clip(made, 0.0, 1.0)
-
-
-def _check(image: NDArray[Any], fits: bool, wanted: str) -> None:
-    if not fits:
-        raise TypeError(f"the image is {image.dtype} {image.shape}, but has to be {wanted}")
+    return image if severity == 0 else np.clip(perturb_colour(step, image, severity, context), 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -125,22 +175,36 @@ def frames(
     perturbations that ask for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
     stamps; default 20. Warns of images without a partner, which are left out.
 
-    Raises InputError for a folder that holds no sequence, for values that a preset could not have, and for intrinsics
-    or a rate that the sequence's own files contradict.
+    Raises, when it is called, InputError for a folder that holds no sequence, for values that a preset could not have,
+    and for intrinsics or a rate that the sequence's own files contradict; TypeError and ValueError for other arguments
+    that are not as described.
     """
-    recording = read_recording(Path(folder), Place("frames"), rate_hz)
+    seed = checked_whole_number("seed", seed, LARGEST_SEED)
+    setting = checked_text("setting", setting)
+    name = Path(folder).name if scene is None else checked_text("scene", scene)
+    if isinstance(perturb, (str, bytes)) or not isinstance(perturb, Sequence):
+        raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
+    recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
     stored = recording.stored
     for note in stored.notes:
         warnings.warn(f"{folder}: {note}", stacklevel=2)
+    check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
-    whole = Setting(setting, parse_steps(perturb, Place("frames"), registry()))
+    whole = Setting(setting, parse_steps(plain(perturb), Place("frames"), registry()))
     moving, _ = split_motion(whole.motion)
     if moving:
-        name = moving[-1].perturbation.name
-        raise Place("frames").error(f"{name} needs a mesh: a sequence cannot be seen from elsewhere")
-    name = Path(folder).name if scene is None else scene
+        told = moving[-1].perturbation.name
+        raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
+    return _perturbed_frames(stored, sequence, path, known)
+
+
+def _perturbed_frames(
+    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
+) -> Iterator[PerturbedFrame]:
+    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its camera."""
+    whole = sequence.setting
     camera, depth_camera = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
     for index in sequence.frames:
         shown = sequence.shown(index)

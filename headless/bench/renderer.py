@@ -42,7 +42,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     paths = source_paths(plan, render)
     options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
     dataset = Dataset(Path(out), plan.format)
-    dataset.open({"bench": preset_path}, overwrite=True)
+    dataset.open({"bench": preset_path, "sequences": {}}, lambda _: None, overwrite=True)
     with Session(mesh, "bench", paths, render.camera, options) as session:
         del mesh
         forget_meshes()

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What sets a machine up: missing libraries are named by their packages, and the lock is what it should be."""
 
+import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from worlds import ROOT
@@ -62,3 +66,150 @@ def test_manifest_and_package_agree_on_the_version():
 
     assert f'version = "{package_version()}"' in (ROOT / "blender_manifest.toml").read_text()
     assert f"## {package_version()}" in (ROOT / "CHANGELOG.md").read_text()
+
+
+# --- the environments that make sets up ---
+
+# What Debian's Python says without the package python3.13-venv, and the half of an environment that it leaves.
+DEBIANS = """#!/bin/sh
+case "$*" in
+  "-m venv "*)
+    mkdir -p "$3/bin" && ln -s {python} "$3/bin/python" && : >"$3/pyvenv.cfg"
+    echo "The virtual environment was not created successfully because ensurepip is not"
+    echo "available.  On Debian/Ubuntu systems, you need to install the python3-venv"
+    echo "package using the following command."
+    echo; echo "    apt install python3.13-venv"; echo; echo "Failing command: $3/bin/python3.13"; echo
+    exit 1 ;;
+  *sys.executable*) echo "$0" ;;
+  *) exec {python} "$@" ;;
+esac
+"""
+# One that makes environments with a pip of our own, which installs by writing a file, as slowly or badly as is said.
+WORKING = """#!/bin/sh
+case "$*" in
+  "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" && echo venv >>"{log}" ;;
+  *"-m pip install"*)
+    touch "$(dirname "$0")/../half"
+    sleep "${{SLOW:-0}}"; [ -z "${{BROKEN:-}}" ] || {{ echo "ERROR: No matching distribution" >&2; exit 1; }}
+    echo "$*" >>"{log}"; mv "$(dirname "$0")/../half" "$(dirname "$0")/../whole" ;;
+  *"import pip"*) [ -e "$(dirname "$0")/../" ] ;;
+  *sys.executable*) echo "$0" ;;
+  *) exec {python} "$@" ;;
+esac
+"""
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A folder with the Makefile and what its environments are made from."""
+    for name in ("Makefile", "requirements.lock", "requirements-docs.lock", "headless/tools/environment.sh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    (tmp_path / "tests/peer").mkdir(parents=True)
+    for name in ("requirements.txt", "corruptions.txt"):
+        (tmp_path / "tests/peer" / name).write_text("")
+    package = tmp_path / "addon/noisy_world/cli"
+    package.mkdir(parents=True)
+    for folder in (package, package.parent):
+        (folder / "__init__.py").touch()
+    (package / "system_libraries.py").touch()
+    return tmp_path
+
+
+def put(checkout, text, *names):
+    for name in names:
+        path = checkout / "path" / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text.format(python=sys.executable, log=checkout / "log"))
+        path.chmod(0o755)
+
+
+def make(checkout, *words, **variables):
+    environment = {"PATH": f"{checkout / 'path'}:/usr/bin:/bin", "HOME": str(checkout), **variables}
+    return subprocess.Popen(
+        ["make", *words], cwd=checkout, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+def made(checkout, *words, **variables):
+    process = make(checkout, *words, **variables)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+@pytest.mark.parametrize(
+    ("target", "folder", "python"),
+    [("venv", ".venv", "python3.13"), (".venv-docs/.installed", ".venv-docs", "python3.13"),
+     ("peer-env", ".venv-peer", "python3.11"), ("corruptions-env", ".venv-corruptions", "python3.11")],
+)  # fmt: skip
+def test_a_python_without_venv_is_one_line_and_leaves_nothing(checkout, target, folder, python):
+    put(checkout, DEBIANS, "python3.13", "python3.11")
+    status, out, err = made(checkout, target)
+    assert status != 0
+    ours = [line for line in err.splitlines() if not line.startswith("make: ***")]
+    assert len(ours) == 1, err
+    assert f"{checkout}/path/{python} cannot make {folder}" in ours[0]
+    assert "install Debian's python3.13-venv, or say PYTHON" in ours[0]  # both are this Python, by their version
+    assert "ensurepip" not in out
+    assert not (checkout / folder).exists()
+
+
+def test_what_such_a_python_left_before_is_repaired(checkout):
+    put(checkout, DEBIANS, "python3.13")
+    assert subprocess.run([checkout / "path/python3.13", "-m", "venv", checkout / ".venv"], check=False).returncode
+    (checkout / ".venv/bin/python").unlink()
+    put(checkout, WORKING, "python3.13")
+    assert made(checkout, "venv")[0] == 0
+    assert (checkout / ".venv/whole").exists()
+
+
+def test_an_environment_is_made_once_and_brought_up_to_date_without_being_made_again(checkout):
+    put(checkout, WORKING, "python3.13")
+    assert made(checkout, "venv")[0] == 0
+    assert made(checkout, "venv")[0] == 0
+    log = (checkout / "log").read_text().splitlines()
+    assert log[0] == "venv"
+    assert [line.split()[:3] for line in log[1:]] == [["-m", "pip", "install"]]
+    assert {"--require-hashes", "requirements.lock"} < set(log[1].split())
+    time.sleep(0.02)
+    (checkout / "requirements.lock").touch()
+    assert made(checkout, "venv")[0] == 0
+    assert [line.split()[0] for line in (checkout / "log").read_text().splitlines()] == ["venv", "-m", "-m"]
+
+
+@pytest.mark.parametrize("ended_by", ["a failure", "a kill"])
+def test_what_was_made_half_is_made_anew(checkout, ended_by):
+    put(checkout, WORKING, "python3.13")
+    if ended_by == "a failure":
+        status, _, err = made(checkout, "venv", BROKEN="yes")
+        assert status != 0
+        assert "the packages of .venv could not be installed, for the reason above" in err
+    else:
+        process = make(checkout, "venv", SLOW="30")
+        while not (checkout / ".venv/half").exists():
+            assert process.poll() is None
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+    assert (checkout / ".venv/half").exists()
+    assert made(checkout, "venv")[0] == 0
+    assert (checkout / "log").read_text().splitlines()[:2] == ["venv", "venv"]
+    assert (checkout / ".venv/whole").exists()
+    assert not (checkout / ".venv/half").exists()
+    assert "Nothing to be done" in made(checkout, "venv")[1]
+
+
+@pytest.mark.parametrize("variable", ["HOME", "XDG_CACHE_HOME", "PIP_CACHE_DIR"])
+def test_a_home_that_cannot_be_written_to_makes_pip_go_without_a_cache(checkout, variable):
+    put(checkout, WORKING, "python3.13")
+    assert made(checkout, "venv", **{variable: "/proc/none"})[0] == 0
+    assert "--no-cache-dir" in (checkout / "log").read_text()
+
+
+def test_another_python_than_is_needed_is_one_line(checkout):
+    for python in ("/nowhere/python", shutil.which("false")):
+        status, _, err = made(checkout, "venv", f"PYTHON={python}")
+        assert status != 0
+        assert f"{python} is no Python 3.13" in err.splitlines()[0]
+        assert not (checkout / ".venv").exists()

@@ -11,11 +11,10 @@ from pathlib import Path
 import fake_session
 import pytest
 from cases import cases
-from growing import CLEAN, FOG, LATE, NOISE, PATH, THREE, at_once, change, marks, world
+from growing import stopped, CLEAN, FOG, LATE, NOISE, PATH, THREE, at_once, change, marks, world
 from worlds import content, write_world
 from written import run
 
-from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
@@ -73,22 +72,6 @@ def test_an_unfinished_dataset_grows_too(tmp_path):
     run(change(preset, {"settings": [CLEAN, LATE, FOG]}), out)
     assert content(out) == at_once(preset, tmp_path)
     assert {name: marks(out)[name] for name in images} == images
-
-
-def stopped(preset, out, frames):
-    """Run until so many frames are rendered, as Ctrl-C does."""
-    stop = threading.Event()
-    original = fake_session.Session.frame
-
-    def render(self, moment):
-        if moment.index == frames - 1:
-            stop.set()
-        return original(self, moment)
-
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(fake_session.Session, "frame", render)
-        with pytest.raises(InterruptedRunError):
-            run(preset, out, stop=stop)
 
 
 @cases(

@@ -2,15 +2,19 @@
 """What cannot be added to a dataset is refused in words of the preset, and nothing is touched."""
 
 import json
+import shutil
 import sys
+from types import SimpleNamespace
 
 import fake_session
 import pytest
 from cases import cases
-from growing import CLEAN, PATH, change, marks, world
+from growing import CLEAN, FOG, PATH, change, marks, world
+from worlds import write_world
 from written import run
 
 from noisy_world.core.errors import StorageError
+from noisy_world.core.planning.estimate import size_text
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -105,3 +109,37 @@ def test_a_dataset_of_another_version_is_refused_and_replaced(tmp_path):
         run(preset, out)
     run(change(preset, {"settings": [CLEAN]}), out, overwrite=True)
     assert {path.name for path in out.iterdir()} == {"clean", "manifest.json", "run.json"}
+
+
+@pytest.mark.parametrize("free", [0, 700])
+def test_a_full_disk_is_said_before_anything_is_made(tmp_path, monkeypatch, free):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free))
+    # A frame of 80 x 60 pixels is about 1.2 + 0.5 bytes a pixel, twice in each of six frames but for linked depth.
+    preset = write_world(tmp_path / "world", frames=6, size=(80, 60), settings=[CLEAN, FOG])
+    with pytest.raises(StorageError) as error:
+        run(preset, tmp_path / "out")
+    told = f"about {6 * 4800 * (2 * 1.2 + 0.5) / 1e3:.0f} kB are to be written and {free} bytes are free"
+    assert str(error.value).startswith(f"{tmp_path / 'out'}: no space left: {told}; make room there")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_disk_that_is_too_small_is_noted(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=20_000))
+    preset = write_world(tmp_path / "world", frames=6, size=(80, 60), settings=[CLEAN, FOG])
+    report = run(preset, tmp_path / "out")
+    assert report.notes == [
+        f"this will hardly fit: about 84 kB are to be written and 20 kB are free in {tmp_path / 'out'}; a run that "
+        "fills the disk goes on once there is room"
+    ]
+    # One more setting of colour: its six images alone, as depth is linked.
+    change(preset, {"settings": [CLEAN, FOG, {"name": "dim", "perturb": [{"brightness": None}]}]})
+    report = run(preset, tmp_path / "out")
+    assert "about 35 kB" in report.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("count", "text"),
+    [(0, "0 bytes"), (999, "999 bytes"), (1500, "1.5 kB"), (34_500_000, "34 MB"), (4_250_000_000, "4.2 GB")],
+)
+def test_sizes_in_words(count, text):
+    assert size_text(count) == text

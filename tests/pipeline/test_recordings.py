@@ -11,7 +11,7 @@ from worlds import generate_here
 from written import names_in, read, run, world
 
 from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.planning.estimate import estimate
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import frames
@@ -127,6 +127,46 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
     }
 
 
+@pytest.mark.parametrize("layout", ["replica", "euroc"])
+def test_a_dataset_takes_in_a_scene_with_another_camera(tmp_path, layout):
+    one = {"name": "one", "sequence": str(recorded(tmp_path / "a", camera=camera(fx=9.0)))}
+    two = {"name": "two", "sequence": str(recorded(tmp_path / "b", camera=camera(fx=7.0)))}
+    keys = {"settings": [{"name": "clean"}, {"name": "same"}], "output": {"layout": layout}}
+    both = preset_of(tmp_path / "both", one, two, **keys)
+    run(both, tmp_path / "at_once")
+    for name, grown in (("with", both), ("beside", preset_of(tmp_path / "second", two, **keys))):
+        out = tmp_path / name
+        run(preset_of(tmp_path / "first", one, **keys), out)
+        images = {path: path.stat().st_mtime_ns for path in out.rglob("*.*g")}
+        assert (out / "clean/cam_params.json").exists() == (layout == "replica")
+        run(grown, out)
+        assert not (out / "clean/cam_params.json").exists()
+        assert {path: path.stat().st_mtime_ns for path in images} == images
+        assert names_in(out) == names_in(tmp_path / "at_once")
+        for setting, scene, fx in (("clean", "one", 9.0), ("same", "one", 9.0), ("same", "two", 7.0)):
+            assert find_sequence(out / setting / scene).known_camera.fx_px == fx
+        told, wanted = (json.loads((place / "manifest.json").read_text()) for place in (out, tmp_path / "at_once"))
+        for item in (told, wanted):
+            for part in ("preset", "preset_sha256"):
+                del item["identity"][part]
+            for scene in item["identity"]["scenes"].values():
+                scene["entry"] = None
+        assert told == wanted
+        assert run(grown, out).frames_rendered == 0
+
+
+@pytest.mark.parametrize("value", [None, "8", -8, [8], {}, 10**400])
+def test_a_manifest_whose_camera_is_none_is_one_line(tmp_path, value):
+    out = recorded(tmp_path).parents[1]
+    path = out / "manifest.json"
+    content = json.loads(path.read_text())
+    content["identity"]["scenes"]["box"]["camera"]["fx"] = value
+    path.write_text(json.dumps(content))
+    other = {"name": "other", "sequence": str(out / "clean/box")}
+    with pytest.raises(StorageError, match=r"manifest\.json lacks what an identity holds"):
+        run(preset_of(tmp_path / "p", other, output={"image": "png"}), out)
+
+
 def test_depth_of_another_camera_is_refused(tmp_path):
     source = recorded(tmp_path, "euroc")
     path = source / "mav0/depth0/sensor.yaml"
@@ -169,6 +209,8 @@ def test_the_rate_of_a_sequence_without_stamps(tmp_path):
     for name, gap_s in (("twenty", 0.05), ("given", 0.08)):
         stamps_s = np.loadtxt(tmp_path / name / "clean/box/groundtruth.txt")[:, 0]
         assert np.allclose(stamps_s, gap_s * np.arange(4), atol=1e-12)
+    with pytest.raises(StorageError, match=r"scenes\.0\.rate_hz was 12\.5, is 25"):
+        run(preset_of(tmp_path / "q", {**scene, "rate_hz": 25}, output={"layout": "tum"}), tmp_path / "given")
     own = {**scene, "sequence": str(tmp_path / "given/clean/box")}
     with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: is 20 Hz, but .*rgb\.txt says 12\.5 Hz"):
         run(preset_of(tmp_path / "r", {**own, "rate_hz": 20}), tmp_path / "no")

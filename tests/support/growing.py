@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datasets that grow: a world whose preset is changed as an editor would, and marks that show what was touched."""
 
+import threading
+
+import fake_session
+import pytest
 import yaml
 from worlds import content, write_world
 from written import run
+
+from noisy_world.core.errors import InterruptedRunError
 
 PATH = "scenes.0.trajectory"
 CLEAN = {"name": "clean"}
@@ -46,3 +52,19 @@ def marks(folder):
 def at_once(preset, tmp_path):
     run(preset, tmp_path / "at_once")
     return content(tmp_path / "at_once")
+
+
+def stopped(preset, out, frames):
+    """Run until so many frames are rendered, as Ctrl-C does."""
+    stop = threading.Event()
+    original = fake_session.Session.frame
+
+    def render(self, moment):
+        if moment.index == frames - 1:
+            stop.set()
+        return original(self, moment)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(fake_session.Session, "frame", render)
+        with pytest.raises(InterruptedRunError):
+            run(preset, out, stop=stop)

@@ -19,7 +19,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
-from noisy_world.ui import document, frame_preview, panels, paths, world
+from noisy_world.ui import document, frame_preview, panels, paths, step_list, world
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -90,6 +90,6 @@ try:
 except InputError as error:
     told["gone"] = f"{type(error).__name__}: {error}"
 told["has depth steps"] = frame_preview.has_depth_steps(settings)
-document.add_step(settings, "fog")
+step_list.add_step(settings, "fog")
 noisy_world.unregister()
 print("TOLD " + json.dumps(told, default=lambda value: np.asarray(value).tolist()))

@@ -219,3 +219,15 @@ def test_a_blender_program_leaves_the_users_other_add_ons_out(tmp_path, monkeypa
     words = runs.generator_command(tmp_path / "a.yaml", tmp_path / "out", "--overwrite")
     assert words[:4] == ["/opt/blender", "-b", "--factory-startup", "-P"]
     assert words[5:] == ["--", str(tmp_path / "a.yaml"), "--out", str(tmp_path / "out"), "--overwrite"]
+
+
+def test_a_script_is_told_what_is_not_in_the_dataset_and_goes_on(scene, tmp_path, monkeypatch, capfd):
+    stand_in(monkeypatch, tmp_path, WORK + "tell(result='done')")
+    prepare(scene, tmp_path)
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    assert "Not in the dataset" not in capfd.readouterr().out
+    for name in ("Chair", "Table"):
+        scene.collection.objects.link(bpy.data.objects.new(name, bpy.data.meshes.new(name)))
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    told = "Warning: Not in the dataset: Chair and Table. The dataset shows mesh.ply"
+    assert told in capfd.readouterr().out.splitlines()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets in the tab: taken in, saved and kept; what the panel cannot show is refused."""
 
+import json
 from pathlib import Path
 
 import bpy
@@ -33,7 +34,7 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
         open_preset(settings(), path, name)
         save_preset(settings(), tmp_path / "saved.yaml")
         saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("camera", "render", "seed", "scenes", "rig"):
+        for part in ("mesh_camera", "render", "seed", "scenes", "rig"):
             assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
         assert saved.spec.output.layout == shipped.spec.output.layout
         assert saved.spec.output.overview == shipped.spec.output.overview
@@ -44,6 +45,18 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
                 assert getattr(one, member) == getattr(other, member), (name, member)
             level = one.severity or None
             assert one.parameters(level) == other.parameters(level), name
+
+
+def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
+    from noisy_world.ui.document import open_preset, to_document
+    from noisy_world.ui.runs import saved_preset
+
+    path = tmp_path / "short.yaml"
+    path.write_text(json.dumps({key: value for key, value in to_document(settings()).items() if key != "camera"}))
+    open_preset(settings(), path)
+    assert saved_preset(settings()) == path
+    settings().width_px -= 1
+    assert saved_preset(settings()) is None
 
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
@@ -152,3 +165,170 @@ def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
     settings().mesh_path = ""
     open_preset(settings(), tmp_path / "kitchen.yaml")
     assert Path(settings().mesh_path) == tmp_path / "square.ply"
+
+
+# --- perturbations alone ---
+
+SINGLE = [path for path in PRESETS if path.parent.name == "perturbations"]
+
+
+def use(path, **options):
+    return bpy.ops.noisy_world.use_preset(filepath=str(path), **options)
+
+
+def described():
+    """What the panel holds but for what is done to a sequence, and the list apart."""
+    from noisy_world.ui.document import perturb_of, to_document
+
+    rest = to_document(settings())
+    rest.pop("settings")
+    kept = [settings().preset_path, settings().preset_settings, settings().setting_name]
+    return (rest, kept), {name: values for item in perturb_of(settings()) for name, values in item.items()}
+
+
+@pytest.fixture
+def of_ones_own(tmp_path):
+    """A scene, a path, a camera and perturbations of one's own in the panel."""
+    use_files(tmp_path)
+    item = settings()
+    item.scene_name, item.seed, item.width_px, item.layout = "kitchen", 12, 333, "tum"
+    item.preset_path, item.setting_name = str(tmp_path / "mine.yaml"), "rough"
+    item.deviation_rotation_deg, item.speed_factor = 1.5, 3
+    for name, severity in (("contrast", 2.0), ("spatter", 4.0), ("depth_gaussian_noise", 1.0)):
+        bpy.ops.noisy_world.add_step(perturbation=name)
+        item.steps[item.active_step].severity = severity
+    return item
+
+
+@cases("path", SINGLE)
+def test_a_shipped_perturbation_leaves_everything_else_alone(of_ones_own, path):
+    name = path.stem
+    rest, before = described()
+    assert use(path) == {"FINISHED"}
+    again, after = described()
+    assert again == rest
+    assert set(after) == {*before, name}
+    assert {other: values for other, values in after.items() if other != name} == {
+        other: values for other, values in before.items() if other != name
+    }
+    (first,) = [setting for setting in parsed(read_preset(path)).values() if setting.steps][:1]
+    (step,) = first.steps
+    wanted = step.parameters(step.severity)
+    (made,) = [item for item in steps_of_panel() if item.perturbation.name == name]
+    assert made.parameters(made.severity) == wanted
+    order = [item.perturbation.name for item in steps_of_panel()]
+    assert order == sorted(order, key=list(registry()).index)
+
+
+def steps_of_panel():
+    from noisy_world.ui.document import steps_of
+
+    return steps_of(settings())
+
+
+def test_a_perturbation_that_is_there_is_set_and_nothing_of_it_is_left(of_ones_own):
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    fog = of_ones_own.steps[of_ones_own.active_step]
+    fog.severity, fog.enabled, fog.temporal, fog.fog.override_thickness, fog.fog.uniform = 5, False, "drift", True, True
+    (path,) = [path for path in SINGLE if path.stem == "fog"]
+    assert use(path, setting="fog_s3") == {"FINISHED"}
+    (made,) = [item for item in of_ones_own.steps if item.perturbation == "fog"]
+    assert described()[1]["fog"] == {"severity": 3.0}
+    assert made.enabled
+    assert of_ones_own.steps[of_ones_own.active_step] == made
+
+
+def test_of_two_of_one_name_the_first_is_set(of_ones_own):
+    bpy.ops.noisy_world.add_step(perturbation="spatter")
+    of_ones_own.steps[of_ones_own.active_step].severity = 5.0
+    (path,) = [path for path in SINGLE if path.stem == "spatter"]
+    assert use(path) == {"FINISHED"}
+    found = [(item.perturbation, item.severity) for item in of_ones_own.steps if item.perturbation == "spatter"]
+    assert found == [("spatter", 1.0), ("spatter", 5.0)]
+
+
+def test_what_of_a_file_is_taken_can_be_chosen(of_ones_own, tmp_path, capfd):
+    rest, before = described()
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
+        "rig: {rgb: {}}\n"  # which the panel cannot show, but its perturbations it can
+        "settings:\n"
+        "  - {name: x, perturb: [{fog: {severity: 2}}, {contrast: {severity: 5}}, {faster_motion: {factor: 2}}]}\n"
+    )
+    with pytest.raises(RuntimeError, match="places sensors on a robot"):
+        use(own)
+    assert described() == (rest, before)
+    capfd.readouterr()
+    assert use(own, part="PERTURBATIONS") == {"FINISHED"}
+    assert "Added Fog (severity 2); set Faster Motion, Contrast (severity 5); scene, path" in capfd.readouterr().out
+    assert described() == (
+        rest,
+        before | {"fog": {"severity": 2.0}, "contrast": {"severity": 5.0}, "faster_motion": {"factor": 2}},
+    )
+    (fog,) = [path for path in SINGLE if path.stem == "fog"]
+    assert use(fog, part="ALL") == {"FINISHED"}
+    assert settings().mesh_source == "ROOM"
+    assert "scene, path, camera, perturbations and output are the preset's" in capfd.readouterr().out
+    assert list(described()[1]) == ["fog"]
+
+
+def test_a_copy_of_a_shipped_perturbation_is_ones_own_and_whole(of_ones_own, tmp_path):
+    (fog,) = [path for path in SINGLE if path.stem == "fog"]
+    copy = tmp_path / "perturbations" / "fog.yaml"
+    copy.parent.mkdir()
+    copy.write_bytes(fog.read_bytes())
+    assert use(copy) == {"FINISHED"}
+    assert settings().mesh_source == "ROOM"
+
+
+def test_perturbations_that_cannot_be_shown_leave_the_panel_alone(of_ones_own, tmp_path):
+    before = described()
+    path = tmp_path / "levels.yaml"
+    path.write_text(
+        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
+        "settings: [{name: x, perturb: [{contrast: {severity: 2}}, {fog: {mode: dynamic, levels: [1, 5]}}]}]\n"
+    )
+    with pytest.raises(RuntimeError, match="levels cannot be shown"):
+        use(path, part="PERTURBATIONS")
+    assert described() == before
+
+
+# --- home folders ---
+
+
+def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
+    from noisy_world.ui import runs
+    from noisy_world.ui.document import open_preset, to_document
+
+    monkeypatch.setenv("HOME", str(tmp_path))
+    use_files(tmp_path)
+    item = settings()
+    item.mesh_path, item.trajectory_path, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
+    assert runs.output_folder(item) == tmp_path / "sets/one"
+    (scene,) = to_document(item)["scenes"]
+    assert (scene["mesh"], scene["trajectory"]["file"]) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
+    assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
+    assert bpy.ops.noisy_world.save_preset(filepath="~/mine.yaml") == {"FINISHED"}
+    assert item.preset_path == str(tmp_path / "mine.yaml")
+    text = (tmp_path / "mine.yaml").read_text().replace("mesh: square.ply", "mesh: ~/square.ply")
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "theirs.yaml").write_text(text.replace("file: traj.txt", "file: ~/traj.txt"))
+    item.mesh_path = item.trajectory_path = ""
+    assert use("~/sub/theirs.yaml") == {"FINISHED"}
+    assert (item.mesh_path, item.trajectory_path) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
+    open_preset(item, tmp_path / "sub" / "theirs.yaml")
+    assert runs.saved_preset(item) == tmp_path / "sub" / "theirs.yaml"
+
+
+def test_a_user_who_is_not_there_is_a_line(tmp_path):
+    use_files(tmp_path)
+    item = settings()
+    item.output_folder = "~nobody-of-this-name/x"
+    with pytest.raises(RuntimeError, match="Output: there is no user 'nobody-of-this-name' here"):
+        bpy.ops.noisy_world.generate()
+    with pytest.raises(RuntimeError, match="there is no user"):
+        bpy.ops.noisy_world.save_preset(filepath="~nobody-of-this-name/x.yaml")
+    item.mesh_path = "~nobody-of-this-name/x.ply"
+    with pytest.raises(RuntimeError, match="PLY File: there is no user"):
+        bpy.ops.noisy_world.load_scene()

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .typed import cycles, inputs, new_node, node_tree, outputs, set_value
+from .typed import cycles, inputs, new_node, node_tree, outputs, set_pixels, set_value, size_px, use_as_data
 
 COLOUR_ATTRIBUTE = "Col"
 UV_ATTRIBUTE = "UVMap"
@@ -61,7 +61,7 @@ def _image_node(
 
 def _interpolated(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.NodeSocket:
     """Add the nodes that interpolate linearly between texels, whose centres are at whole numbers and a half."""
-    width, height = image.size
+    width, height = size_px(image)
     place = new_node(tree, bpy.types.ShaderNodeUVMap)
     place.uv_map = UV_ATTRIBUTE
     texels = _vector_math(tree, "MULTIPLY_ADD", outputs(place)["UV"], (width, height, 1.0), (-0.5, -0.5, 0.0))
@@ -89,11 +89,12 @@ def new_image(name: str, rgb: NDArray[np.uint8], *, decoded: bool) -> bpy.types.
     """
     height, width = rgb.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=False)
-    image.colorspace_settings.name = "sRGB" if decoded else "Non-Color"
-    rgba = np.ones((height, width, 4), dtype=np.float32)
-    np.divide(rgb[::-1], np.float32(255), out=rgba[..., :3])
-    image.pixels.foreach_set(rgba.ravel())
-    image.update()
+    if not decoded:
+        use_as_data(image)
+    rgba = np.full((height, width, 4), 255, dtype=np.uint8)
+    for channel in range(3):  # one by one: all at once takes four times as long
+        rgba[..., channel] = rgb[::-1, :, channel]
+    set_pixels(image, np.divide(rgba, np.float32(255), dtype=np.float32))
     return image
 
 

@@ -64,8 +64,9 @@ def add_mesh(
     data.update(calc_edges=True)
     _add_colours(data, mesh, decoded=decoding == "attribute")
     material = vertex_colour_material(decode_colours=decoding == "shader")
-    grey = NEUTRAL_GREY if decoding == "none" else _decoded(np.float32(NEUTRAL_GREY))
-    material.diffuse_color = (grey, grey, grey, 1.0)  # of the faces that Workbench shows beside textures
+    grey = NEUTRAL_GREY if decoding == "none" else float(_decoded(np.float64(NEUTRAL_GREY)))
+    rgba: Any = (grey, grey, grey, 1.0)
+    material.diffuse_color = rgba  # of the faces that Workbench shows beside textures
     data.materials.append(material)
     if mesh.texture is not None:
         _add_texture(data, mesh.texture, decoding, by_texels=by_texels)

@@ -110,6 +110,15 @@ def new_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
     return action
 
 
+def fcurves_of(data: bpy.types.AnimData) -> list[bpy.types.FCurve]:
+    """Return the curves that animate what this data belongs to; other users of its action are left out."""
+    if data.action is None or data.action_slot is None:
+        return []
+    strips = (strip for layer in data.action.layers for strip in layer.strips)
+    bags = (strip.channelbag(data.action_slot) for strip in strips if isinstance(strip, bpy.types.ActionKeyframeStrip))
+    return [curve for bag in bags if bag is not None for curve in bag.fcurves]
+
+
 def interpolation(name: str) -> int:
     """Return the number that a keyframe's interpolation has in arrays: LINEAR, CONSTANT."""
     known = bpy.types.Keyframe.bl_rna.properties["interpolation"]

@@ -4,6 +4,7 @@
 import argparse
 from pathlib import Path
 
+from ..core.home import with_home
 from .entry import Entry
 from .listing import HELD, KNOWN
 from .shipped import found_preset
@@ -21,11 +22,11 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "preset",
         metavar="PRESET",
         nargs="?",
-        type=Path,
+        type=path,
         help="the preset, a YAML file, or one of those that --list presets names",
     )
     parser.add_argument(
-        "--out", metavar="DIR", type=Path, help="the dataset's folder (default: out/<name of the preset>)"
+        "--out", metavar="DIR", type=path, help="the dataset's folder (default: out/<name of the preset>)"
     )
     parser.add_argument(
         "--set",
@@ -53,7 +54,13 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="list keys (all that a preset may have), layouts (of the files), perturbations (with their parameters and "
         "severities), presets (those shipped), or this preset's scenes, settings or sequences (default); then end",
     )
-    parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    parser.add_argument(
+        "--jobs",
+        metavar="N",
+        type=positive,
+        default=1,
+        help="processes that render (default: 1); no more than there are processors and frames",
+    )
     parser.add_argument(
         "--progress",
         choices=["text", "json"],
@@ -65,12 +72,23 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
-        options.preset = Path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
+        try:
+            options.preset = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
+        except argparse.ArgumentTypeError as error:
+            parser.error(str(error))
     if options.preset is None and options.list not in KNOWN and not options.worker:
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
         options.preset = found_preset(options.preset)
     return options
+
+
+def path(text: str) -> Path:
+    """Parse a path, in which ~ and ~user are home folders."""
+    try:
+        return with_home(text)
+    except LookupError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def frame_slice(text: str) -> slice:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`export`: write a mesh as PLY in Replica's layout: the embedded room, or any PLY that Noisy World reads.
+"""`export`: write a mesh as PLY in Replica's layout: an embedded room, or any PLY that Noisy World reads.
 
 Where faces have colours, each vertex is written once for each colour that meets there; a texture has no place in the
 layout. Many readers cannot read quads and other polygons; --triangulate is for those.
 """
 
 import argparse
-from pathlib import Path
 
+from .arguments import path
 from .entry import Entry
 from .missing import missing_package
 
@@ -25,12 +25,14 @@ def main(arguments: list[str], entry: Entry) -> int:
     from ..core.scenes.room import build_room
 
     parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
-    parser.add_argument("mesh", metavar="MESH", help=f"a PLY file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}")
-    parser.add_argument("out", metavar="OUT.ply", type=Path, help="the file to write; it is replaced if it is there")
+    known = f"a PLY file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
+    parser.add_argument("mesh", metavar="MESH", type=path, help=known)
+    parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
     options = parser.parse_args(arguments)
     try:
-        mesh = build_room(_one_room(options.mesh)) if is_embedded(options.mesh) else read_ply(Path(options.mesh))
+        name = str(options.mesh)
+        mesh = build_room(_one_room(name)) if is_embedded(name) else read_ply(options.mesh)
         if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
             problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
             raise InputError(

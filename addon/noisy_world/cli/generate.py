@@ -4,6 +4,7 @@
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
@@ -55,22 +56,25 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from ..pipeline.run import Run
     from .running import listener, machine_listener
-    from .workers import orders_for, run_workers
+    from .workers import orders_for, run_workers, useful_jobs
 
     if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
         other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
         return fail(problem + other, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
     run = Run(
         plan,
         out,
         progress=progress,
         stop=stop,
         overwrite=options.overwrite,
-        jobs=options.jobs,
+        jobs=jobs,
         workers=lambda pieces, listener: run_workers(
-            entry.command(["--worker"]), orders_for(plan, out, options.jobs, pieces), listener, stop
+            entry.command(["--worker"]), orders_for(plan, out, pieces), listener, stop
         ),
     )
     report = run.make_dataset()
@@ -108,7 +112,7 @@ def figures(report: "Report") -> str:
 
 def own_arguments(options: argparse.Namespace) -> list[str]:
     """Return the arguments that repeat this run."""
-    words = [str(options.preset), "--out", str(out_folder(options))]
+    words = [pasteable_path(options.preset), "--out", pasteable_path(out_folder(options))]
     if options.overrides:
         words += ["--set", *options.overrides]
     if options.frames is not None:
@@ -118,6 +122,11 @@ def own_arguments(options: argparse.Namespace) -> list[str]:
         ]
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     return words
+
+
+def pasteable_path(path: Path) -> str:
+    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
+    return f"./{path}" if str(path).startswith("~") else str(path)
 
 
 def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:

@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Finding what this Python or this machine lacks, and how to get it."""
 
-from collections.abc import Iterable
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 from ..core.requirements import missing_packages, missing_sentence
 from .entry import Entry
 from .system_libraries import advice, missing_libraries
+
+# What Blender warns of on standard output when it is imported, which is of use only to its windows: that /etc/mtab is
+# missing, from which its file browser lists the disks, and that the locale that LANG names is not installed.
+OF_NO_USE_HERE = (b"Could not get a list of mounted file-systems", b"Falling back to standard locale")
 
 
 def missing_package(names: Iterable[str], entry: Entry) -> str:
@@ -17,9 +24,30 @@ def missing_package(names: Iterable[str], entry: Entry) -> str:
 def blender_problem() -> str:
     """Import Blender; if that fails, return the problem, with the missing system libraries if they are the cause."""
     try:
-        import bpy  # noqa: F401 - imported only to see whether it can be
+        with _relevant_output():
+            import bpy  # noqa: F401 - imported only to see whether it can be
     except ImportError as error:
         if names := missing_libraries():
             return advice(names)
         return f"bpy cannot be imported: {error}"
     return ""
+
+
+@contextmanager
+def _relevant_output() -> Iterator[None]:
+    """Hold back what is printed to standard output, by C code too, and then print it without what is OF_NO_USE_HERE."""
+    if sys.platform != "linux":
+        yield
+        return
+    sys.stdout.flush()
+    kept = os.dup(1)
+    with os.fdopen(os.memfd_create("standard output"), "w+b") as held:
+        os.dup2(held.fileno(), 1)
+        try:
+            yield
+        finally:
+            sys.stdout.flush()
+            os.dup2(kept, 1)
+            os.close(kept)
+            held.seek(0)
+            os.write(1, b"".join(line for line in held if not any(text in line for text in OF_NO_USE_HERE)))

@@ -39,14 +39,26 @@ def main() -> int:
     packages = debian_packages(names)
     if os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"system libraries are missing ({', '.join(names)}): installing {' '.join(packages)}", file=sys.stderr)
-        environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-        for step in (["update"], ["install", "-y", "--no-install-recommends", *packages]):
-            subprocess.run(["apt-get", "-q", *step], check=False, env=environment, stdout=sys.stderr)  # noqa: S607
+        said = install(packages)
         names = missing_libraries()
         if not names:
             return 0
+        print(said, file=sys.stderr)
     print(advice(names), file=sys.stderr)
     return 1
+
+
+def install(packages: list[str]) -> str:
+    """Install Debian packages; return what apt-get said, which is of interest only where it did not help."""
+    environment = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
+    said = ""
+    for step in (["update"], ["install", "-y", "--no-install-recommends", *packages]):
+        done = subprocess.run(
+            ["apt-get", "-qq", *step],  # noqa: S607
+            check=False, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        )  # fmt: skip
+        said += done.stdout
+    return said.strip()
 
 
 def advice(names: list[str]) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import InterruptedRunError, NoisyWorldError
-from ..core.machine import peak_memory_bytes
+from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.plan import Plan
 from ..core.presets.preset import check_document
 from ..core.progress import JsonProgress, Progress, read_message
@@ -51,12 +51,26 @@ class Order:
         return Run(plan, Path(self.out), progress=progress, stop=stop, jobs=self.jobs)
 
 
-def orders_for(plan: Plan, out: Path, jobs: int, pieces: list[Work]) -> list[Order]:
+def useful_jobs(asked: int, frames: int) -> tuple[int, str]:
+    """Return how many of the processes asked for are of use, and a sentence where that is fewer, else "".
+
+    More than the processors that this process may use only take memory, and each needs a frame to render.
+    """
+    threads = available_threads()
+    jobs = max(1, min(asked, threads, frames))
+    if jobs == asked:
+        return jobs, ""
+    count, what = (threads, "processor") if threads <= frames else (frames, "frame")
+    plural = "" if count == 1 else "s"
+    return jobs, f"--jobs {asked} is more than is of use with {count} {what}{plural}, so it is taken as {jobs}"
+
+
+def orders_for(plan: Plan, out: Path, pieces: list[Work]) -> list[Order]:
     """Return an order for each piece of a plan's work."""
     chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
     preset = plan.preset
     return [
-        Order(number, str(preset.path), preset.document, chosen, str(out.resolve()), jobs, piece)
+        Order(number, str(preset.path), preset.document, chosen, str(out.resolve()), len(pieces), piece)
         for number, piece in enumerate(pieces)
     ]
 

@@ -11,6 +11,16 @@ from pathlib import Path
 class NoisyWorldError(Exception):
     """What went wrong, where, and what to do about it, in one line."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+def one_line(text: str) -> str:
+    """Return a text with what a line cannot show (line ends, control characters) as Python's escapes."""
+    if text.isprintable():
+        return text
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
 
 class InputError(NoisyWorldError):
     """A file that the user gave is not what it should be.

@@ -15,6 +15,8 @@ from typing import Any, ClassVar, Literal, Protocol, Union, get_args, get_origin
 
 from .errors import InputError
 
+LONGEST_SHOWN = 60  # characters of a user's text that a message repeats
+
 
 class Dataclass(Protocol):
     """Every dataclass, for annotations."""
@@ -76,7 +78,9 @@ class Place:
 
     def at(self, name: str | int) -> "Place":
         """Return the place of a value inside this one."""
-        return Place(self.file, f"{self.path}.{name}" if self.path else str(name))
+        text = str(name)
+        step = text if text.isprintable() and 0 < len(text) <= LONGEST_SHOWN else shown(text)
+        return Place(self.file, f"{self.path}.{step}" if self.path else step)
 
     def error(self, problem: str, remedy: str = "") -> InputError:
         """Return an error that names this place."""
@@ -110,9 +114,19 @@ def parse[T: Dataclass](cls: type[T], value: object, place: Place) -> T:
 
 def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
     """Return the error for an unknown name, with the nearest known one."""
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name[:LONGEST_SHOWN], known, n=1, cutoff=0.5)
     remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-    return place.error(f"unknown {kind} {name!r}", remedy)
+    return place.error(f"unknown {kind} {shown(name)}", remedy)
+
+
+def shown(value: str | float) -> str:
+    """Return a text in quotes, or a number, as short as a message needs it."""
+    if isinstance(value, str):
+        cut = value if len(value) <= LONGEST_SHOWN else value[:LONGEST_SHOWN]
+        return repr(cut) if cut is value else f"{cut!r}... ({len(value)} characters)"
+    if isinstance(value, int) and value.bit_length() > 64:
+        return f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
+    return str(value)
 
 
 def describe(value: object) -> str:
@@ -123,12 +137,12 @@ def describe(value: object) -> str:
         case bool():
             return f"the truth value {str(value).lower()}"
         case int() | float():
-            return f"the number {value}"
+            return f"the number {shown(value)}"
         case str():
-            return f"the text {value!r}"
+            return f"the text {shown(value)}"
         case Mapping():
             return "a mapping"
-        case Sequence():
+        case Sequence() if not isinstance(value, bytes):
             return "a list"
         case _:
             return f"a {type(value).__name__}"
@@ -168,7 +182,7 @@ def _parse_choice(choices: tuple[str, ...], value: object, place: Place) -> str:
 
 
 def _parse_list(hints: tuple[Any, ...], value: object, place: Place, item: Field[Any]) -> tuple[Any, ...]:
-    if isinstance(value, str) or not isinstance(value, Sequence):
+    if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
         raise place.error(f"is {describe(value)}, but has to be a list")
     if len(hints) == 2 and hints[1] is Ellipsis:
         hints = (hints[0],) * len(value)
@@ -198,14 +212,15 @@ def _parse_plain(hint: type, value: object, place: Place, info: KeyInfo) -> obje
 def _parse_number(hint: type, value: float, place: Place, info: KeyInfo) -> float:
     try:
         number = hint(value)
+        finite = math.isfinite(number)
     except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise place.error(f"is {value}, but has to be finite")
+        number, finite = math.inf, False
+    if not finite:
+        raise place.error(f"is {shown(value)}, but has to be finite")
     too_low = info.minimum is not None and number < info.minimum
     too_high = info.maximum is not None and number > info.maximum
     if too_low or too_high or (info.above is not None and number <= info.above):
-        raise place.error(f"is {value}{_unit(info)}, out of range", f"allowed: {allowed_range(info)}")
+        raise place.error(f"is {shown(value)}{_unit(info)}, out of range", f"allowed: {allowed_range(info)}")
     return number
 
 

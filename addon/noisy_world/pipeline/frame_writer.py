@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Writing a frame that was rendered or read into the files of every sequence that shows it."""
 
+import contextlib
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset import Dataset, Journal
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
@@ -64,7 +65,12 @@ class FrameWriter:
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = Finished(dataset, self._sequences, self._names)
-        self._journals = [dataset.journal(sequence.folder, worker) for sequence in self._sequences]
+        self._journals: list[Journal] = []
+        with contextlib.ExitStack() as opened:
+            for sequence in self._sequences:
+                self._journals.append(dataset.journal(sequence.folder, worker))
+                opened.callback(self._journals[-1].close)
+            opened.pop_all()  # all of them could be opened
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[Lost | None]] = deque()
         self._lock = threading.Lock()
@@ -160,8 +166,8 @@ class FrameWriter:
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
-        rgb_s, depth_s = (float(part.seconds[frame]) for part in (self._stamps.rgb, self._stamps.depth))
-        return FrameRecord(frame, rgb_s, files, done, lost, None if depth_s == rgb_s else depth_s)
+        time_s, depth_time_s = self._stamps.told(frame)
+        return FrameRecord(frame, time_s, files, done, lost, depth_time_s)
 
     def __enter__(self) -> "FrameWriter":
         return self

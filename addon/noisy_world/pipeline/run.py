@@ -16,7 +16,7 @@ from ..core.datasets.depth_range import RangeLoss, range_loss
 from ..core.datasets.differences import why_not
 from ..core.datasets.layouts import SequenceFacts
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import cameras_agree, identity, manifest, render_seed
+from ..core.datasets.provenance import cameras_agree, cameras_of, identity, manifest, render_seed
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.standing import OVERVIEW, RUN
 from ..core.errors import InterruptedRunError, StorageError
@@ -198,10 +198,8 @@ class Run:
                 clean = CleanFrame(frame, source.frame(paths.moment(frame)))
                 if self.report.first_frame_s is None:
                     self.report.first_frame_s = time.perf_counter() - start_s
-                self._count(writer.submit(clean, colour.of(clean)))
-                self._tell_lost(writer.first_lost)
-            self._count(writer.drain())
-            self._tell_lost(writer.first_lost)
+                self._count(writer.submit(clean, colour.of(clean)), writer)
+            self._count(writer.drain(), writer)
 
     def _tell_lost(self, lost: Lost | None) -> None:
         """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""
@@ -218,7 +216,8 @@ class Run:
         (camera,) = {render.camera for render in self._plan.renders if render.scene.name == scene}
         return camera.width_px * camera.height_px
 
-    def _count(self, frames: int) -> None:
+    def _count(self, frames: int, writer: FrameWriter) -> None:
+        self._tell_lost(writer.first_lost)
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)
@@ -258,6 +257,7 @@ class Run:
                 images = (record.out_of_range for record in records.values())
                 if loss := range_loss(images, self._pixels(sequence.scene)):
                     losses[sequence.folder] = loss
+        files |= {} if one_camera else self._texts_beside()
         of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in of_setting.items():
@@ -278,6 +278,19 @@ class Run:
             frames = {item.setting.name: counts[item.folder] for item in of_scene if item.folder in losses}
             if lost:
                 self._note(f"{scene.name}: {self._plan.format.depth_range.told_of_scene(lost, frames)}")
+
+    def _texts_beside(self) -> dict[str, object]:
+        """Write the intrinsics of the sequences that stay beside the plan's: their settings' files no longer say them.
+
+        Returns the files of these sequences by folder.
+        """
+        cameras = cameras_of(self._dataset.identity)
+        files: dict[str, object] = {}
+        for folder, there in self._dataset.kept.items():
+            texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])
+            written = {name: self._dataset.write_text(f"{folder}/{name}", text) for name, text in texts.items()}
+            files[folder] = there | written
+        return files
 
     def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""

@@ -8,11 +8,12 @@ import glob
 import re
 from pathlib import Path
 
+from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import Preset, SceneSpec
 from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name, room_seeds
 from ..core.scenes.ply import check_ply
-from ..core.schema import Place
+from ..core.schema import Place, shown
 from ..core.trajectories.files import read_trajectory
 from .mesh import MeshSource, selected_poses
 from .recording import read_recording
@@ -37,9 +38,10 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     if not glob.has_magic(pattern):
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
-    found = sorted(glob.glob(pattern, root_dir=preset.path.parent))  # noqa: PTH207 - takes absolute patterns too
+    folder, pattern = located(preset.path.parent, pattern, place.at(kind))
+    found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
     if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
-        found = [text for text in found if not (preset.path.parent / text).is_file()]
+        found = [text for text in found if not (folder / text).is_file()]
     if not found:
         raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} beside the preset")
     if spec.name and "*" not in spec.name and len(found) > 1:
@@ -48,7 +50,7 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     for text in found:
         parts = _matched_parts(pattern, text)
         name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(make(preset, place, spec, name, preset.path.parent / text, parts=parts))
+        scenes.append(make(preset, place, spec, name, folder / text, parts=parts))
     return scenes
 
 
@@ -111,9 +113,14 @@ def _check_name(name: str, place: Place) -> None:
 
 
 def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
-    path = preset.path.parent / text
-    if not (path.is_dir() if folder else path.is_file()):
-        raise place.error(f"no such {'folder' if folder else 'file'}: {path}", "paths are relative to the preset")
+    path = path_in(preset.path.parent, text, place)
+    kind = "folder" if folder else "file"
+    try:
+        there = path.is_dir() if folder else path.is_file()
+    except OSError as error:  # a name that is too long, for instance
+        raise place.error(f"{shown(text)} cannot be a {kind}: {error.strerror}") from error
+    if not there:
+        raise place.error(f"no such {kind}: {path}", "paths are relative to the preset")
     return path
 
 

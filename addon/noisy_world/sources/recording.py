@@ -4,7 +4,7 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -86,15 +86,13 @@ class Recording:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored
         digests = "".join(sha256_of_file(file) or "" for file in stored.files)
-        told = None if stored.camera is None else asdict(stored.camera)
         return {
             "sequence": stored.folder.name,
             "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "trajectory": stored.trajectory_path.name,
             "trajectory_sha256": sha256_of_file(stored.trajectory_path),
-            "stamps_sha256": _stamps_sha256(stored.stamps),
             "depth_scale_per_m": stored.depth_scale_per_m,
-            "camera": told,
+            **_timing(stored),
         }
 
     @contextmanager
@@ -129,9 +127,13 @@ def _spoken(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
 
 
-def _stamps_sha256(stamps: FrameStamps) -> str:
-    parts = (stamps.rgb, stamps.depth, stamps.pose)
-    return hashlib.sha256(repr([part.exact_ns or part.seconds.tolist() for part in parts]).encode()).hexdigest()
+def _timing(stored: StoredSequence) -> dict[str, Any]:
+    """Return what decides the stamps: a rate, or the name of a file and the hash of what it says."""
+    if stored.stamps_path is None:
+        return {"rate_hz": stored.counted_hz}
+    parts = (stored.stamps.rgb, stored.stamps.depth, stored.stamps.pose)
+    said = repr([part.exact_ns or part.seconds.tolist() for part in parts])
+    return {"stamps": stored.stamps_path.name, "stamps_sha256": hashlib.sha256(said.encode()).hexdigest()}
 
 
 @dataclass(frozen=True)

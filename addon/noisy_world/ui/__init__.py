@@ -5,7 +5,10 @@ import importlib
 from contextlib import ExitStack
 from types import ModuleType
 
-MODULES = ("properties", "world", "operators", "paths", "preview", "generate", "asset_library", "panels", "presets")
+MODULES = (
+    "properties", "world", "left_out", "operators", "paths", "preview", "generate", "asset_library", "panels",
+    "presets",
+)  # fmt: skip
 """In the order of registration, which is also the order of the panels in the tab."""
 
 

@@ -152,12 +152,15 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
 
 @contextmanager
 def told_once() -> Iterator[None]:
-    """Delay the listeners to the end of this context, and call them once for each changed property."""
+    """Delay the listeners to the end of the outermost such context, and call them once for each changed property."""
     _collected.append({})
     try:
         yield
     finally:
         changes = _collected.pop()
+        if _collected:
+            _collected[-1].update(changes)
+            changes = {}
         for (_, name), scene in changes.items():
             for listener in LISTENERS:
                 listener(scene, name)

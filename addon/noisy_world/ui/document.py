@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Converting the panel's content into a preset's document, which generate.py reads, and back."""
 
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import bpy
-import numpy as np
 
 from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
+from ..core.home import path_in, with_home
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
@@ -22,7 +21,8 @@ from ..core.schema import Place, unknown_name
 from ..perturbations import registry
 from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
-from .properties import OVERRIDE, parameters_of, perturbation_of
+from .properties import OVERRIDE, parameters_of, perturbation_of, set_value, value_of
+from .step_list import put_step, take_step
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
@@ -41,27 +41,6 @@ HANDHELD = {
 TRAJECTORY = {"trajectory_pose": "pose", "trajectory_axes": "axes", "trajectory_rate_hz": "rate_hz"}
 
 
-# --- numbers: Blender's are float32, a preset has them as typed ---
-
-
-def value_of(group: Any, name: str) -> Any:
-    """Return a property's value as typed: the stored number, or the shortest decimal that gives this float32."""
-    value = getattr(group, name)
-    if not isinstance(value, float):
-        return value
-    remembered = json.loads(group.exact).get(name) if getattr(group, "exact", "") else None
-    if remembered is not None and np.float32(remembered) == np.float32(value):
-        return remembered
-    return float(str(np.float32(value)))
-
-
-def set_value(group: Any, name: str, value: Any) -> None:
-    """Set a property; a number that float32 does not hold exactly is stored beside it."""
-    setattr(group, name, value)
-    if isinstance(value, float) and float(str(np.float32(value))) != value:
-        group.exact = json.dumps((json.loads(group.exact) if group.exact else {}) | {name: value})
-
-
 # --- the panel as a document ---
 
 
@@ -74,13 +53,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
     return {
         "seed": panel.seed,
-        "scenes": [
-            {
-                "name": panel.scene_name,
-                "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
-                "trajectory": _trajectory(panel, folder),
-            }
-        ],
+        "scenes": [scene_of(panel, folder)],
         "camera": {key: value_of(panel, name) for name, key in CAMERA.items()},
         "render": {"engine": panel.engine, "samples": panel.samples, "backend": panel.backend},
         "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
@@ -103,8 +76,25 @@ def format_of(panel: Any) -> OutputFormat:
     return output.format
 
 
+def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
+    """Return the panel's scene as a preset has it."""
+    return {
+        "name": panel.scene_name,
+        "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
+        "trajectory": _trajectory(panel, folder),
+    }
+
+
 def absolute(path: str) -> str:
-    """Return a path of the panel as an absolute one, with forward slashes; "" stays ""."""
+    """Return a path of the panel as an absolute one, with forward slashes; "" stays "".
+
+    ~ and ~user are home folders; the name of a user who is not there stays, and is refused when the file is read.
+    """
+    if path.startswith("~"):
+        try:
+            path = str(with_home(path))
+        except LookupError:
+            return path
     return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""
 
 
@@ -236,22 +226,52 @@ def from_document(document: dict[str, Any], panel: Any, *, path: Path, setting: 
     _take(panel, check_document(document, path), setting)
 
 
+def add_perturbations(panel: Any, path: Path, setting: str = "") -> tuple[list[Step], list[Step]]:
+    """Put the perturbations of one of a preset's settings into the panel, and change nothing else in it.
+
+    One that is in the panel already is set as the preset has it; the others are added. setting: by default the first
+    that is not clean. Returns those that were added, and those that were set. Raises InputError where the file cannot
+    be read or its perturbations cannot be shown; the panel is then unchanged.
+    """
+    _, chosen = _settings_of(read_preset(path), setting)
+    added: list[Step] = []
+    changed: list[Step] = []
+    with told_once():
+        for step in chosen.steps:
+            if step.perturbation.name in OWN_FIELDS:
+                before = _own_motion(panel)
+                _take_own_motion(panel, step)
+                was_there = any(step.perturbation.name in item for item in before)
+            else:
+                was_there = put_step(panel, step)
+            (changed if was_there else added).append(step)
+        tell("steps")(panel, bpy.context)
+    return added, changed
+
+
 def _take(panel: Any, preset: Preset, wanted: str) -> None:
     spec = preset.spec
     _refuse_unshown(preset)
-    found = parse_settings(spec.settings, preset.place("settings"), registry(), spec.render.backend)
-    chosen = next((item for item in found if item.name == wanted or (not wanted and item.steps)), None)
-    if chosen is None and wanted:
-        raise unknown_name(preset.place("settings"), "setting", wanted, [item.name for item in found])
-    chosen = chosen or found[0]
-    for step in chosen.steps:
-        if step.levels is not None and step.severity is None:
-            raise preset.place("settings").error(f"{chosen.name}: levels cannot be shown in the panel", "use severity")
+    found, chosen = _settings_of(preset, wanted)
     with told_once():
         _take_scene(panel, preset)
         _take_rest(panel, spec, chosen)
         _take_steps(panel, chosen)
         panel.preset_settings = "\n".join(item.name for item in found)
+
+
+def _settings_of(preset: Preset, wanted: str) -> tuple[tuple[Setting, ...], Setting]:
+    """Return a preset's settings, and that which is wanted: "" is the first that is not clean."""
+    place = preset.place("settings")
+    found = parse_settings(preset.spec.settings, place, registry(), preset.spec.render.backend)
+    chosen = next((item for item in found if item.name == wanted or (not wanted and item.steps)), None)
+    if chosen is None and wanted:
+        raise unknown_name(place, "setting", wanted, [item.name for item in found])
+    chosen = chosen or found[0]
+    for step in chosen.steps:
+        if step.levels is not None and step.severity is None:
+            raise place.error(f"{chosen.name}: levels cannot be shown in the panel", "use severity")
+    return found, chosen
 
 
 def _refuse_unshown(preset: Preset) -> None:
@@ -297,7 +317,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     if is_embedded(scene.mesh):
         (panel.room_seed,) = room_seeds(scene.mesh)
     else:
-        panel.mesh_path = str(preset.path.parent / scene.mesh)
+        panel.mesh_path = str(path_in(preset.path.parent, scene.mesh, preset.place("scenes.0.mesh")))
     panel.scene_name = scene.name or (
         room_name(scene.mesh, panel.room_seed) if is_embedded(scene.mesh) else Path(scene.mesh).stem
     )
@@ -305,7 +325,8 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
         assert scene.trajectory.file is not None
-        panel.trajectory_path = str(preset.path.parent / scene.trajectory.file)
+        file = path_in(preset.path.parent, scene.trajectory.file, preset.place("scenes.0.trajectory"))
+        panel.trajectory_path = str(file)
         for name, field in TRAJECTORY.items():
             set_value(panel, name, getattr(scene.trajectory, field))
     else:
@@ -332,57 +353,24 @@ def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
         panel.setting_name = setting.name
 
 
-def _take_steps(panel: Any, setting: Setting) -> None:
-    by_name = {step.perturbation.name: step for step in setting.motion}
-    deviation, faster = by_name.get("motion_deviation"), by_name.get("faster_motion")
+def _take_own_motion(panel: Any, step: Step) -> None:
+    """Set the panel's own fields from a step of one of OWN_FIELDS."""
+    if step.perturbation.name == "faster_motion":
+        panel.speed_factor = step.parameters(None).factor
+        return
     for name, field in DEVIATION.items():
-        set_value(panel, name, 0.0 if deviation is None else getattr(deviation.parameters(None), field))
-    panel.speed_factor = 1 if faster is None else faster.parameters(None).factor
+        set_value(panel, name, getattr(step.parameters(None), field))
+
+
+def _take_steps(panel: Any, setting: Setting) -> None:
+    for name in DEVIATION:
+        set_value(panel, name, 0.0)
+    panel.speed_factor = 1
     panel.steps.clear()
     panel.active_step = 0
     for step in setting.steps:
-        if step.perturbation.name not in OWN_FIELDS:
+        if step.perturbation.name in OWN_FIELDS:
+            _take_own_motion(panel, step)
+        else:
             take_step(panel.steps.add(), step)
     tell("steps")(panel, bpy.context)
-
-
-def take_step(item: Any, step: Step) -> None:
-    """Fill an entry of the list from a preset's step."""
-    item.perturbation = step.perturbation.name
-    group = parameters_of(item)
-    item.mode = "static" if step.levels is None else "dynamic"
-    item.use_severity = step.severity is not None or not step.perturbation.severities
-    if step.severity is not None:
-        set_value(item, "severity", step.severity)
-    if step.perturbation.temporals:
-        item.temporal = step.temporal
-    for name, value in step.given.items():
-        if name in step.perturbation.severities:
-            setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
-        set_value(group, name, value)
-
-
-# --- the list, in propagation order ---
-
-
-def add_step(panel: Any, name: str) -> int:
-    """Add a perturbation to the list in propagation order, after others of its name; return its index."""
-    with told_once():
-        item = panel.steps.add()
-        item.perturbation = name
-        if registry()[name].temporals:
-            item.temporal = registry()[name].temporals[0]
-    places = list(registry())
-    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
-    place = sum(other <= order[-1] for other in order[:-1])
-    panel.steps.move(len(order) - 1, place)
-    panel.active_step = place
-    return place
-
-
-def may_move(panel: Any, by: int) -> bool:
-    """Tell whether the selected entry may swap with its neighbour in this direction: only if their names are equal."""
-    here, there = panel.active_step, panel.active_step + by
-    if not (0 <= here < len(panel.steps) and 0 <= there < len(panel.steps)):
-        return False
-    return panel.steps[here].perturbation == panel.steps[there].perturbation

@@ -25,6 +25,7 @@ from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
+from . import left_out
 from .document import format_of, identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
@@ -306,14 +307,14 @@ class _Preview(OnScene):
             image, about = make_picture(scene, self.kind, index)
             _followed.setdefault(scene.session_uid, {})[self.kind] = index
             open_picture(context, image)
-            return about
+            return about if left_out.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
 
         return guarded(self, work)
 
 
 class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame with one sample of Cycles and show it in an image editor as it is written; \
-while Preview is on it follows the sliders"""
+    """Render this frame with one sample of Cycles and show it in an image editor, perturbed; where the panel's mesh \
+and path are loaded and nothing else is shown, it is as it is written. While Preview is on it follows the sliders"""
 
     bl_idname = "noisy_world.preview_frame"
     bl_label = "Preview Frame"
@@ -336,11 +337,12 @@ def has_depth_steps(panel: Any) -> bool:
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons; that of depth only if a step acts on it."""
+    """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
     column = layout.column(align=True)
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
     if has_depth_steps(panel_of(context.scene)):
         column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
+    left_out.draw_in_preview(layout, context)
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))

@@ -8,6 +8,7 @@ import bpy
 
 from ..blender.typed import layout_of, override
 from ..core.errors import NoisyWorldError
+from . import left_out
 from .long_text import write
 from .operators import guarded
 from .properties import panel_of
@@ -15,6 +16,10 @@ from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, st
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
+
+    _Mixin = bpy.types.Operator  # what _AskedGenerate is mixed into
+else:
+    _Mixin = object
 
 LOOK_EVERY_S = 0.2  # between polls of the run; chosen: smooth for a progress bar, and cheap
 
@@ -30,6 +35,11 @@ class NoisyWorldGenerate(bpy.types.Operator):
         name="Replace Dataset",
         description="Replace the dataset that is in the folder instead of going on with it",
         options={"SKIP_SAVE"},
+    )
+    asked: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Asked",
+        description="Whether the user was told what will not be in the dataset",
+        options={"SKIP_SAVE", "HIDDEN"},
     )
 
     _timer: bpy.types.Timer | None = None
@@ -50,15 +60,20 @@ class NoisyWorldGenerate(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Generate and wait for the end, for scripts."""
+        """Generate and wait for the end, for scripts, which are told what will not be in the dataset."""
         if not self._start(context):
             return {"CANCELLED"}
+        if text := left_out.sentence(context.scene):
+            self.report({"WARNING"}, text)
         assert self._run is not None
         self._run.background.wait()
         return self._conclude(context)
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
-        """Generate while the windows stay usable."""
+        """Generate while the windows stay usable; ask first where something will not be in the dataset."""
+        if not self.asked and left_out.left_out(context.scene):
+            operators().generate_without("INVOKE_DEFAULT", overwrite=self.overwrite)
+            return {"CANCELLED"}  # that operator starts this one again
         if not self._start(context):
             return {"CANCELLED"}
         self._timer = context.window_manager.event_timer_add(LOOK_EVERY_S, window=context.window)
@@ -116,12 +131,10 @@ class NoisyWorldGenerate(bpy.types.Operator):
         redraw(context)
 
 
-class NoisyWorldGenerateAnew(bpy.types.Operator):
-    """Delete the dataset that is in the folder and make the one that the panel describes"""
+class _AskedGenerate(_Mixin):
+    """Generate after a question, which says what will not be in the dataset."""
 
-    bl_idname = "noisy_world.generate_anew"
-    bl_label = "Replace Dataset"
-    bl_options = {"REGISTER"}
+    overwrite = False
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -130,18 +143,40 @@ class NoisyWorldGenerateAnew(bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask first."""
-        return context.window_manager.invoke_confirm(self, event)
+        return context.window_manager.invoke_confirm(
+            self, event, title=self.bl_label, message=left_out.sentence(context.scene), confirm_text="Generate"
+        )
 
     def execute(self, _: bpy.types.Context) -> set[str]:
-        """Generate and replace the dataset."""
-        generate = bpy.ops.noisy_world.generate  # pyright: ignore[reportAttributeAccessIssue]  the operator above
+        """Generate."""
         how = "EXEC_DEFAULT" if bpy.app.background else "INVOKE_DEFAULT"
         try:
-            result = generate(how, overwrite=True)
+            result = operators().generate(how, overwrite=self.overwrite, asked=True)
         except RuntimeError as error:  # Blender raises what the operator reported as an error
             self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
             return {"CANCELLED"}
         return {"CANCELLED"} if result == {"CANCELLED"} else {"FINISHED"}
+
+
+class NoisyWorldGenerateWithout(_AskedGenerate, bpy.types.Operator):
+    """Make the dataset that the panel describes, without what the scene shows beside it"""
+
+    bl_idname = "noisy_world.generate_without"
+    bl_label = "Generate Without These"
+    bl_options = {"REGISTER"}
+
+    overwrite: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Replace Dataset", options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+
+class NoisyWorldGenerateAnew(_AskedGenerate, bpy.types.Operator):
+    """Delete the dataset that is in the folder and make the one that the panel describes"""
+
+    bl_idname = "noisy_world.generate_anew"
+    bl_label = "Replace Dataset"
+    bl_options = {"REGISTER"}
+    overwrite = True
 
 
 class NoisyWorldGenerateCancel(bpy.types.Operator):
@@ -193,11 +228,17 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
         return guarded(self, work)
 
 
+def operators() -> Any:
+    """Return the add-on's operators, which the stubs do not know."""
+    return bpy.ops.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  those above
+
+
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons, and the state of the scene's run."""
     column = layout.column()
     run = active_run()
     if run is None:
+        left_out.draw(column, context)
         row = column.row()
         row.scale_y = 1.4
         row.operator(NoisyWorldGenerate.bl_idname, icon="RENDER_ANIMATION")
@@ -243,7 +284,13 @@ def redraw(context: bpy.types.Context) -> None:
             window.workspace.status_text_set_internal(None)  # what has the status bar drawn
 
 
-CLASSES = (NoisyWorldGenerate, NoisyWorldGenerateAnew, NoisyWorldGenerateCancel, NoisyWorldCopyCommand)
+CLASSES = (
+    NoisyWorldGenerate,
+    NoisyWorldGenerateWithout,
+    NoisyWorldGenerateAnew,
+    NoisyWorldGenerateCancel,
+    NoisyWorldCopyCommand,
+)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 DRAWS: Any = draw_in_status_bar  # the stubs give such functions no header
 LEAVING = (bpy.app.handlers.load_pre, bpy.app.handlers.exit_pre)

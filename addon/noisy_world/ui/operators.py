@@ -11,8 +11,9 @@ from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
 from .described import tell, title
-from .document import OWN_FIELDS, add_step, may_move
+from .document import OWN_FIELDS
 from .properties import active_step, panel_of
+from .step_list import add_step, may_move
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import OperatorTypeFlagItems

@@ -10,8 +10,10 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..blender.typed import layout_of
 from ..core.errors import InputError
+from ..core.home import with_home
+from ..core.perturbing.steps import Step
 from .described import title
-from .document import open_preset, save_preset
+from .document import add_perturbations, open_preset, save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import Section
 from .properties import panel_of
@@ -52,8 +54,27 @@ def listed(folder: Path) -> list[Path]:
 # --- operators ---
 
 
+def _part(default: str) -> Any:
+    """Return the property that says what of a preset the panel takes."""
+    return bpy.props.EnumProperty(
+        name="Take",
+        description="What of the preset the panel takes",
+        items=[
+            (
+                "AUTO",
+                "What It Is For",
+                "Of a shipped preset of one perturbation just that, of any other everything",
+            ),
+            ("ALL", "Everything", "Replace scene, path, camera, perturbations and output"),
+            ("PERTURBATIONS", "Only Perturbations", "Add its perturbations to the list, and change nothing else"),
+        ],
+        default=default,
+        options={"SKIP_SAVE"},
+    )
+
+
 class NoisyWorldUsePreset(OnScene, bpy.types.Operator):
-    """Take this preset into the panel"""
+    """Replace scene, path, camera, perturbations and output by what this preset says"""
 
     bl_idname = "noisy_world.use_preset"
     bl_label = "Use Preset"
@@ -65,15 +86,45 @@ class NoisyWorldUsePreset(OnScene, bpy.types.Operator):
     setting: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         name="Setting", options={"SKIP_SAVE"}
     )
+    part: _part("AUTO")  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+
+    @classmethod
+    def description(cls, _: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
+        """Say what an entry of a menu does."""
+        if takes_perturbations(Path(properties.filepath), properties.part):
+            return "Add this to the list of perturbations, or set it where it is there already; nothing else changes"
+        return cls.__doc__ or ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
-        return guarded(self, lambda: _open(context, Path(self.filepath), self.setting))
+        return guarded(self, lambda: _open(context, Path(self.filepath), self.part, self.setting))
 
 
-def _open(context: bpy.types.Context, path: Path, setting: str = "") -> str:
-    open_preset(panel_of(context.scene), path, setting)
-    return ""
+def takes_perturbations(path: Path, part: str) -> bool:
+    """Tell whether only the perturbations of a preset's file are taken. part: as the operators have it."""
+    single = path.resolve().is_relative_to((shipped_folder() / "perturbations").resolve())
+    return part == "PERTURBATIONS" or (part == "AUTO" and single)
+
+
+def _open(context: bpy.types.Context, path: Path, part: str, setting: str = "") -> str:
+    """Take a preset into the panel; return what was done."""
+    panel, path = panel_of(context.scene), _in_home(path)
+    if not takes_perturbations(path, part):
+        open_preset(panel, path, setting)
+        return f"{preset_label(path)}: scene, path, camera, perturbations and output are the preset's"
+    added, changed = add_perturbations(panel, path, setting)
+    if not added and not changed:
+        return f"{preset_label(path)}: nothing to add, as it has no perturbations"
+    done = [
+        f"{verb} {', '.join(map(_step_label, steps))}" for verb, steps in (("added", added), ("set", changed)) if steps
+    ]
+    text = "; ".join(done)
+    return f"{text[0].upper()}{text[1:]}; scene, path, camera and other perturbations are as they were"
+
+
+def _step_label(step: Step) -> str:
+    label = title(step.perturbation.label)
+    return label if step.severity is None else f"{label} (severity {step.severity:g})"
 
 
 class NoisyWorldOpenPreset(OnScene, bpy.types.Operator, ImportHelper):
@@ -89,10 +140,11 @@ class NoisyWorldOpenPreset(OnScene, bpy.types.Operator, ImportHelper):
     filter_glob: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         default="*.yaml;*.yml", options={"HIDDEN"}
     )
+    part: _part("AUTO")  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
-        return guarded(self, lambda: _open(context, Path(self.filepath)))
+        return guarded(self, lambda: _open(context, Path(self.filepath), self.part))
 
 
 class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
@@ -124,8 +176,17 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
 
 
 def _save(context: bpy.types.Context, path: Path) -> str:
+    path = _in_home(path)
     save_preset(panel_of(context.scene), path)
     return f"saved {path}"
+
+
+def _in_home(path: Path) -> Path:
+    """Return a file's path with ~ replaced. Raises InputError where there is no such user."""
+    try:
+        return with_home(str(path))
+    except LookupError as error:
+        raise InputError(path, str(error)) from error
 
 
 class NoisyWorldAddPreset(OnScene, bpy.types.Operator):
@@ -197,29 +258,43 @@ class NOISYWORLD_MT_presets(bpy.types.Menu):
     bl_label = "Presets"
 
     def draw(self, _: bpy.types.Context) -> None:
-        """Draw them, the user's own first."""
-        own = listed(own_folder())
-        list_presets(layout_of(self), own)
+        """Draw those that replace everything, the user's own first, and then those that add perturbations."""
+        layout, own = layout_of(self), listed(own_folder())
+        layout.label(text="Replace Everything", icon="FILE_REFRESH")
+        list_presets(layout, own, "ALL")
+        list_presets(layout, listed(shipped_folder()), "ALL")
+        layout.separator()
+        layout.label(text="Add to the List", icon="ADD")
+        layout.menu("NOISYWORLD_MT_single_presets")
         if own:
-            layout_of(self).separator()
-        list_presets(layout_of(self), listed(shipped_folder()))
-        layout_of(self).menu("NOISYWORLD_MT_single_presets")
+            layout.menu("NOISYWORLD_MT_own_perturbations")
 
 
 class NOISYWORLD_MT_single_presets(bpy.types.Menu):
-    """A preset for each perturbation"""
+    """A preset for each perturbation: it is added to the list, and nothing else changes"""
 
     bl_label = "Single Perturbations"
 
     def draw(self, _: bpy.types.Context) -> None:
         """Draw them."""
-        list_presets(layout_of(self), listed(shipped_folder() / "perturbations"))
+        list_presets(layout_of(self), listed(shipped_folder() / "perturbations"), "PERTURBATIONS")
 
 
-def list_presets(layout: bpy.types.UILayout, paths: list[Path]) -> None:
-    """Draw an entry for each preset."""
+class NOISYWORLD_MT_own_perturbations(bpy.types.Menu):
+    """The perturbations of one's own presets: they are added to the list, and nothing else changes"""
+
+    bl_label = "Perturbations of Own Presets"
+
+    def draw(self, _: bpy.types.Context) -> None:
+        """Draw them."""
+        list_presets(layout_of(self), listed(own_folder()), "PERTURBATIONS")
+
+
+def list_presets(layout: bpy.types.UILayout, paths: list[Path], part: str) -> None:
+    """Draw an entry for each preset. part: what of it is taken."""
     for path in paths:
-        layout.operator("noisy_world.use_preset", text=preset_label(path)).filepath = str(path)
+        entry = layout.operator("noisy_world.use_preset", text=preset_label(path))
+        entry.filepath, entry.part = str(path), part
 
 
 def preset_label(path: Path) -> str:
@@ -237,7 +312,7 @@ class NOISYWORLD_MT_settings(bpy.types.Menu):
         panel = panel_of(context.scene)
         for name in panel.preset_settings.split("\n"):
             entry = layout_of(self).operator("noisy_world.use_preset", text=name)
-            entry.filepath, entry.setting = panel.preset_path, name
+            entry.filepath, entry.setting, entry.part = panel.preset_path, name, "ALL"
 
 
 class NOISYWORLD_PT_preset(Section, bpy.types.Panel):
@@ -268,6 +343,7 @@ CLASSES: tuple[Any, ...] = (
     NoisyWorldRemovePreset,
     NOISYWORLD_MT_presets,
     NOISYWORLD_MT_single_presets,
+    NOISYWORLD_MT_own_perturbations,
     NOISYWORLD_MT_settings,
     NOISYWORLD_PT_preset,
 )

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel's content as properties of a scene, derived from the dataclasses that presets are checked against."""
 
+import json
 from collections.abc import Callable
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import bpy
+import numpy as np
 
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
@@ -31,6 +33,27 @@ if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import PropertyFlagItems
 
 OVERRIDE = "override_"  # + a parameter's name: whether its value overrides the severity's
+
+
+# --- numbers: Blender's are float32, a preset has them as typed ---
+
+
+def value_of(group: Any, name: str) -> Any:
+    """Return a property's value as typed: the stored number, or the shortest decimal that gives this float32."""
+    value = getattr(group, name)
+    if not isinstance(value, float):
+        return value
+    remembered = json.loads(group.exact).get(name) if getattr(group, "exact", "") else None
+    if remembered is not None and np.float32(remembered) == np.float32(value):
+        return remembered
+    return float(str(np.float32(value)))
+
+
+def set_value(group: Any, name: str, value: Any) -> None:
+    """Set a property; a number that float32 does not hold exactly is stored beside it."""
+    setattr(group, name, value)
+    if isinstance(value, float) and float(str(np.float32(value))) != value:
+        group.exact = json.dumps((json.loads(group.exact) if group.exact else {}) | {name: value})
 
 
 # --- perturbations ---
@@ -184,7 +207,7 @@ def _panel_members() -> dict[str, Any]:
             name="Mesh",
             description="Where the mesh comes from",
             items=[
-                ("ROOM", "Embedded Room", "The room that comes with Noisy World"),
+                ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
                 ("FILE", "PLY File", "A mesh with vertex colours, as in Replica"),
             ],
             update=tell("mesh_source"),

@@ -15,6 +15,7 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
+from ..core.home import path_in, with_home
 from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
 from ..core.scenes.embedded import is_embedded
 from .background_run import BackgroundRun
@@ -70,7 +71,10 @@ def output_folder(panel: Any) -> Path:
         raise InputError("Output", "no folder is named", remedy="choose one")
     if text.startswith("//") and not bpy.data.filepath:
         raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
-    return Path(bpy.path.abspath(text)).resolve()
+    try:
+        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
+    except LookupError as error:
+        raise InputError("Output", str(error)) from error
 
 
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
@@ -105,16 +109,19 @@ def saved_preset(panel: Any) -> Path | None:
 
 
 def _placed(preset: Preset) -> PresetSpec:
-    """Return a preset's content with absolute paths, as the panel has them."""
+    """Return a preset's content with absolute paths and the camera written out, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
-        return name if name is None or is_embedded(name) else (preset.path.parent / str(name)).resolve().as_posix()
+        if name is None or is_embedded(name):
+            return name
+        return path_in(preset.path.parent, name, preset.place("scenes")).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory
         return replace(scene, mesh=whole(scene.mesh), trajectory=path and replace(path, file=whole(path.file)))
 
-    return replace(preset.spec, scenes=tuple(placed(scene) for scene in preset.spec.scenes))
+    scenes = tuple(placed(scene) for scene in preset.spec.scenes)
+    return replace(preset.spec, scenes=scenes, camera=preset.spec.mesh_camera)
 
 
 def temporary_preset(panel: Any, folder: Path) -> Path:

@@ -2,6 +2,7 @@
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
 import json
+import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,18 +13,22 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_trajectory, set_intrinsics
 from ..blender.scene import add_mesh, rgba_of, set_origin
-from ..blender.typed import mesh_of
-from ..core.errors import NoisyWorldError
+from ..blender.typed import camera_of, fcurves_of, mesh_of
+from ..core.errors import InputError, NoisyWorldError
+from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
-from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, value_of
+from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
-from .properties import panel_of
+from .properties import panel_of, value_of
 
 OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
+LOADED_FROM = "noisy_world_loaded_from"  # of ours: what of the panel decided the mesh or the path, as JSON
+LEFT_AS = "noisy_world_left_as"  # of ours: how we left the mesh or the lens, to see whether it was changed since
+KEYS_LEFT_AS = "noisy_world_keys_left_as"  # of our camera: how we left its keys
 DISPLAY_COLOURS = "Display"
 FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
 PATH_PROPERTIES = (
@@ -61,6 +66,8 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     _add_display_colours(mesh_of(loaded), mesh)
     for image in _images(loaded):
         image.pack()  # its pixels are the file's own, and would not be saved with it otherwise
+    loaded[LOADED_FROM] = _decided_by(panel, "mesh")
+    loaded[LEFT_AS] = _mesh_state(loaded)
     return loaded, mesh.notes
 
 
@@ -79,8 +86,14 @@ def _images(item: bpy.types.Object) -> list[bpy.types.Image]:
 
 
 def _mesh_path(panel: Any) -> Path | None:
-    """Return the file of the mesh that the panel names; None is an embedded room."""
-    return None if panel.mesh_source == "ROOM" else Path(absolute(panel.mesh_path))
+    """Return the file of the mesh that the panel names; None is an embedded room. Raises InputError."""
+    if panel.mesh_source == "ROOM":
+        return None
+    try:
+        split_home(panel.mesh_path)
+    except LookupError as error:
+        raise InputError("PLY File", str(error)) from error
+    return Path(absolute(panel.mesh_path))
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
@@ -129,6 +142,7 @@ def load_path(scene: bpy.types.Scene) -> int:
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
+    camera[LOADED_FROM] = _decided_by(panel_of(scene), "camera")
     key_camera(scene)
     return len(nominal)
 
@@ -151,6 +165,7 @@ def key_camera(scene: bpy.types.Scene) -> None:
         bpy.data.actions.remove(before)
     camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
     scene.frame_step = step  # rendered, an animation holds the frames of the sequence
+    camera[KEYS_LEFT_AS] = _keys_state(camera)
 
 
 def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
@@ -183,6 +198,70 @@ def apply_intrinsics(scene: bpy.types.Scene) -> None:
     panel = panel_of(scene)
     near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
     set_intrinsics(scene, camera, intrinsics_of(panel), near_m=near_m, far_m=far_m)
+    camera[LEFT_AS] = _lens_state(scene, camera)
+
+
+# --- what was loaded, and what became of it ---
+
+
+def is_from_panel(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    """Tell whether the panel still names what our mesh was read from, or our camera's path."""
+    return item.get(LOADED_FROM) == _decided_by(panel_of(scene), item[OURS])
+
+
+def is_changed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
+    """Tell whether our mesh or our camera was moved, edited or set up otherwise since we made it."""
+    if item[OURS] == "mesh":
+        return not isinstance(item.data, bpy.types.Mesh) or item.get(LEFT_AS) != _mesh_state(item)
+    if not isinstance(item.data, bpy.types.Camera):
+        return True
+    keyed = KEYS_LEFT_AS in item and item[KEYS_LEFT_AS] != _keys_state(item)
+    return keyed or item.get(LEFT_AS) != _lens_state(scene, item)
+
+
+def _decided_by(panel: Any, kind: str) -> str:
+    """Return what of the panel decides the mesh, or the camera's path, as JSON."""
+    described = scene_of(panel)
+    if kind == "mesh":
+        return json.dumps(described["mesh"])
+    made_here = panel.trajectory_source == "HANDHELD"
+    return json.dumps([described["trajectory"], *([described["mesh"], panel.seed] if made_here else [])])
+
+
+def _mesh_state(item: bpy.types.Object) -> str:
+    """Return what decides how our mesh looks in a render."""
+    data = mesh_of(item)
+    pose = [round(value, 6) for row in item.matrix_basis for value in row]
+    materials = [material.name for material in data.materials if material is not None]
+    counted = [len(item.modifiers), len(data.vertices), len(data.polygons)]
+    return json.dumps([item.animation_data is None, _tied(item), pose, counted, materials])
+
+
+def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
+    """Return what decides the shape of our camera's picture."""
+    data, render = camera_of(item), scene.render
+    assert data.dof is not None
+    lens = [data.type, data.sensor_fit, data.sensor_width, data.lens, data.shift_x, data.shift_y]
+    lens += [data.clip_start, data.clip_end, data.dof.use_dof, data.animation_data is None]
+    image = [render.resolution_x, render.resolution_y, render.pixel_aspect_x, render.pixel_aspect_y]
+    return json.dumps([lens, image])
+
+
+def _keys_state(item: bpy.types.Object) -> str:
+    """Return what decides where our camera goes: its keys as a checksum, and what else could move it."""
+    data, checksum = item.animation_data, 0
+    if data is None:
+        return ""
+    for curve in fcurves_of(data):
+        values = np.empty(2 * len(curve.keyframe_points), np.float32)
+        curve.keyframe_points.foreach_get("co", values)
+        name = f"{curve.data_path} {curve.array_index} {curve.mute} {len(curve.modifiers)}"
+        checksum = zlib.crc32(values.tobytes(), zlib.crc32(name.encode(), checksum))
+    return json.dumps([_tied(item), len(data.drivers), len(data.nla_tracks), checksum])
+
+
+def _tied(item: bpy.types.Object) -> list[int]:
+    return [len(item.constraints), int(item.parent is not None)]
 
 
 # --- following ---

@@ -77,7 +77,7 @@ def test_the_scale_that_holds_is_the_largest_round_one():
 def test_what_a_record_tells_is_read_back(tmp_path):
     for lost in (OutOfRange(3, 48, 44.72135925292969), OutOfRange(3, 48, 12.5, 1), OutOfRange(2, 48, None, 2)):
         colour = FrameRecord(4, 0.2, {"results/frame000004.jpg": "a"})
-        depth = FrameRecord(4, 0.2, {"results/depth000004.png": "b"}, {}, lost)
+        depth = FrameRecord(4, 0.2, {"results/depth000004.png": "b"}, out_of_range=lost)
         for order in ((colour, depth), (depth, colour)):
             (tmp_path / "journal").write_text("".join(record.line() for record in order))
             (found,) = joined_records(read_records(tmp_path / "journal")).values()

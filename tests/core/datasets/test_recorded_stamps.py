@@ -21,7 +21,7 @@ def write_replica(folder, numbers=(0, 1, 2), times=None):
     (folder / "results").mkdir(parents=True)
     for k in numbers:
         assert cv2.imwrite(str(folder / f"results/frame{k:06d}.png"), np.full((2, 3, 3), k % 256, np.uint8))
-        assert cv2.imwrite(str(folder / f"results/depth{k:06d}.png"), np.full((2, 3), 1000 + k, np.uint16))
+        assert cv2.imwrite(str(folder / f"results/depth{k:06d}.png"), np.full((2, 3), 1000 + k % 256, np.uint16))
     (folder / "traj.txt").write_text("".join(POSE.format(k) for k in numbers))
     if times is not None:
         lines = [item if isinstance(item, str) else json.dumps(item) for item in times]
@@ -53,6 +53,10 @@ def seconds(folder, rate_hz=None):
 def test_without_stamps_a_frames_number_is_its_time(tmp_path):
     assert seconds(write_replica(tmp_path / "a"))[0] == [0, 0.05, 0.1]
     assert seconds(tmp_path / "a", rate_hz=40)[0] == [0, 0.025, 0.05]
+    assert find_sequence(tmp_path / "a").notes == ("no file says time stamps: 20 frames a second, or rate_hz",)
+    assert find_sequence(tmp_path / "a", 40).notes == ()
+    with pytest.raises(InputError, match=r"frame1305031102175304000\.png: its number is too large to count frames"):
+        find_sequence(write_replica(tmp_path / "ns", numbers=(1305031102175304000,)))
     found = find_sequence(write_replica(tmp_path / "b", numbers=(100, 103, 104)))
     assert found.stamps.rgb.seconds.tolist() == [5, 5.15, 5.2]
     assert found.stamps_path is None
@@ -197,7 +201,7 @@ def test_a_wrong_line_of_a_list(tmp_path, line, words):
 def test_a_list_that_names_what_is_not_there(tmp_path):
     folder = write_tum(tmp_path, ["0.0 rgb/a.png"], ["0.0 depth/a.png"], ["0.0"])
     (folder / "depth/a.png").unlink()
-    with pytest.raises(InputError, match=r"depth\.txt: names a\.png, which is not there; looked for .*depth/a\.png"):
+    with pytest.raises(InputError, match=r"depth\.txt: names a\.png, which is not there; looked in .*depth$"):
         find_sequence(folder)
     (folder / "depth.txt").write_text("# nothing\n")
     with pytest.raises(InputError, match=r"depth\.txt: lists no image"):

@@ -80,7 +80,7 @@ def test_defaults(write):
         ("seed: [1\n", ["line 2", "YAML"]),
         ("seed: !!python/object/apply:os.system ['true']\n" + MINIMAL, ["line 1", "YAML"]),
         ("a: \x07\n", ["YAML"]),
-        (MINIMAL + "1: 2\n", ["unknown key '1'"]),
+        (MINIMAL + "1: 2\n", ["line 2, column 1", "a key is the number 1"]),
         ("scenes: [{trajectory: b.txt}]\n", ["scenes.0", "either mesh or sequence"]),
         ("scenes: [{sequence: a, trajectory: b.txt}]\n", ["scenes.0.trajectory", "goes with mesh"]),
         (MINIMAL + "settings: [{}]\n", ["settings.0", "either name or sweep"]),
@@ -104,6 +104,25 @@ def test_defaults(write):
         (MINIMAL + "settings: [{sweep: {perturb: [fig]}}]\n", ["settings.0.sweep.perturb.0", "did you mean 'fog'"]),
         (MINIMAL + "settings: [{sweep: {perturb: [desync]}}]\n", ["settings.0.sweep.perturb.0", "no severities"]),
         (MINIMAL + "settings: [{sweep: {perturb: [fog], modes: [x]}}]\n", ["settings.0.sweep.modes.0", "'x'"]),
+        (MINIMAL + "seed: 1" + "0" * 400, ["seed", "2^1328 or more", "finite"]),
+        (MINIMAL + f"camera: {{width: 8, height: 8, fx: {'9' * 400}, fy: 1, cx: 1, cy: 1}}\n", ["camera.fx", "finite"]),
+        (MINIMAL + "camera: {width: 8, height: 8, fx: -1e999, fy: 1, cx: 1, cy: 1}\n", ["camera.fx", "-inf", "finite"]),
+        (perturbed(f"fog: {{severity: {'9' * 400}}}"), ["fog.severity", "out of range"]),
+        (perturbed(f"fog: {{thickness: {'9' * 400}}}"), ["fog.thickness", "finite"]),
+        (MINIMAL + f"settings: [{{name: {'a' * 300}}}]\n", ["settings.0.name", "300 characters", "at most 200"]),
+        (MINIMAL + '"a\\nb\\e[31m": 1\n', [r"'a\nb\x1b[31m': unknown key"]),
+        (MINIMAL + f"? {'k' * 5000}\n: 1\n", ["unknown key", "(5000 characters)"]),
+        (
+            MINIMAL + f"settings: [{{sweep: {{perturb: [{'fog, ' * 3000}], severities: [{'1, ' * 3000}]}}}}]\n",
+            ["settings.0", "makes 9000000 settings", "at most 10000"],
+        ),
+        (
+            MINIMAL
+            + "settings: ["
+            + f"{{sweep: {{perturb: [fog, snow], severities: [{'1, ' * 3000}]}}}}, " * 2
+            + "]\n",
+            ["settings.1", "makes 12000 settings with those before it"],
+        ),
     ],
 )
 def test_mistakes_name_file_and_key(write, text, words):
@@ -112,7 +131,8 @@ def test_mistakes_name_file_and_key(write, text, words):
         make_plan(read_preset(path))
     message = str(error.value)
     assert message.startswith(str(path))
-    assert "\n" not in message
+    assert message.isprintable()
+    assert len(message) < 600
     for word in words:
         assert word in message
 
@@ -135,10 +155,31 @@ def test_overrides(write):
         (["seed"], "key.path=value"),
         (["=1"], "key.path=value"),
         (["seed.x=1"], "seed"),
-        (["a=[1"], "YAML"),
+        (["a=[1"], r"--set a=\[1: line 1, column 3: is not valid YAML"),
+        (["seed=!!int x"], "--set seed=!!int x: line 1, column 1: 'x' is no whole number"),
+        (["seed=0b_"], "no whole number"),
+        (["seed=" + "9" * 5000], r"--set 'seed=9*'\.\.\. \(5005 characters\): line 1"),
+        (["seed=1" + "0" * 400], r"seed: is 2\^1328 or more, but has to be finite"),
+        (["seed=1e999"], "seed: is the number inf"),
+        (["a={[b]: c}"], "a key is a list"),
+        (["a=" + "[" * 5000], "nested more than 32 deep"),
+        (["a=" + "0\n" * 300_000], "is larger than 512 KiB"),
+        (["a=&b [*b]"], "stands inside what it names"),
+        (["a" + ".a" * 5000 + "=1"], "leads more than 32 deep"),
+        ([f"scenes.{'9' * 5000}=1"], "is no entry of this list"),
+        (["scenes.\u0663=1"], "is no entry of this list"),
+        (["a\nb=1"], r"'a\\nb': unknown key"),
     ):
-        with pytest.raises(InputError, match=word):
+        with pytest.raises(InputError, match=word) as error:
             read_preset(path, bad)
+        assert "\n" not in str(error.value)
+        assert len(str(error.value)) < 500
+
+
+def test_an_alias_that_is_set_changes_alone(write):
+    text = "settings: [{name: a, perturb: &p [{fog: {severity: 3}}]}, {name: b, perturb: *p}]\n"
+    preset = read_preset(write(MINIMAL + text), ["settings.1.perturb.0.fog.severity=5"])
+    assert [item.perturb[0]["fog"]["severity"] for item in preset.spec.settings] == [3, 5]
 
 
 def test_the_hash_is_of_the_content(write):

@@ -35,6 +35,7 @@ from .standing import (
 )
 from .storage import (
     FolderLock,
+    link_on_the_way,
     link_or_copy,
     sha256_of_bytes,
     sha256_of_regular_file,
@@ -94,6 +95,7 @@ class Dataset:
     def _begin(
         self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
     ) -> None:
+        self._check_folders(identity["sequences"])
         there = read_standing(self.out) or NOTHING
         problem = there.problem
         if not problem and there.identity is not None:
@@ -109,6 +111,8 @@ class Dataset:
         if there.note:
             self.notes.append(there.note)
             self._forget_undescribed()
+        elif not (self._work / IDENTITY).exists():
+            self._note_changed_records(sorted(there.finished & named))
         self._forget_finished(journal_folders(self._work) - named)
         begun = journal_folders(self._work) - named
         self._kept = sorted((there.finished | begun) - named)
@@ -117,6 +121,13 @@ class Dataset:
         self.identity = merged_identity(there.identity or identity, identity, there.finished - named)
         empty_scratch(self.scratch)
         self._write(self._work / IDENTITY, canonical(self._opened))
+
+    def _check_folders(self, sequences: Iterable[str]) -> None:
+        """Refuse links in place of folders: what is written or removed has to be the dataset's own."""
+        for folder in sequences:
+            for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
+                if link := link_on_the_way(self.out, place):
+                    raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
 
     def _forget_undescribed(self) -> None:
         """Remove the records of frames that only an identity described which cannot be read."""
@@ -128,11 +139,18 @@ class Dataset:
                 with storage_errors(path):
                     path.unlink(missing_ok=True)
 
+    def _note_changed_records(self, folders: Iterable[str]) -> None:
+        """Say which records of finished sequences somebody changed. What they say of the files is checked, no more."""
+        for folder in folders:
+            name = f"{folder}/{FRAMES}"
+            if sha256_of_regular_file(self.out / name) != self._there.files[folder].get(FRAMES):
+                self.notes.append(f"{name} is not as it was written; frames that it does not describe are made again")
+
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
         for folder in folders:
-            recorded = {record.line() for record in read_records(self.out / folder / FRAMES)}
-            if {record.line() for record in self.records(folder).values()} <= recorded:
+            recorded = {(record.frame, *record.files.items()) for record in read_records(self.out / folder / FRAMES)}
+            if {(record.frame, *record.files.items()) for record in self.records(folder).values()} <= recorded:
                 remove_journals(self._work, folder)
 
     def _note_kept(self, begun: Iterable[str]) -> None:
@@ -192,6 +210,11 @@ class Dataset:
         return digest
 
     # --- frames ---
+
+    @property
+    def kept(self) -> dict[str, dict[str, str]]:
+        """The files of the finished sequences that stay as they are, SHA-256 by name, by the sequence's folder."""
+        return {folder: self._there.files[folder] for folder in self._kept if folder in self._there.finished}
 
     def take_stock(self, folder: str, names: FrameNames, count: int) -> dict[int, set[str]]:
         """Return by frame the files of a sequence that exist as they were written.
@@ -282,7 +305,14 @@ class Dataset:
     def write_manifest(self, content: dict[str, Any]) -> None:
         """Write the manifest, with what stays beside the run's part of the dataset."""
         drawn = self._there.files.get(OVERVIEW)
-        self.write_text(MANIFEST, canonical(merged_manifest(self._there, content, self._kept)))
+        merged = merged_manifest(self._there, content, self._kept)
+        self.write_text(MANIFEST, canonical(merged))
+        settings = {folder.split("/")[0] for folder in self._there.finished}
+        for name in (f"{setting}/{file}" for setting in settings for file in self.format.layout.setting_files):
+            digest = self._there.files.get(name)  # of a setting whose sequences have files of their own now
+            if name not in merged["files"] and digest and sha256_of_regular_file(self.out / name) == digest:
+                with storage_errors(self.out / name):
+                    (self.out / name).unlink()
         path = self.out / OVERVIEW
         if OVERVIEW not in content["files"] and drawn is not None and sha256_of_regular_file(path) == drawn:
             with storage_errors(path):
@@ -331,7 +361,7 @@ def _cut_torn_line(path: Path) -> None:
 
 def _plausible(record: FrameRecord, names: FrameNames, count: int) -> FrameRecord | None:
     """Return a record with those of its files that the frame has; None for what is no record of the sequence."""
-    if not 0 <= record.frame < count or record.time_s != float(names.stamps.rgb.seconds[record.frame]):
+    if not 0 <= record.frame < count or (record.time_s, record.depth_time_s) != names.stamps.told(record.frame):
         return None
     own = names.of(record.frame)
     return replace(record, files={name: digest for name, digest in record.files.items() if name in own})

@@ -37,7 +37,7 @@ class OutOfRange:
 
     @classmethod
     def of_content(cls, content: Mapping[str, Any]) -> "OutOfRange":
-        """Read what `content` made. Raises ValueError, KeyError or TypeError for anything else."""
+        """Read what `content` made. Raises ValueError, KeyError, TypeError or OverflowError for anything else."""
         farthest = content.get("farthest_m")
         found = cls(
             int(content["pixels"]),
@@ -45,7 +45,8 @@ class OutOfRange:
             None if farthest is None else float(farthest),
             int(content.get("infinite", 0)),
         )
-        if not 0 < found.pixels <= found.of or (farthest is not None and not math.isfinite(found.farthest_m or 0)):
+        far = found.farthest_m is None or 0 < found.farthest_m <= float(np.finfo(np.float32).max)
+        if not (far and 0 < found.pixels <= found.of and 0 <= found.infinite <= found.pixels):
             raise ValueError(f"{content} counts no pixels")
         return found
 

@@ -43,7 +43,7 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
             problem = _scene(scene, before, now) or _path(scene, before, now)
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
-    return _cameras(there["scenes"], here["scenes"]) or _made_with(there, here)
+    return _made_with(there, here)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
@@ -133,21 +133,11 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
             continue  # a file may be called otherwise
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
-            return f"{place}.{key}: {_short(now.get(key))} is not what the dataset was made from; {ANOTHER_NAME}"
+            what = f"{place}.{key}: {_short(now[key])} is" if key in now else f"{place}: its {key} are"
+            return f"{what} not what the dataset was made from; {ANOTHER_NAME}"
         return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
     if there["camera"] != here["camera"]:
         return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
-    return None
-
-
-def _cameras(there: dict[str, Any], here: dict[str, Any]) -> str | None:
-    """Return why scenes of another camera cannot join: one file of intrinsics would have to become many."""
-    (first, camera), *others = ((name, scene["camera"]) for name, scene in there.items())
-    if any(other != camera for _, other in others):
-        return None
-    for name, scene in here.items():
-        if found := first_difference(camera, scene["camera"], "camera"):
-            return f"scenes: {name} has another camera than {first} ({found}); {ANOTHER_FOLDER}"
     return None
 
 

@@ -32,7 +32,8 @@ def merged_identity(there: dict[str, Any], here: dict[str, Any], kept: Iterable[
 def merged_manifest(there: Standing, here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
     """Return a manifest with the finished sequences that are kept. there: what the folder held when the run began."""
     folders = [folder for folder in kept if folder in there.finished]
-    settings = {folder.split("/")[0] for folder in folders}
+    # Where cameras differ, each sequence has its own file instead of the setting's.
+    settings = {folder.split("/")[0] for folder in folders} if "cameras" not in here else set[str]()
     beside = {
         name: digest
         for name, digest in there.files.items()

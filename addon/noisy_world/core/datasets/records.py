@@ -81,7 +81,7 @@ def _parse_record(line: str) -> FrameRecord | None:
     try:
         record = parse_json(line)
         lost = OutOfRange.of_content(record[OUT_OF_RANGE]) if OUT_OF_RANGE in record else None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
         return None
     match record:
         case {"frame": int(frame), "time_s": int() | float() as time_s, "sha256": dict(files)}:

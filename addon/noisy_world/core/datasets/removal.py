@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 from .layouts import LAYOUTS, Layout
 from .records import FRAMES
 from .standing import IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
-from .storage import storage_errors
+from .storage import link_on_the_way, storage_errors
 
 
 def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
@@ -18,23 +18,26 @@ def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
         for folder in sequences:
             sequence = out / folder
             for layout in LAYOUTS.values():  # the dataset in the folder may have another layout than this run's
-                _remove_sequence(sequence, layout)
+                _remove_sequence(out, sequence, layout)
             for empty in (sequence, sequence.parent):
                 with contextlib.suppress(OSError):
                     empty.rmdir()
         for name in (MANIFEST, RUN, OVERVIEW):
             (out / name).unlink(missing_ok=True)
         for journal in work.glob(f"*/*/{JOURNALS}"):
-            journal.unlink()
+            if not link_on_the_way(out, journal.parent):
+                journal.unlink()
 
 
-def _remove_sequence(folder: Path, layout: Layout) -> None:
-    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then."""
-    for pattern in (*layout.patterns, FRAMES):
-        for path in folder.glob(pattern):
-            path.unlink()
-    for name in layout.setting_files:
-        (folder.parent / name).unlink(missing_ok=True)
+def _remove_sequence(out: Path, folder: Path, layout: Layout) -> None:
+    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then.
+
+    A link that stands for a folder is not followed.
+    """
+    files = [path for pattern in (*layout.patterns, FRAMES) for path in folder.glob(pattern)]
+    for path in (*files, *(folder.parent / name for name in layout.setting_files)):
+        if not link_on_the_way(out, path.parent):
+            path.unlink(missing_ok=True)
     inside = {parent for pattern in layout.patterns for parent in PurePosixPath(pattern).parents}
     for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
         if name.parts:
@@ -55,7 +58,7 @@ def remove_journals(work: Path, folder: str) -> None:
     """Remove the journals of a sequence, and the folders that are empty then. Raises StorageError."""
     place = work / folder
     with storage_errors(place):
-        for journal in place.glob(JOURNALS):
+        for journal in place.glob(JOURNALS) if not link_on_the_way(work, place) else ():
             journal.unlink()
     for empty in (place, place.parent):
         with contextlib.suppress(OSError):

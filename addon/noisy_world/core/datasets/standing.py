@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from .json_text import read_json
-from .provenance import FORMAT
+from .provenance import FORMAT, cameras_of
 from .records import FRAMES, OUT_OF_RANGE, read_records
 
 WORK_FOLDER = ".noisy_world"
@@ -154,11 +154,20 @@ def _identity_problem(value: Any) -> str:
         return "is not the identity of a dataset"
     if value["format"] != FORMAT:
         return ""
-    if not _fits(value, _IDENTITY):
+    if not (_fits(value, _IDENTITY) and _has_cameras(value)):
         return "lacks what an identity holds, or holds something else"
     parts = [name.split("/") for name in value["sequences"]]
     known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
     return "" if known else "does not say what all its sequences are made from"
+
+
+def _has_cameras(identity: dict[str, Any]) -> bool:
+    """Tell whether each scene has the intrinsics of a camera."""
+    try:
+        cameras_of(identity)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return False
+    return True
 
 
 def _manifest_problem(value: Any) -> str:

@@ -91,6 +91,12 @@ def sha256_of_regular_file(path: Path) -> str | None:
         return None
 
 
+def link_on_the_way(root: Path, folder: Path) -> Path | None:
+    """Return the first of the folders from `root`, exclusive, to `folder` that is a link; None where none is."""
+    inside = [folder, *folder.parents][: len(folder.parts) - len(root.parts)]
+    return next((path for path in reversed(inside) if path.is_symlink()), None)
+
+
 class FolderLock:
     """Keeps a second run out of a dataset. The system releases the lock however the process ends."""
 

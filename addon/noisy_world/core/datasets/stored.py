@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -62,8 +63,8 @@ class StoredSequence:
 
     trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
     depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
-    stamps; None where there is none, so that they follow from a rate. camera: its intrinsics, and camera_path the file
-    that says them; None where none does. notes: sentences that the user should see.
+    stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
+    camera_path the file that says them; None where none does. notes: sentences that the user should see.
     """
 
     folder: Path
@@ -77,6 +78,7 @@ class StoredSequence:
     camera: Intrinsics | None = None
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
+    counted_hz: float | None = None
 
     @cached_property
     def _first_image(self) -> tuple[SizePx, str | None]:
@@ -151,9 +153,10 @@ def checked_intrinsics(path: Path, places: tuple[str, ...], values: tuple[object
 
 def check_files(listing: Path, files: tuple[Path, ...]) -> None:
     """Raise InputError where a file that a list names is not there."""
-    lost = next((file for file in files if not file.is_file()), None)
+    # Not Path.is_file, which raises OSError for a name that no file can have.
+    lost = next((file for file in files if not os.path.isfile(file)), None)  # noqa: PTH113
     if lost is not None:
-        raise InputError(listing, f"names {lost.name}, which is not there", remedy=f"looked for {lost}")
+        raise InputError(listing, f"names {_short(lost.name)}, which is not there", remedy=f"looked in {lost.parent}")
 
 
 def read_text(path: Path) -> str:
@@ -162,6 +165,10 @@ def read_text(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 80 else f"{name[:77]}..."
 
 
 def _read_steps(path: Path) -> NDArray[np.uint16]:

@@ -6,12 +6,13 @@ from dataclasses import fields
 from itertools import product
 from typing import Any
 
-from ..schema import Place, describe, parse, unknown_name
+from ..schema import Place, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
 
 type Registry = Mapping[str, Perturbation]
 
+LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
 DEFAULT_SEVERITY = 3.0  # chosen: the middle one; node groups have its values as their defaults
 
 
@@ -24,6 +25,7 @@ def parse_settings(
 
     Raises InputError naming the key.
     """
+    _check_count(items, place)
     found: list[tuple[Setting, Place]] = []
     for index, item in enumerate(items):
         where = place.at(index)
@@ -43,6 +45,16 @@ def parse_settings(
             raise where.error(f"{setting.name!r} is given twice")
         names.add(setting.name)
     return tuple(setting for setting, _ in found)
+
+
+def _check_count(items: Sequence[Any], place: Place) -> None:
+    count = 0
+    for index, item in enumerate(items):
+        sweep = item.sweep
+        count += 1 if sweep is None else len(sweep.perturb) * len(sweep.severities) * len(sweep.modes)
+        if count > LARGEST_SETTINGS:
+            problem = f"makes {count} settings with those before it; at most {LARGEST_SETTINGS} are made"
+            raise place.at(index).error(problem)
 
 
 def _swept(sweep: Any, place: Place, registry: Registry, backend: Backend) -> list[Setting]:
@@ -125,7 +137,7 @@ def _parse_severity(
         if "severity" in values:
             raise place.at("levels").error("stands beside severity", "keep one of them")
         levels = values["levels"]
-        if not isinstance(levels, Sequence) or isinstance(levels, str) or not levels:
+        if not isinstance(levels, Sequence) or isinstance(levels, (str, bytes)) or not levels:
             raise place.at("levels").error(f"is {describe(levels)}, but has to be a list of severities")
         return None, tuple(_level(value, place.at("levels").at(k)) for k, value in enumerate(levels))
     assert severity is not None
@@ -140,5 +152,5 @@ def _level(value: object, place: Place) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise place.error(f"is {describe(value)}, but has to be a severity")
     if value != 0 and not SEVERITIES[0] <= value <= SEVERITIES[-1]:
-        raise place.error(f"is {value:g}, out of range", "allowed: 0, or 1 to 5")
+        raise place.error(f"is {shown(value)}, out of range", "allowed: 0, or 1 to 5")
     return float(value)

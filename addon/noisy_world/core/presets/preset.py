@@ -11,17 +11,24 @@ from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
 from ..geometry import Intrinsics
-from ..scenes.embedded import EMBEDDED_ROOM
-from ..schema import Place, key, parse
+from ..scenes.embedded import EMBEDDED_ROOM, ROOMS
+from ..schema import Place, key, parse, shown
+from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
+from .overrides import override
 
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
+LONGEST_NAME = 200  # of a folder; file systems hold 255 bytes
 
 
 def _safe_name(name: str) -> str:
+    if len(name) > LONGEST_NAME:
+        return f"has {len(name)} characters, but it names a folder: at most {LONGEST_NAME}"
     if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         return ""
-    return f"is {name!r}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
+    return (
+        f"is {shown(name)}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
+    )
 
 
 def _scene_name(name: str) -> str:
@@ -67,7 +74,9 @@ class TrajectorySpec:
 class SceneSpec:
     """A scene and the way through it, or a sequence that exists."""
 
-    mesh: str | None = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}", default=None)
+    mesh: str | None = key(
+        f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}", default=None
+    )
     sequence: str | None = key(
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
         default=None,
@@ -222,9 +231,9 @@ def read_preset(path: Path, overrides: Sequence[str] = ()) -> Preset:
 
     Raises InputError naming the file and the key.
     """
-    document = _load_yaml(path)
+    document = _load(path)
     for text in overrides:
-        _override(document, text, path)
+        override(document, text, path)
     return check_document(document, path)
 
 
@@ -235,91 +244,21 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
     return Preset(path, document, spec)
 
 
-def _load_yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
+def _load(path: Path) -> dict[str, Any]:
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(LARGEST_BYTES + 1)
     except FileNotFoundError as error:
         near = ", ".join(sorted(item.name for item in path.parent.glob("*.yaml"))) if path.parent.is_dir() else ""
         raise InputError(
             path, "no such preset", remedy=f"presets there: {near}" if near else "check the path"
         ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read as text: {error}") from error
-    try:
-        document = yaml.load(text, Loader=_loader())  # noqa: S506 - a subclass of SafeLoader
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(
-            path, f"is not valid YAML: {problem}", where=f"line {mark.line + 1}" if mark else ""
-        ) from error
-    except RecursionError as error:
-        raise InputError(path, "is nested too deeply") from error
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    document = read_yaml(content, path)
     if not isinstance(document, dict):
         raise InputError(path, "is empty" if document is None else "is not a mapping of keys", remedy="see --list keys")
     return document
-
-
-def _loader() -> type:
-    """Return a safe YAML loader that refuses a key given twice, and reads 1e-3 as a number."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-            seen: set[str] = set()
-            for key_node, _ in node.value:
-                if key_node.value in seen:
-                    raise yaml.constructor.ConstructorError(
-                        None, None, f"the key {key_node.value!r} is given twice", key_node.start_mark
-                    )
-                if isinstance(key_node.value, str):
-                    seen.add(key_node.value)
-            return super().construct_mapping(node, deep)
-
-    number = re.compile(r"^[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9_]+)[eE][-+]?[0-9]+$")
-    Loader.add_implicit_resolver("tag:yaml.org,2002:float", number, list("-+0123456789."))
-    # No key takes a date, and JSON cannot hold one.
-    Loader.yaml_implicit_resolvers = {
-        letter: [item for item in resolvers if item[0] != "tag:yaml.org,2002:timestamp"]
-        for letter, resolvers in Loader.yaml_implicit_resolvers.items()
-    }
-    return Loader
-
-
-def _override(document: dict[str, Any], text: str, path: Path) -> None:
-    import yaml
-
-    name, equals, value_text = text.partition("=")
-    keys = name.strip().split(".")
-    if not equals or not all(keys):
-        raise InputError(path, f"--set {text}: has to be key.path=value")
-    try:
-        value = yaml.load(value_text, Loader=_loader())  # noqa: S506 - a subclass of SafeLoader
-    except yaml.YAMLError as error:
-        raise InputError(path, f"--set {text}: the value is not valid YAML") from error
-    node: Any = document
-    for index, step in enumerate(keys):
-        where = Place(path, ".".join(keys[: index + 1]))
-        last = index == len(keys) - 1
-        if isinstance(node, list):
-            if not step.isdecimal() or int(step) >= len(node):
-                raise where.error(f"--set: {step!r} is no entry of this list", f"it has {len(node)}, counted from 0")
-            if last:
-                node[int(step)] = value
-            else:
-                node = node[int(step)]
-        elif not isinstance(node, dict):
-            raise where.error("--set: leads into a value that has no keys")
-        elif last:
-            node[step] = value
-        else:
-            if not isinstance(node.get(step), (dict, list)):
-                # A bare text stands for {file: text}: so trajectory.every can be set where the preset names only a
-                # file.
-                node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
-            node = node[step]
 
 
 def _check(spec: PresetSpec, place: Place) -> None:

@@ -64,7 +64,8 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
         raise InputError(path, "is no image of 8 or 16 bits a channel", remedy=_REMEDY)
     if max(decoded.shape[:2]) > _LARGEST_PX:
         raise InputError(path, f"is {decoded.shape[1]} x {decoded.shape[0]}, more than {_LARGEST_PX} a side")
-    pixels = decoded if decoded.dtype == np.uint8 else (decoded // 257 + (decoded % 257 > 128)).astype(np.uint8)
+    whole = decoded if decoded.dtype == np.uint8 else decoded // 257 + (decoded % 257 > 128)  # 65535 = 257 x 255
+    pixels = whole.astype(np.uint8, copy=False)
     pixels = pixels.reshape(*pixels.shape[:2], -1)
     transparent = pixels.shape[2] in (2, 4) and bool((pixels[..., -1] < 255).any())
     bgr = pixels[..., :3] if pixels.shape[2] >= 3 else pixels[..., :1].repeat(3, axis=2)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A robot's cameras: the pose of each sensor on the body whose path is given."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,7 +94,7 @@ def _numbers(values: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np
 
 
 def _unit_quat(quat_wxyz: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = float(np.linalg.norm(quat_wxyz))
+    length = math.hypot(*quat_wxyz.tolist())
     if abs(length - 1.0) > _QUAT_NORM_TOLERANCE:
         raise ValueError(f"quat_wxyz must have length 1, not {length:.6g}")
     return quat_wxyz
@@ -103,8 +104,9 @@ def _rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     rotation = matrix[:3, :3]
     if np.any(np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]) > 1e-6):
         raise ValueError(f"the last row of matrix must be 0 0 0 1, not {matrix[3].tolist()}")
-    error = float(rotation_error(rotation))
-    if error > _ROTATION_TOLERANCE:
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(rotation_error(rotation))
+    if not error <= _ROTATION_TOLERANCE:
         raise ValueError(f"the rotation of matrix is not orthonormal: R^T R is off by {error:.3g}")
     if np.linalg.det(rotation) < 0.0:
         raise ValueError("the rotation of matrix mirrors (determinant -1): check the sensor's and the robot's axes")

@@ -25,6 +25,7 @@ from ...geometry import (
 )
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
+from ...yaml_reading import read_yaml
 from ..association import StampedFiles
 from ..json_text import finite_number
 from ..stored import checked_intrinsics, read_text
@@ -96,9 +97,12 @@ def read_images_csv(path: Path) -> StampedFiles:
     return StampedFiles(stamps, tuple(files))
 
 
-def read_pose_stamps(path: Path) -> Stamps:
-    """Read the exact stamps of the poses of a body, whose rows `read_poses_csv` has checked."""
-    return Stamps.of_ns(_stamp_ns(path, where, cells[0]) for where, cells in _rows(path))
+def exact_stamps(path: Path, poses: Trajectory) -> Stamps:
+    """Return the stamps of the poses of a file to the nanosecond, where it says them so; else the poses' own."""
+    cells = [row[0] for _, row in _rows(path)]
+    if len(cells) != len(poses) or not all(map(_is_whole, cells)):
+        return Stamps(poses.stamps_s)
+    return Stamps.of_ns(map(int, cells))
 
 
 def read_poses_csv(path: Path) -> Trajectory:
@@ -130,9 +134,13 @@ def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def _stamp_ns(path: Path, where: str, cell: str) -> int:
-    if not (cell.isascii() and cell.isdecimal() and len(cell) <= STAMP_DIGITS and int(cell) <= LARGEST_NS):
+    if not (_is_whole(cell) and int(cell) <= LARGEST_NS):
         raise InputError(path, f"{cell!r} is no time in whole nanoseconds", where=where)
     return int(cell)
+
+
+def _is_whole(cell: str) -> bool:
+    return cell.isascii() and cell.isdecimal() and len(cell) <= STAMP_DIGITS
 
 
 def _number(path: Path, where: str, cell: str) -> float:
@@ -218,14 +226,9 @@ def read_sensor_yaml(path: Path) -> AslSensor:
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
-    import yaml
-
     # Some tools begin the file with OpenCV's line %YAML:1.0, which is not valid YAML.
     text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(path, "is not valid YAML") from error
+    document = read_yaml(text, path)
     if not isinstance(document, dict):
         raise InputError(path, "describes no sensor")
     return document

@@ -19,6 +19,7 @@ from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, numbered, path_suffix
 
 RESULTS = "results"
+LARGEST_NUMBER = 10**9  # 19 months at 20 Hz: what is larger is no count
 
 
 class ReplicaLayout(Layout):
@@ -87,10 +88,12 @@ class ReplicaLayout(Layout):
         if len(trajectory) != len(rgb):
             raise InputError(poses, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
+        notes: tuple[str, ...] = ()
         if stamps is None and detect_format(poses) == "tum":
             stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), poses
         elif stamps is None:
-            stamps, stamps_path = FrameStamps.of(np.array(numbers) / (rate_hz or RATE_HZ)), None
+            stamps, stamps_path = _counted(rgb[-1], numbers, rate_hz or RATE_HZ), None
+            notes = () if rate_hz else (f"no file says time stamps: {RATE_HZ:g} frames a second, or rate_hz",)
         params = read_cam_params(folder)
         return StoredSequence(
             folder,
@@ -103,7 +106,16 @@ class ReplicaLayout(Layout):
             stamps_path,
             params.camera if params else None,
             params.path if params else None,
+            notes,
+            None if stamps_path else rate_hz or RATE_HZ,
         )
+
+
+def _counted(last: Path, numbers: list[int], rate_hz: float) -> FrameStamps:
+    """Return the stamps of frames whose numbers count them. last: the image of the last one."""
+    if numbers[-1] > LARGEST_NUMBER:
+        raise InputError(last, "its number is too large to count frames", remedy=f"say the time stamps in {FRAMES}")
+    return FrameStamps.of(np.array(numbers) / rate_hz)
 
 
 def _number(path: Path) -> int:

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths that begin with ~, as shells write home folders; in a preset or after `--out=` no shell replaces it."""
+
+import os
+from pathlib import Path
+
+from .schema import Place
+
+
+def with_home(text: str) -> Path:
+    """Return a path with ~ or ~user at its beginning replaced by that home folder; any other path as it is.
+
+    Raises LookupError, with what is wrong and how to mend it in one line, where there is no such user.
+    """
+    base, rest = split_home(text)
+    return Path(rest) if base is None else base / rest
+
+
+def split_home(text: str) -> tuple[Path | None, str]:
+    """Return the home folder that a path or a glob pattern begins with, and the rest of it; None without one.
+
+    Raises LookupError as `with_home` does.
+    """
+    if not text.startswith("~"):
+        return None, text
+    user, *rest = (text.replace("\\", "/") if os.name == "nt" else text).split("/", 1)
+    try:
+        return Path(user).expanduser(), "".join(rest).lstrip("/")
+    except RuntimeError as error:
+        whose = f"no user {user[1:]!r}" if user != "~" else "no home folder"
+        raise LookupError(
+            f"there is {whose} here, which {user} stands for; write ./{text} for what has this name"
+        ) from error
+
+
+def located(folder: Path, text: str, place: Place) -> tuple[Path, str]:
+    """Return the folder that a path or glob pattern of a preset is relative to, and the path in it.
+
+    folder: the preset's, which counts unless the path begins with ~ or ~user. place: of the path. Raises InputError
+    where there is no such user.
+    """
+    try:
+        home, rest = split_home(text)
+    except LookupError as error:
+        raise place.error(str(error)) from error
+    return (folder if home is None else home), rest
+
+
+def path_in(folder: Path, text: str, place: Place) -> Path:
+    """Return the file or folder that a path of a preset in `folder` means. Raises InputError as `located` does."""
+    base, rest = located(folder, text, place)
+    return base / rest

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What --set changes in a preset's document."""
+
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from ..schema import Place, shown
+from ..yaml_reading import DEEPEST, read_yaml
+
+
+def override(document: dict[str, Any], text: str, path: Path) -> None:
+    """Change a document by a text `key.path=value`, the value in YAML, entries of lists by their number.
+
+    path: of the preset, for messages. Raises InputError.
+    """
+    name, equals, value_text = text.partition("=")
+    keys = name.strip().split(".")
+    told = f"--set {text if text.isprintable() and len(text) <= 100 else shown(text)}"
+    if not equals or not all(keys):
+        raise InputError(path, f"{told}: has to be key.path=value")
+    if len(keys) > DEEPEST:
+        raise InputError(path, f"{told}: leads more than {DEEPEST} deep")
+    value = read_yaml(value_text, path, told)
+    node: Any = document
+    where = Place(path)
+    for index, step in enumerate(keys):
+        where = where.at(step)
+        last = index == len(keys) - 1
+        if isinstance(node, list):
+            entry = _entry(node, step, where)
+            if last:
+                node[entry] = value
+            else:
+                node = node[entry]
+        elif not isinstance(node, dict):
+            raise where.error("--set: leads into a value that has no keys")
+        elif last:
+            node[step] = value
+        else:
+            if not isinstance(node.get(step), (dict, list)):
+                # A bare text stands for {file: text}: so trajectory.every can be set where the preset names only a
+                # file.
+                node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
+            node = node[step]
+
+
+def _entry(entries: list[Any], step: str, where: Place) -> int:
+    if not (step.isascii() and step.isdecimal()) or len(step) > 9 or int(step) >= len(entries):
+        raise where.error(f"--set: {shown(step)} is no entry of this list", f"it has {len(entries)}, counted from 0")
+    return int(step)

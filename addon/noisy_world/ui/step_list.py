@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel's list of perturbations, kept in propagation order, and its entries from a preset's steps."""
+
+from typing import Any
+
+from ..core.perturbing.steps import Step
+from ..perturbations import registry
+from .described import told_once
+from .properties import OVERRIDE, parameters_of, set_value
+
+
+def take_step(item: Any, step: Step) -> None:
+    """Fill an entry of the list from a preset's step."""
+    item.perturbation = step.perturbation.name
+    group = parameters_of(item)
+    item.mode = "static" if step.levels is None else "dynamic"
+    item.use_severity = step.severity is not None or not step.perturbation.severities
+    if step.severity is not None:
+        set_value(item, "severity", step.severity)
+    if step.perturbation.temporals:
+        item.temporal = step.temporal
+    for name, value in step.given.items():
+        if name in step.perturbation.severities:
+            setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
+        set_value(group, name, value)
+
+
+def put_step(panel: Any, step: Step) -> bool:
+    """Let the list hold a preset's step: in place of the entry of its name, else added; tell whether there was one.
+
+    Of several entries of this name, the one with the step's own place among them is replaced.
+    """
+    same = [index for index, item in enumerate(panel.steps) if item.perturbation == step.perturbation.name]
+    place = same[step.occurrence] if step.occurrence < len(same) else None
+    if place is not None:
+        panel.steps.remove(place)
+    made = add_step(panel, step.perturbation.name)
+    if place is not None:
+        panel.steps.move(made, place)
+        panel.active_step = made = place
+    take_step(panel.steps[made], step)
+    return place is not None
+
+
+def add_step(panel: Any, name: str) -> int:
+    """Add a perturbation to the list in propagation order, after others of its name; return its index."""
+    with told_once():
+        item = panel.steps.add()
+        item.perturbation = name
+        if registry()[name].temporals:
+            item.temporal = registry()[name].temporals[0]
+    places = list(registry())
+    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
+    place = sum(other <= order[-1] for other in order[:-1])
+    panel.steps.move(len(order) - 1, place)
+    panel.active_step = place
+    return place
+
+
+def may_move(panel: Any, by: int) -> bool:
+    """Tell whether the selected entry may swap with its neighbour in this direction: only if their names are equal."""
+    here, there = panel.active_step, panel.active_step + by
+    if not (0 <= here < len(panel.steps) and 0 <= there < len(panel.steps)):
+        return False
+    return panel.steps[here].perturbation == panel.steps[there].perturbation

@@ -1,0 +1,44 @@
+#!/bin/sh
+# Make a Python environment, or bring one up to date, with the packages of a file of requirements.
+#   environment.sh PYTHON FOLDER PIP-OPTION...
+# What was made half, since something ended it or failed, is made anew the next time: a file in the folder says that it
+# is unfinished. What is wrong is one line. Run by `make`.
+set -u
+python=$1 folder=$2
+shift 2
+
+complain() {
+  echo "make: $1" >&2
+  exit 1
+}
+
+has_pip() { "$folder/bin/python" -c 'import pip' >/dev/null 2>&1; }
+
+# pip warns of a cache that it cannot write to, as under a home folder that is not there: it then goes without.
+can_cache() {
+  cache=${PIP_CACHE_DIR:-${XDG_CACHE_HOME:-${HOME:-}/.cache}/pip}
+  mkdir -p "$cache" 2>/dev/null && [ -O "$cache" ] && [ -w "$cache" ]
+}
+
+make_environment() {
+  rm -rf "$folder"
+  mkdir -p "$folder" && : >"$folder/.unfinished" || complain "$folder cannot be made here"
+  said=$("$python" -m venv "$folder" 2>&1) && has_pip && return
+  rm -rf "$folder"
+  package=$("$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])' 2>/dev/null)
+  case $said in
+    *ensurepip* | *"No module named venv"* | "")
+      complain "$python cannot make $folder, for it comes without pip: install Debian's ${package:-python3-venv}, or say PYTHON=/path/to/another" ;;
+  esac
+  complain "$python cannot make $folder: $(echo "$said" | tail -n 1)"
+}
+
+if [ -e "$folder/.unfinished" ] || ! has_pip; then
+  make_environment
+fi
+can_cache || set -- --no-cache-dir "$@"
+rm -f "$folder/.installed"
+: >"$folder/.unfinished"
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@" ||
+  complain "the packages of $folder could not be installed, for the reason above; the next make begins anew"
+rm -f "$folder/.unfinished"

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A dataset's folder that somebody or something changed: remade or refused in a line, and nothing else is touched."""
+
+import hashlib
+import json
+import os
+import shutil
+
+import pytest
+from cases import cases
+from growing import CLEAN, FOG, change, marks, stopped, world
+from worlds import content
+from written import run
+
+from noisy_world.core.errors import StorageError
+
+pytestmark = pytest.mark.usefixtures("no_blender")
+
+
+@pytest.fixture
+def finished(tmp_path):
+    preset = world(tmp_path / "world", settings=[CLEAN, FOG])
+    run(preset, tmp_path / "out")
+    return preset, tmp_path / "out"
+
+
+@pytest.fixture
+def unfinished(tmp_path):
+    preset = world(tmp_path / "world", settings=[CLEAN, FOG])
+    stopped(preset, tmp_path / "out", 4)
+    return preset, tmp_path / "out"
+
+
+def whole(preset, tmp_path):
+    run(preset, tmp_path / "whole")
+    return content(tmp_path / "whole")
+
+
+def refused(preset, out, words, **options):
+    with pytest.raises(StorageError, match=words) as error:
+        run(preset, out, **options)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["../../../outside/kept.txt", "results/../../../../outside/kept.txt", "/outside/kept.txt"]
+)
+def test_a_journal_leads_nowhere_else(unfinished, tmp_path, name):
+    preset, out = unfinished
+    kept = tmp_path / "outside/kept.txt"
+    kept.parent.mkdir()
+    kept.write_text("somebody's")
+    name = name.replace("/outside", str(kept.parent)) if name.startswith("/") else name
+    digest = hashlib.sha256(kept.read_bytes()).hexdigest()
+    # A frame with this one file is incomplete, and files of incomplete frames are removed.
+    for frame in (0, 5, 77, -1):
+        record = {"frame": frame, "time_s": max(frame, 0) / 20, "sha256": {name: digest}}
+        with (out / ".noisy_world/clean/box/journal-0.jsonl").open("a") as journal:
+            journal.write(json.dumps(record) + "\n")
+    run(preset, out, frames=slice(0, 4))
+    assert kept.read_text() == "somebody's"
+    run(preset, out)
+    assert content(out) == whole(preset, tmp_path)
+    assert kept.read_text() == "somebody's"
+
+
+@cases(
+    "sequences", [["../outside"], {"../outside": 6}, ["clean/.."], "../outside", {"clean/box/x": 6}, [["clean/box"]]]
+)
+def test_an_identity_leads_nowhere_else(finished, tmp_path, sequences):
+    preset, out = finished
+    other = tmp_path / "outside/results/frame000000.png"
+    other.parent.mkdir(parents=True, exist_ok=True)
+    other.write_bytes(b"another's frame")
+    manifest = out / "manifest.json"
+    text = manifest.read_text()
+    document = json.loads(text)
+    document["identity"]["sequences"] = sequences
+    manifest.write_text(json.dumps(document))
+    refused(preset, out, "holds another dataset: manifest.json is not the identity of a dataset; .*--overwrite")
+    run(preset, out, overwrite=True)
+    assert other.read_bytes() == b"another's frame"
+    assert manifest.read_text() == text
+
+
+def test_a_link_in_place_of_the_working_folder_is_not_followed(finished, tmp_path):
+    preset, out = finished
+    papers = tmp_path / "papers"
+    (papers / "unfinished").mkdir(parents=True)
+    (papers / "unfinished/thesis.tex").write_text("years")
+    (out / ".noisy_world").symlink_to(papers)
+    for overwrite in (False, True):
+        refused(preset, out, r"\.noisy_world: is not the folder that a run works in; remove it", overwrite=overwrite)
+    assert (papers / "unfinished/thesis.tex").read_text() == "years"
+
+
+@pytest.mark.parametrize("place", ["fog", "fog/box", "fog/box/results"])
+def test_links_in_place_of_folders_are_not_followed(finished, tmp_path, place):
+    preset, out = finished
+    shutil.move(out / place, tmp_path / "elsewhere")
+    (out / place).symlink_to(tmp_path / "elsewhere")
+    before = marks(tmp_path)
+    for overwrite in (False, True):
+        refused(
+            preset,
+            out,
+            f"{place}: is a link, but the dataset's folders have to be its own; remove it",
+            overwrite=overwrite,
+        )
+        there = {name: mark for name, mark in marks(tmp_path).items() if name.startswith("elsewhere")}
+        assert there == {name: mark for name, mark in before.items() if name.startswith("elsewhere")}
+    (out / place).unlink()
+    run(preset, out)
+    assert content(out) == whole(preset, tmp_path)
+
+
+def test_a_manifest_of_something_else_is_left_alone(finished, tmp_path):
+    preset, _ = finished
+    site = tmp_path / "site"
+    site.mkdir()
+    for text in ('{"name": "a web page", "icons": []}', '{"identity": {"format": 2, "sequences": 3}}', "[]"):
+        (site / "manifest.json").write_text(text)
+        for overwrite in (False, True):
+            refused(preset, site, "is not empty and holds no dataset of Noisy World", overwrite=overwrite)
+        assert (site / "manifest.json").read_text() == text
+
+
+def folder(path):
+    path.mkdir()
+
+
+def dangling(path):
+    path.symlink_to("nowhere")
+
+
+def loop(path):
+    path.symlink_to(path.name)
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+@cases("replacement", [folder, dangling, loop, pipe])
+def test_what_is_no_file_is_said(finished, tmp_path, replacement):
+    preset, out = finished
+    expected = whole(preset, tmp_path)
+    for name in ("manifest.json", "clean/box/frames.jsonl", "clean/box/traj.txt", "fog/box/results/depth000002.png"):
+        (out / name).unlink()
+        replacement(out / name)
+        if replacement is folder or name == "manifest.json":
+            refused(preset, out, f"{out}.*{name}")
+        else:
+            run(preset, out)
+            assert content(out) == expected
+        if replacement is folder:
+            assert (out / name).is_dir()
+            (out / name).rmdir()
+        run(preset, out, overwrite=True)
+        assert content(out) == expected
+
+
+@cases(
+    "text, words",
+    [
+        ("", "cannot be read at line 1, column 1"),
+        ('{"identity": NaN}', "holds NaN"),
+        ("[" * 100_000, "is nested too deeply"),
+        ('{"identity": ' + "[" * 500 + "]" * 500 + "}", "is nested too deeply"),
+        ('{"identity": 1e999}', "holds 1e999"),
+        ('{"identity": ' + "9" * 5000 + "}", "holds a number of 5000 digits"),
+        ('{"identity": "\\ud800"}', "is not UTF-8"),
+        (b"\xff\xfe{}", "is not UTF-8"),
+        ("null", "is not the identity of a dataset"),
+        ('{"identity": {"format": true, "sequences": {}}}', "is not the identity of a dataset"),
+        ('{"identity": {"format": 2, "sequences": {}}}', "lacks what an identity holds"),
+        ('{"identity": {"format": 3, "sequences": []}}', "made by a later version of Noisy World"),
+    ],
+)  # fmt: skip
+def test_a_manifest_that_nobody_wrote_is_refused(finished, text, words):
+    preset, out = finished
+    before = marks(out)
+    manifest = out / "manifest.json"
+    kept = manifest.read_bytes()
+    manifest.write_bytes(text if isinstance(text, bytes) else text.encode())
+    refused(preset, out, f"holds another dataset: .*{words}.*; choose another folder with --out, or replace")
+    assert marks(out) == before
+    manifest.write_bytes(kept)
+    run(preset, out)
+    assert marks(out) == before
+
+
+@cases(
+    "change",
+    [
+        {"frame": 10**400}, {"frame": True}, {"frame": "0"}, {"frame": -1}, {"frame": 1.5}, {"frame": None},
+        {"time_s": 10**400}, {"time_s": True}, {"time_s": None}, {"time_s": 0.3}, {"sha256": []},
+        {"sha256": {"results/frame000000.png": 3}}, {"depth_time_s": 7.0}, {"perturbed": []}, {"perturbed": "x"},
+    ],
+)  # fmt: skip
+def test_records_that_nobody_wrote_are_no_records(finished, tmp_path, change):
+    preset, out = finished
+    path = out / "clean/box/frames.jsonl"
+    good = path.read_text()
+    first, *rest = good.splitlines(keepends=True)
+    path.write_text(json.dumps(json.loads(first) | change) + "\n" + "".join(rest))
+    report = run(preset, out)
+    assert report.frames_rendered == 1
+    changed = "clean/box/frames.jsonl is not as it was written"
+    assert report.notes == [f"{changed}; frames that it does not describe are made again"]
+    assert path.read_text() == good
+
+
+def test_without_its_identity_a_run_is_not_taken_up(unfinished, tmp_path):
+    preset, out = unfinished
+    (out / ".noisy_world/identity.json").write_text("{")
+    refused(preset, out, "identity.json cannot be read at line 1, column 2, so what the frames were made from is not")
+    run(preset, out, overwrite=True)
+    assert content(out) == whole(preset, tmp_path)
+
+
+def test_without_the_identity_of_a_run_that_adds_the_finished_part_stays(finished, tmp_path):
+    preset, out = finished
+    before = marks(out)
+    change(preset, {"settings": [CLEAN, FOG, {"name": "dim", "perturb": [{"brightness": None}]}]})
+    stopped(preset, out, 4)
+    (out / ".noisy_world/identity.json").write_text("{")
+    report = run(preset, out)
+    assert "frames that only it describes are made again" in report.notes[0]
+    assert report.frames_rendered == 6
+    assert {name: marks(out)[name] for name in before} == before
+    assert content(out) == whole(preset, tmp_path)

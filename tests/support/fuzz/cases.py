@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One case: an input is written, read, and judged."""
+
+import shutil
+import sys
+import traceback
+import warnings
+import zlib
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from fuzz.areas import AREAS
+
+from noisy_world.core.errors import NoisyWorldError
+
+Kind = Literal["accepted", "refused", "finding"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a case ended. told: the message that refused it, or what was found."""
+
+    kind: Kind
+    told: str = ""
+
+
+def generator(area, seed, number):
+    """Return the random numbers of a case."""
+    return np.random.default_rng([seed, zlib.crc32(area.encode()), number])
+
+
+def write_case(area, seed, number, folder):
+    """Write the input of a case into a folder, which is emptied first."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    AREAS[area].write(folder, generator(area, seed, number))
+
+
+def run_case(area, seed, number, folder, peer=None):
+    """Write an input into a folder, read it and judge what came of it.
+
+    peer: independent readers in another process, or None. It has to be accepted with the meaning that an independent
+    reader finds, or refused by a NoisyWorldError of one line that names a file of the folder; without warnings.
+    """
+    write_case(area, seed, number, folder)
+    return judge(area, folder, peer)
+
+
+def judge(area, folder, peer=None):
+    """Read the input in a folder and judge what came of it."""
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            meaning = AREAS[area].read(folder)
+        except NoisyWorldError as error:
+            outcome = _judge_refusal(str(error), folder)
+        except Exception:  # noqa: BLE001 - what is looked for
+            outcome = Outcome("finding", f"traceback: {_told_traceback()}")
+        else:
+            outcome = Outcome("accepted")
+    if outcome.kind != "finding" and warned:
+        first = warned[0]
+        return Outcome(
+            "finding", f"warning: {first.category.__name__}: {first.message} ({first.filename}:{first.lineno})"
+        )
+    if outcome.kind == "accepted":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                told = AREAS[area].differs(folder, meaning, peer)
+            except Exception:  # noqa: BLE001 - the independent reader refuses what was accepted
+                told = _told_traceback()
+        if told:
+            return Outcome("finding", f"meaning: {told}")
+    return outcome
+
+
+def _judge_refusal(message, folder):
+    if not message.isprintable():
+        return Outcome("finding", f"not one line: {message!r}")
+    if str(folder) not in message and not message.startswith("/"):  # a list of images may name others
+        return Outcome("finding", f"names no file: {message}")
+    return Outcome("refused", message)
+
+
+def _told_traceback():
+    kind, error, trace = sys.exc_info()
+    frames = [item for item in traceback.extract_tb(trace) if "/fuzz/" not in item.filename]
+    at = f" ({frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
+    ours = next((item for item in reversed(frames) if "noisy_world" in item.filename), None)
+    at += f" from {ours.filename.rpartition('/')[2]}:{ours.lineno}" if ours is not None else ""
+    return f"{kind.__name__}: {str(error)[:300]}{at}"

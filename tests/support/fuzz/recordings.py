@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings with one mutated file, whose images are compared with those of the file before and, where there is one,
+of another decoder.
+"""
+
+import json
+
+import cv2
+import numpy as np
+from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, pick
+from stored_sequences import write_euroc
+
+from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.errors import InputError
+
+WORDS = (
+    *NUMBERS, "#", "rgb/", "depth/", "../", "/", ".png", ".jpg", "\n", "\r", "\t", ",", "\0", "{", "}", "[", "]", '"',
+    ":", "camera", "scale", "fx", "null", "true", "NaN", "Infinity", "[" * 3000, '{"a":' * 3000,
+)  # fmt: skip
+TEXTS = (".txt", ".json", ".yaml", ".csv")
+
+
+def _images(rng, folder, count, *, names, depth_names, size=(8, 6)):
+    for k in range(count):
+        pixels = rng.integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
+        for name in (folder / names(k), folder / depth_names(k)):
+            name.parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(folder / names(k)), pixels)
+        depth = rng.integers(0, 65536, (size[1], size[0]), dtype=np.uint16)
+        assert cv2.imwrite(str(folder / depth_names(k)), depth)
+
+
+def replica(folder, rng):
+    """Write a recording as Replica's."""
+    jpg = pick(rng, ("jpg", "png"))
+    _images(
+        rng, folder, 3, names=lambda k: f"results/frame{k:06d}.{jpg}", depth_names=lambda k: f"results/depth{k:06d}.png"
+    )
+    rows = "".join(f"1 0 0 {k / 10} 0 1 0 0 0 0 1 0 0 0 0 1\n" for k in range(3))
+    (folder / "traj.txt").write_text(rows)
+    camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 6553.5}
+    (folder / "cam_params.json").write_text(json.dumps({"camera": camera}, indent=2))
+
+
+def tum(folder, rng):
+    """Write a recording as TUM's."""
+    _images(
+        rng,
+        folder,
+        3,
+        names=lambda k: f"rgb/{1000 + k / 30:.6f}.png",
+        depth_names=lambda k: f"depth/{1000 + k / 30:.6f}.png",
+    )
+    for kind in ("rgb", "depth"):
+        rows = "".join(f"{1000 + k / 30:.6f} {kind}/{1000 + k / 30:.6f}.png\n" for k in range(3))
+        (folder / f"{kind}.txt").write_text("# images\n# file: 'a'\n# timestamp filename\n" + rows)
+    rows = "".join(f"{1000 + k / 30:.6f} {k / 10} 0 0 0 0 0 1\n" for k in range(3))
+    (folder / "groundtruth.txt").write_text("# poses\n# file: 'a'\n# timestamp tx ty tz qx qy qz qw\n" + rows)
+
+
+def euroc(folder, rng):
+    """Write a recording as EuRoC's."""
+    write_euroc(folder, colour=bool(rng.integers(2)), columns=pick(rng, (8, 17)))
+
+
+def write(folder, rng):
+    """Write a recording, and mutate one or two of its files."""
+    sequence = folder / "sequence"
+    sequence.mkdir()
+    pick(rng, (replica, tum, euroc))(sequence, rng)
+    paths = sorted(path for path in sequence.rglob("*") if path.is_file())
+    for _ in range(int(rng.integers(1, 3))):
+        texts = [path for path in paths if path.suffix in TEXTS]
+        path = pick(rng, texts if rng.integers(2) else paths)
+        data = path.read_bytes() if path.exists() else b""
+        match int(rng.integers(8)):
+            case 0:
+                path.unlink(missing_ok=True)
+            case 1:
+                path.write_bytes(b"")
+            case 2:
+                other = pick(rng, paths)
+                path.write_bytes(other.read_bytes() if other.exists() else b"")
+            case _ if path.suffix in TEXTS:
+                path.write_bytes(mutate_mixed(data.decode("utf-8", "replace"), rng, WORDS))
+            case _:
+                path.write_bytes(mutate_bytes(data, rng))
+
+
+def read(folder):
+    """Read every frame; return the sequence with its images."""
+    stored = find_sequence(folder / "sequence")
+    assert min(stored.size_px) > 0
+    count = len(stored.trajectory)
+    if count > 100:
+        raise InputError(folder, "has many frames")
+    images = []
+    for index in range(count):
+        frame = stored.frame(index)
+        rgb, depth_m = frame.rgb, frame.depth_m
+        assert rgb.dtype == np.uint8
+        assert rgb.ndim == 3
+        assert np.isfinite(depth_m).all()
+        assert depth_m.min() >= 0
+        images.append((frame, rgb, depth_m))
+    return stored, images
+
+
+def differs(_folder, meaning, peer):
+    """Return how the images differ from another decoder's, or "" where there is none."""
+    if peer is None:
+        return ""
+    _, images = meaning
+    for frame, rgb, depth_m in images:
+        for path, ours, scale in ((frame.rgb_file, rgb, 1.0), (frame.depth_file, depth_m, frame.depth_scale_per_m)):
+            theirs = peer.image(path)
+            if theirs is None:
+                continue  # a kind that the other decoder does not know
+            if isinstance(theirs, str):
+                return f"{path.name} is read, but the other decoder says: {theirs}"
+            if ours.ndim == 3 and theirs.ndim == 2:
+                theirs = np.repeat(theirs[..., None], 3, axis=2)
+            if theirs.shape[:2] != ours.shape[:2]:
+                return f"{path.name} has {ours.shape} pixels, and {theirs.shape} in the other decoder"
+            near = 8 if path.suffix == ".jpg" else 1e-3
+            if theirs.shape == ours.shape and np.abs(theirs / scale - ours).max() > near:
+                return f"{path.name} has other pixels in the other decoder"
+    return ""
