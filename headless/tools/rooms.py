@@ -28,13 +28,13 @@ type Image = NDArray[np.uint8]
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAMES = 2000
-SHOWN = ((1580, 840), (500, 1500), (40, 1240), (900, 1900), (1300, 520), (300, 1700), (80, 1080), (1120, 320))  # by eye
+SHOWN = ((720, 1215), (555, 1875), (720, 1710), (60, 1875), (720, 390), (720, 1050), (555, 1050), (885, 225))  # by eye
 TILE_PX = (300, 170)
 PLAN_PX = (214, 170)
 GAP_PX = 6
 LABEL_PX = 22
 ACROSS = 2  # rooms beside each other
-ROOF_M = 2.2  # what is higher is left out of the plan
+ROOF_M, GROUND_M = 2.2, -0.1  # what is higher, and the gardens' ground, are left out of the plan
 LARGEST_BYTES = 300_000
 INK, GROUND, PATH = (30, 30, 30), 255, (255, 60, 200)
 
@@ -57,8 +57,10 @@ def main(arguments: list[str]) -> int:
 def block(seed: int) -> Image:
     """Return a room's two frames and its plan beside each other, under its name."""
     frames, path_m = rendered(seed, SHOWN[seed])
+    mesh, length_m = build_room(seed), np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum()
+    print(f"room {seed}: {len(mesh.vertices_m):,} vertices, path of {length_m:.0f} m")
     tiles = [np.asarray(cv2.resize(frame, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8) for frame in frames]
-    tiles.append(plan(build_room(seed), path_m))
+    tiles.append(plan(mesh, path_m))
     width = sum(tile.shape[1] + GAP_PX for tile in tiles) + GAP_PX
     canvas = np.full((LABEL_PX + TILE_PX[1] + GAP_PX, width, 3), GROUND, dtype=np.uint8)
     cv2.putText(canvas, room_mesh(seed), (GAP_PX, LABEL_PX - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.48, INK, 1, cv2.LINE_AA)
@@ -88,7 +90,7 @@ def rendered(seed: int, shown: tuple[int, ...]) -> tuple[list[Image], NDArray[np
 def plan(mesh: Mesh, path_m: NDArray[np.float64]) -> Image:
     """Return a room as it is seen from above without its ceiling, north up, with the path through it."""
     assert mesh.rgb is not None
-    below = mesh.vertices_m[:, 2] < ROOF_M
+    below = (mesh.vertices_m[:, 2] < ROOF_M) & (mesh.vertices_m[:, 2] > GROUND_M)
     points_m, rgb = mesh.vertices_m[below], mesh.rgb[below]
     low_m, high_m = path_m.min(axis=0)[:2] - 2.6, path_m.max(axis=0)[:2] + 2.6
     low_m, high_m = np.maximum(low_m, points_m.min(axis=0)[:2]), np.minimum(high_m, points_m.max(axis=0)[:2])
@@ -106,11 +108,10 @@ def plan(mesh: Mesh, path_m: NDArray[np.float64]) -> Image:
 def small_jpeg(image: Image) -> bytes:
     """Return an image as a JPEG of the best quality that keeps it below LARGEST_BYTES."""
     for quality in range(90, 30, -4):
-        done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-        assert done
+        data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
         if len(data) <= LARGEST_BYTES:
-            break
-    return data.tobytes()
+            return data
+    raise SystemExit(f"the picture does not fit {LARGEST_BYTES} bytes")
 
 
 if __name__ == "__main__":

@@ -169,22 +169,28 @@ def coat_rack(width_m: float, timber: Painter, codes: list[str], seed: int) -> P
 
 
 def _coat(code: str, seed: int) -> Piece:
-    """A coat that hangs from 1.74 m, round a vertical axis, flat towards the wall, with folds."""
+    """A coat that hangs from 1.74 m: a body in folds with a buttoned front, a collar, two sleeves."""
     cloth = (
-        pt.weave(code, "#e7dcc8", seed, thread_m=0.02)
+        pt.weave(code, "#d8c8b0", seed, thread_m=0.02)
         if seed % 2
-        else pt.checks([code, "#3a3430", code, "#8c7a62"], 0.05, seed)
+        else pt.checks([code, code, "#3a3430", "#8c7a62"], 0.045, seed)
     )
-    t = np.linspace(0.0, 1.0, 60)
-    angle = np.linspace(0.0, 2 * np.pi, 61)
-    v, a = np.meshgrid(t, angle, indexing="ij")
-    half = 0.03 + 0.17 * np.minimum(v / 0.13, 1.0) ** 0.5 + 0.02 * v
-    fold = 1.0 + 0.16 * np.sin(7 * a + seed) * v
+    v, a = np.meshgrid(np.linspace(0.0, 1.0, 60), np.linspace(0.0, 2 * np.pi, 61), indexing="ij")
+    half = np.interp(v, [0.0, 0.03, 0.05, 0.1, 0.45, 1.0], [0.045, 0.05, 0.075, 0.15, 0.14, 0.175])
+    fold = 1.0 + 0.2 * np.sin(6 * a + seed) * np.maximum(v - 0.25, 0.0)
     long_ = 0.85 + 0.2 * pt.pick(seed, 3)
-    x, y = half * np.cos(a) * fold * 0.62, -0.085 + 0.075 * np.sin(a) * fold
-    z = 1.73 - long_ * v
-    points = np.stack([x, y, z], -1)[::-1]
-    return Piece((sheet(points, cloth(a * 0.17, v * long_)[::-1]),))
+    x, y = 0.82 * half * np.cos(a) * fold, -0.085 + np.minimum(0.07, 0.8 * half) * np.sin(a) * fold
+    points = np.stack([x, y, 1.73 - long_ * v], -1)[::-1]
+    front = abs(a - 1.5 * np.pi)
+    button = (front < 0.16) & (front > 0.05) & (abs(v * 9 % 1.0 - 0.5) < 0.12) & (v > 0.12) & (v < 0.8)
+    rgb = np.where((front < 0.05)[..., None], 0.55, 1.0) * cloth(a * 0.17, v * long_)
+    rgb = np.where(button[..., None], 0.12, rgb)
+    sleeves = [
+        tube([(0.09 * s, -0.09, 1.64), (0.125 * s, -0.1, 1.52), (0.13 * s, -0.11, 1.3), (0.12 * s, -0.125, 1.08)],
+             np.array([0.03, 0.045, 0.042, 0.036]), 14, cloth)
+        for s in (-1, 1)
+    ]  # fmt: skip
+    return joined([Piece((sheet(points, rgb[::-1]),)), *sleeves])
 
 
 def bench(width_m: float, timber: Painter, cushion: Painter) -> Piece:
