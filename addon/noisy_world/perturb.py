@@ -28,8 +28,8 @@ from .core.perturbing.inputs import (
     check_size,
     checked_colour,
     checked_depth,
+    checked_number,
     checked_rate,
-    checked_stamp,
     checked_text,
     checked_whole_number,
     plain,
@@ -121,7 +121,7 @@ def apply(
     where = FrameContext(
         checked_whole_number("frame", frame, LARGEST_FRAME),
         (checked_whole_number("seed", seed, LARGEST_SEED), "", ""),
-        stamp_s=checked_stamp("stamp_s", stamp_s),
+        stamp_s=checked_number("stamp_s", stamp_s),
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
         read_depth_m=None if depth_m is None else lambda: depth_m,
@@ -184,6 +184,7 @@ def frames(
     name = Path(folder).name if scene is None else checked_text("scene", scene)
     if isinstance(perturb, (str, bytes)) or not isinstance(perturb, Sequence):
         raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
+    check_intrinsics(intrinsics)
     recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
     stored = recording.stored
     for note in stored.notes:
@@ -203,7 +204,7 @@ def frames(
 def _perturbed_frames(
     stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
 ) -> Iterator[PerturbedFrame]:
-    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its camera."""
+    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
     whole = sequence.setting
     camera, depth_camera = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
     for index in sequence.frames:

@@ -174,6 +174,10 @@ def test_frames_refuses_when_it_is_called(tmp_path):
         ({"seed": -1}, "seed"),
         ({"setting": 3}, "setting is the number 3"),
         ({"scene": 3}, "scene is the number 3"),
+        ({"rate_hz": 0}, "rate_hz is the number 0, but has to be above 0"),
+        ({"rate_hz": "20"}, "rate_hz is the text '20'"),
+        ({"rate_hz": np.nan}, "rate_hz is the number nan"),
+        ({"intrinsics": (1, 2)}, "intrinsics is a tuple"),
     ):
         with pytest.raises((TypeError, ValueError), match=words):
             frames(tmp_path, [], **given)

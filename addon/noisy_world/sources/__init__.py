@@ -14,8 +14,7 @@ from ..core.presets.preset import Preset, SceneSpec
 from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name, room_seeds
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place, shown
-from ..core.trajectories.files import read_trajectory
-from .mesh import MeshSource, selected_poses
+from .mesh import MeshSource, read_path
 from .recording import read_recording
 
 
@@ -94,12 +93,9 @@ def _mesh_scene(
     if spec.trajectory.file is None:
         return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed, room))
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
-    path = _found(preset, where, text)
-    whole = read_trajectory(
-        path, direction=spec.trajectory.pose, axes=spec.trajectory.axes, rate_hz=spec.trajectory.rate_hz
-    )
-    chosen = selected_poses(whole, spec.trajectory, where)
-    return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, path, chosen, seed, room))
+    path = _found(preset, where, text, folder=None)
+    chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.mesh_camera.intrinsics)
+    return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room))
 
 
 def _scene(name: str, place: Place, source: Source) -> Scene:
@@ -112,11 +108,12 @@ def _check_name(name: str, place: Place) -> None:
         raise place.at("name").error(f"{name!r} cannot name a folder", "give a name")
 
 
-def _found(preset: Preset, place: Place, text: str, *, folder: bool = False) -> Path:
+def _found(preset: Preset, place: Place, text: str, *, folder: bool | None = False) -> Path:
+    """Return the path of a file or a folder that exists; folder: None where it may be either."""
     path = path_in(preset.path.parent, text, place)
     kind = "folder" if folder else "file"
     try:
-        there = path.is_dir() if folder else path.is_file()
+        there = path.is_dir() if folder else path.is_file() or (folder is None and path.is_dir())
     except OSError as error:  # a name that is too long, for instance
         raise place.error(f"{shown(text)} cannot be a {kind}: {error.strerror}") from error
     if not there:

@@ -4,7 +4,7 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,10 +23,12 @@ from ..core.scenes.ply import read_ply, texture_files
 from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.schema import Place
-from ..core.trajectories.handheld import handheld_path
+from ..core.trajectories.files import read_trajectory_file
+from ..core.trajectories.handheld import handheld_path, walk_problem
+from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
-from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped, resample, subsample
+from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
 
 if TYPE_CHECKING:
     from ..blender.session import Session
@@ -70,6 +72,8 @@ class MeshSource:
         if self.known_path is not None:
             return self.known_path.stamps_s
         handheld = self._handheld
+        if problem := walk_problem(handheld.frames, handheld.rate_hz, handheld.speed_m_s):
+            raise self.place.at("trajectory").at("handheld").error(problem)
         still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
         return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
 
@@ -84,8 +88,8 @@ class MeshSource:
 
     @property
     def robot_axes(self) -> Axes | None:
-        """The axes that the preset declares for the path."""
-        return self.spec.axes
+        """The axes of the path's poses: the preset's, or else those of the file."""
+        return "opencv" if self.spec.axes == "auto" else self.spec.axes
 
     def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics asked for: a mesh can be rendered through any camera."""
@@ -128,7 +132,7 @@ class MeshSource:
             "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
-            "trajectory_sha256": None if self.path_file is None else sha256_of_file(self.path_file),
+            "trajectory_sha256": None if self.path_file is None else _sha256_of_path(self.path_file),
             **(texture_hashes if textures else {}),
         }
 
@@ -140,7 +144,7 @@ class MeshSource:
         from ..blender.session import Session
 
         mesh = load_mesh(self.mesh_path, self.room)
-        for text in mesh.notes:
+        for text in (*mesh.notes, *self.trajectory().notes):
             note(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
             note("Workbench shows a texture or other colours: faces without a texture are grey")
@@ -250,16 +254,43 @@ def _read(path: Path, _changed_ns: tuple[int, ...]) -> Mesh:
     return read_ply(path)
 
 
+def _sha256_of_path(path: Path) -> str | None:
+    """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
+    if path.is_file():
+        return sha256_of_file(path)
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()
+
+
 def forget_meshes() -> None:
     """Keep no mesh in memory."""
     _room.cache_clear()
     _read.cache_clear()
 
 
+def read_path(path: Path, spec: TrajectorySpec, place: Place, camera: Intrinsics) -> tuple[Trajectory, TrajectorySpec]:
+    """Read and select the poses of a file; return also the keys with the conventions that it was read with.
+
+    camera: the preset's; a file that states another gets a note. Raises InputError.
+    """
+    found = read_trajectory_file(
+        path, format=spec.format, direction=spec.pose, axes=spec.axes, rate_hz=spec.rate_hz, stamp_unit=spec.stamp_unit
+    )
+    chosen = selected_poses(found.trajectory, spec, place)
+    difference = "" if found.camera is None else found.camera.difference(camera)
+    notes = [f"{path.name}: {note}" for note in (*chosen.notes, difference) if note]
+    return replace(chosen, notes=tuple(notes)), replace(spec, pose=found.direction, axes=found.axes)
+
+
 def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
-    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left."""
+    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left, or too many."""
     if spec.resample_hz is not None:
-        trajectory = resample(trajectory, spec.resample_hz)
+        try:
+            trajectory = resample(trajectory, spec.resample_hz)
+        except ValueError as error:
+            span_s = float(np.ptp(trajectory.stamps_s))
+            remedy = f"at most {0.99 * MOST_POSES / span_s:.2g} Hz, or mend the stamps"
+            raise place.at("resample_hz").error(str(error), remedy) from error
     try:
         return subsample(trajectory, spec.start, spec.stop, spec.every)
     except ValueError as error:

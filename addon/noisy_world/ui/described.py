@@ -22,6 +22,18 @@ _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERC
 _SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
 _NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
 _CHOICES = {
+    "auto": ("As in File", "As the file's content and format say"),
+    "replica": ("Replica", "16 numbers a line, a 4 x 4 pose"),
+    "kitti": ("KITTI", "12 numbers a line, a 3 x 4 pose"),
+    "tum": ("TUM", "Time stamp, position and quaternion, w last"),
+    "euroc": ("EuRoC", "Time stamp in nanoseconds, position and quaternion, w first"),
+    "matrices": ("Matrices", "Four lines a pose, in one file or in a folder with a file for each pose"),
+    "log": ("Open3D Log", "Three whole numbers, then four lines a pose"),
+    "transforms": ("Transforms", "The transforms.json of nerfstudio and NeRF"),
+    "s": ("Seconds", "The time stamps are seconds"),
+    "ms": ("Milliseconds", "The time stamps are milliseconds"),
+    "us": ("Microseconds", "The time stamps are microseconds"),
+    "ns": ("Nanoseconds", "The time stamps are nanoseconds"),
     "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
     "w2c": ("World to Camera", "A pose takes points from the world to the camera"),
     "opencv": ("OpenCV", "The camera looks along z: x right, y down, z forward"),

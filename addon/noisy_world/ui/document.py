@@ -38,7 +38,10 @@ HANDHELD = {
     "handheld_frames": "frames", "handheld_rate_hz": "rate_hz", "handheld_speed_m_s": "speed_m_s",
     "handheld_clearance_m": "clearance_m",
 }  # fmt: skip
-TRAJECTORY = {"trajectory_pose": "pose", "trajectory_axes": "axes", "trajectory_rate_hz": "rate_hz"}
+TRAJECTORY = {
+    "trajectory_format": "format", "trajectory_pose": "pose", "trajectory_axes": "axes",
+    "trajectory_rate_hz": "rate_hz", "trajectory_stamp_unit": "stamp_unit",
+}  # fmt: skip
 
 
 # --- the panel as a document ---

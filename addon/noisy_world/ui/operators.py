@@ -112,7 +112,12 @@ class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
-        return guarded(self, lambda: f"{world.load_path(context.scene)} poses")
+
+        def work() -> str:
+            count, notes = world.load_path(context.scene)
+            return "; ".join((f"{count} poses", *notes))
+
+        return guarded(self, work)
 
 
 class NoisyWorldSetCamera(OnScene, bpy.types.Operator):

@@ -86,7 +86,8 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
         layout.prop(panel, "trajectory_source", text="Path")
         if panel.trajectory_source == "FILE":
             layout.prop(panel, "trajectory_path")
-            names = ("trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
+            names = ("trajectory_format", "trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
+            names += ("trajectory_stamp_unit",)
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)

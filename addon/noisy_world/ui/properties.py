@@ -228,14 +228,16 @@ def _panel_members() -> dict[str, Any]:
             description="Where the path comes from",
             items=[
                 ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
-                ("FILE", "File", "A trajectory of Replica, TUM or KITTI, told apart by content"),
+                ("FILE", "File", "A file of poses, or a folder of one pose a file; its format is told by content"),
             ],
             update=tell("trajectory_source"),
         ),
         "trajectory_path": described(
             TrajectorySpec, "file", label="File", update="trajectory_path", subtype="FILE_PATH", options=path_options,
-            description="Trajectory of Replica, TUM or KITTI, told apart by content",
+            description="Poses of Replica, KITTI, TUM, EuRoC, ScanNet, Open3D (.log) or nerfstudio (transforms.json)",
         ),
+        "trajectory_format": described(TrajectorySpec, "format", update="trajectory_format"),
+        "trajectory_stamp_unit": described(TrajectorySpec, "stamp_unit", update="trajectory_stamp_unit"),
         "trajectory_rate_hz": described(TrajectorySpec, "rate_hz", label="Rate", update="trajectory_rate_hz"),
         "trajectory_pose": described(TrajectorySpec, "pose", update="trajectory_pose"),
         "trajectory_axes": described(TrajectorySpec, "axes", update="trajectory_axes"),

@@ -133,8 +133,8 @@ def _remove_mesh(item: bpy.types.Object) -> None:
 # --- path ---
 
 
-def load_path(scene: bpy.types.Scene) -> int:
-    """Load or make the trajectory that the panel names, key the camera along it, and return the number of poses.
+def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
+    """Load or make the panel's trajectory and key the camera along it; return the number of poses, and notes.
 
     Raises NoisyWorldError.
     """
@@ -144,7 +144,7 @@ def load_path(scene: bpy.types.Scene) -> int:
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
     camera[LOADED_FROM] = _decided_by(panel_of(scene), "camera")
     key_camera(scene)
-    return len(nominal)
+    return len(nominal), nominal.notes
 
 
 def key_camera(scene: bpy.types.Scene) -> None:

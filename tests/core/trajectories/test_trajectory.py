@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import math
+import re
 
 import numpy as np
 import pytest
@@ -170,3 +171,19 @@ def test_unknown_conventions():
         convert_convention(np.eye(4), direction="camera", axes="opencv")
     with pytest.raises(ValueError, match="opencv, opengl, robot"):
         convert_convention(np.eye(4), direction="c2w", axes="blender")
+
+
+@cases(
+    ("span_s", "rate_hz", "says"),
+    [
+        (1e9, 20.0, "20 Hz over the path's 1e+09 s makes 2e+10 poses, more than 1,000,000"),
+        (1e11, 1e4, "makes 1e+15 poses"),
+        (100.0, 1e4, "makes 1e+06 poses, more than 1,000,000"),
+        (1.7e308, 1e308, "makes inf poses"),
+    ],
+)
+def test_resample_refuses_absurd_numbers_of_poses(span_s, rate_hz, says):
+    still = Trajectory(np.tile(np.eye(4), (2, 1, 1)), [0.0, span_s])
+    with pytest.raises(ValueError, match=re.escape(says)):
+        resample(still, rate_hz)
+    assert len(resample(Trajectory(np.eye(4)[None], [span_s]), rate_hz)) == 1  # a span of 0

@@ -167,8 +167,7 @@ def test_exact_rotations_stay_bit_for_bit(write):
 
 def test_wrong_numbers_on_a_line(refused):
     assert "16 numbers (Replica), 12 (KITTI) or 8 (TUM)" in refused("1 2 3\n")
-    # A 4 x 4 matrix over four lines.
-    assert refused("1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n").startswith("line 1: 4 numbers; a line holds one pose")
+    assert refused("1 0 0\n" * 4).startswith("line 1: 3 numbers; a line holds one pose")
     message = refused(f"# head\n{IDENTITY}\n{IDENTITY}{IDENTITY[:-3]}\n")
     assert message.startswith("line 5: 15 numbers, but line 2 has 16")
     assert refused(IDENTITY + TUM_LINE).startswith("line 2: 8 numbers, but line 1 has 16")
@@ -183,8 +182,13 @@ def test_tokens_that_are_no_numbers(refused, token, shown):
     assert refused(IDENTITY + IDENTITY.replace("1", token, 1)).startswith(f"line 2: {shown} is not a number")
 
 
-def test_headers_and_commas(refused):
-    assert "'timestamp' is not a number" in refused("timestamp tx ty tz qx qy qz qw\n" + TUM_LINE)
+def test_headers_and_commas(refused, write):
+    headed = read_trajectory(write("timestamp tx ty tz qx qy qz qw\n" + TUM_LINE))
+    np.testing.assert_array_equal(headed.c2w, read_trajectory(write(TUM_LINE)).c2w)
+    assert refused(TUM_LINE + "timestamp tx ty tz qx qy qz qw\n").startswith("line 2: 'timestamp' is not a number")
+    assert refused("one\ntwo\n" + TUM_LINE).startswith("line 2: 'two' is not a number")
+    assert refused("0.5 x 2 3 0 0 0 1\n").startswith("line 1: 'x' is not a number")
+    assert refused("timestamp tx ty tz qx qy qz qw\n").startswith("holds no pose")
     # A decimal comma would make 16 numbers of a TUM line.
     assert "is not a number" in refused("0,5 1,5 2,5 3,5 0,0 0,0 0,0 1,0\n")
     assert "'' is not a number" in refused("0.5,1,2,3,,0,0,0,1\n")
@@ -252,7 +256,7 @@ def test_files_that_are_no_text(refused, content):
 def test_files_that_are_not_there(tmp_path):
     for path, says in (
         (tmp_path / "no.txt", "does not exist"),
-        (tmp_path, "cannot be read"),
+        (tmp_path, "without numbered .txt files"),
         (tmp_path / "no/a.txt", "exist"),
     ):
         for read in (read_trajectory, detect_format):

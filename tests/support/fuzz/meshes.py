@@ -2,8 +2,10 @@
 """Mutated PLY files, whose vertices, colours and faces are compared with what plyfile reads."""
 
 import itertools
+import random
 
 import numpy as np
+from fuzz import ply as ply_changes
 from fuzz.mutation import NUMBERS, mutate_bytes, mutate_text, pick
 from ply_files import BYTES, CODES, ENCODINGS, INDICES, MIXED, NORMAL, POINTS, QUADS, RGB, TRIANGLES, XYZ, ply, polygons
 
@@ -37,9 +39,11 @@ def _file(rng):
 
 
 def write(folder, rng):
-    """Write mesh.ply: its header changed word by word, or any of its bytes."""
+    """Write mesh.ply: changed as a careless program would, its header word by word, or any of its bytes."""
     data = _file(rng)
     if rng.integers(2):
+        data = ply_changes.mutate(pick(rng, ply_changes.seeds()), random.Random(int(rng.integers(2**63))))
+    elif rng.integers(2):
         header, mark, body = data.partition(b"end_header")
         text = mutate_text((header + mark).decode(), rng, WORDS).encode("utf-8", "surrogatepass")
         data = text + (body if rng.integers(4) else mutate_bytes(body, rng))

@@ -21,6 +21,8 @@ MEMORY_BYTES = 6 * 2**30  # of addresses; libraries and threads take most of wha
 START_S = 120
 DECODERS = re.compile(r"libpng |\[ ?(?:WARN|ERROR|INFO):|Corrupt JPEG|Premature end|JPEG|.*JPEG")
 """What the libraries of images print of a damaged file, beside the error that refuses it."""
+DAMAGED_SCAN = re.compile(r"Corrupt JPEG data|Premature end of JPEG")
+"""What libjpeg prints of a file that it reads nevertheless: nothing else could tell."""
 
 
 def run_cases(cases, seed, folder, *, processes=2, limit_s=10.0, peer_python=None):
@@ -127,10 +129,8 @@ def _work(pipe, seed, folder, peer_python):
         sys.stderr.flush()
         printed.seek(0)
         told = printed.read().decode("utf-8", "replace").strip()
-        if (
-            told
-            and outcome.kind != "finding"
-            and (outcome.kind == "accepted" or not all(map(DECODERS.match, told.splitlines())))
-        ):
+        lines = DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
+        expected = all(map(lines.match, told.splitlines()))
+        if told and outcome.kind != "finding" and not expected:
             outcome = Outcome("finding", f"printed ({outcome.kind}): {told[:300]!r}")
         pipe.send(outcome)

@@ -50,23 +50,40 @@ def _euroc(path):
     return _from_quats(table[:, 0] / 1e9, table[:, 1:4], table[:, 4:8])
 
 
-def _blocks(path):
-    return None, _table(path, (4,)).reshape(-1, 4, 4)
+def _finite(poses):
+    """Leave out the poses where tracking was lost."""
+    return poses[np.isfinite(poses).all(axis=(1, 2))]
+
+
+def _matrices(path):
+    return None, _finite(_table(path, (4,)).reshape(-1, 4, 4))
 
 
 def _log(path):
     numbers = [float(word) for word in path.read_text().split()]
-    return None, np.array(numbers).reshape(-1, 19)[:, 3:].reshape(-1, 4, 4)
+    return None, _finite(np.array(numbers).reshape(-1, 19)[:, 3:].reshape(-1, 4, 4))
 
 
 def _transforms(path):
     document = json.loads(path.read_text())
     poses = np.array([item["transform_matrix"] for item in document["frames"]], dtype=np.float64)
-    return None, poses @ np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's camera axes to OpenCV's
+    return None, _finite(poses @ np.diag([1.0, -1.0, -1.0, 1.0]))  # OpenGL's camera axes to OpenCV's
 
 
-READERS = {"tum": _tum, "kitti": _kitti, "replica": _replica, "euroc": _euroc, "blocks": _blocks, "log": _log,
+READERS = {"tum": _tum, "kitti": _kitti, "replica": _replica, "euroc": _euroc, "matrices": _matrices, "log": _log,
            "transforms": _transforms}  # fmt: skip
+
+
+def is_euroc(path):
+    """Tell whether a file is read as EuRoC's: whole nanoseconds before 7 or 16 numbers, separated by commas."""
+    try:
+        _euroc(path)
+    except ValueError:
+        return False
+    rows = [
+        line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip() and line.strip()[0] != "#"
+    ]
+    return all(row.partition(",")[0].strip().isdecimal() for row in rows)
 
 
 def read(path, format_):

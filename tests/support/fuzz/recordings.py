@@ -113,7 +113,7 @@ def differs(_folder, meaning, peer):
     _, images = meaning
     for frame, rgb, depth_m in images:
         for path, ours, scale in ((frame.rgb_file, rgb, 1.0), (frame.depth_file, depth_m, frame.depth_scale_per_m)):
-            theirs = peer.image(path)
+            theirs = None if path.suffix == ".jpg" else peer.image(path)  # a JPEG's scans have no checksum
             if theirs is None:
                 continue  # a kind that the other decoder does not know
             if isinstance(theirs, str):
@@ -122,7 +122,8 @@ def differs(_folder, meaning, peer):
                 theirs = np.repeat(theirs[..., None], 3, axis=2)
             if theirs.shape[:2] != ours.shape[:2]:
                 return f"{path.name} has {ours.shape} pixels, and {theirs.shape} in the other decoder"
-            near = 8 if path.suffix == ".jpg" else 1e-3
-            if theirs.shape == ours.shape and np.abs(theirs / scale - ours).max() > near:
+            deep = ours.ndim == 3 and theirs.max() > 255  # colour of 16 bits, of which the upper 8 are taken
+            divisor, near = (256.0, 1.0) if deep else (scale, 1e-3)
+            if theirs.shape == ours.shape and np.abs(theirs / divisor - ours).max() > near:
                 return f"{path.name} has other pixels in the other decoder"
     return ""

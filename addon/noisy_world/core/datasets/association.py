@@ -31,13 +31,22 @@ class StampedFiles:
 
 @dataclass(frozen=True, eq=False)
 class Associated:
-    """The frames of a recording. path: the poses, at the stamps of the colour. left_out: what is not used, in words."""
+    """The frames of a recording. path: the poses, at the stamps of the colour.
+
+    left_out: what is not used, in words. read: what is to be said about how the poses were read.
+    """
 
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
     path: Trajectory
     stamps: FrameStamps
     left_out: str
+    read: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know."""
+        return (*self.read, self.left_out) if self.left_out else self.read
 
 
 def associate(
@@ -99,6 +108,7 @@ def associate_frames(
         Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
         stamps,
         _left_out(len(rgb.files), paired, len(of_rgb)),
+        path.notes,
     )
 
 

@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
+from .image_files import damage
 from .json_text import finite_number
 
 RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
@@ -183,7 +184,13 @@ def _read_steps(path: Path) -> NDArray[np.uint16]:
 def _read_image(path: Path, mode: int) -> NDArray[Any]:
     import cv2
 
-    image = cv2.imread(str(path), mode) if path.is_file() else None
+    try:
+        problem = damage(path.read_bytes())
+    except OSError as error:
+        raise InputError(path, "is not there or no image") from error
+    if problem:
+        raise InputError(path, f"is damaged: {problem}", remedy="copy it again")
+    image = cv2.imread(str(path), mode)
     if image is None:
         raise InputError(path, "is not there or no image")
     return image

@@ -64,13 +64,13 @@ def check_size(argument: str, image: NDArray[Any], beside: NDArray[Any]) -> None
         raise ValueError(f"{argument} is {wide} x {high} pixels, but the image is {wide_beside} x {high_beside}")
 
 
-def check_intrinsics(intrinsics: Any, size_px: tuple[int, int]) -> None:
-    """Check that these are None, or the intrinsics of images of this width and height."""
+def check_intrinsics(intrinsics: Any, size_px: tuple[int, int] | None = None) -> None:
+    """Check that these are None, or the intrinsics of images of this width and height, where one is given."""
     if intrinsics is None:
         return
     if not isinstance(intrinsics, Intrinsics):
         raise TypeError(f"intrinsics is a {type(intrinsics).__name__}, but has to be Intrinsics")
-    if (intrinsics.width_px, intrinsics.height_px) != size_px:
+    if size_px is not None and (intrinsics.width_px, intrinsics.height_px) != size_px:
         told = f"{intrinsics.width_px} x {intrinsics.height_px}"
         raise ValueError(f"intrinsics is of {told} pixels, but the image is {size_px[0]} x {size_px[1]}")
 
@@ -84,23 +84,23 @@ def checked_whole_number(argument: str, value: Any, largest: int) -> int:
     return int(value)
 
 
-def checked_stamp(argument: str, value: Any) -> float | None:
-    """Return a time stamp in seconds, or None."""
-    if value is None:
-        return None
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{argument} is {describe(value)}, but has to be a number of seconds")
-    if not abs(value) <= float(np.finfo(np.float64).max) or not math.isfinite(value):
-        raise ValueError(f"{argument} is {describe(value)}, but has to be finite")
-    return float(value)
-
-
 def checked_rate(argument: str, value: Any) -> float | None:
-    """Return frames a second, or None."""
-    rate_hz = checked_stamp(argument, value)
+    """Return a rate in hertz, or None."""
+    rate_hz = checked_number(argument, value)
     if rate_hz is not None and rate_hz <= 0:
         raise ValueError(f"{argument} is {describe(value)}, but has to be above 0")
     return rate_hz
+
+
+def checked_number(argument: str, value: Any) -> float | None:
+    """Return a finite number, or None."""
+    if value is None:
+        return None
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise TypeError(f"{argument} is {describe(value)}, but has to be a number")
+    if not abs(value) <= float(np.finfo(np.float64).max) or not math.isfinite(value):
+        raise ValueError(f"{argument} is {describe(value)}, but has to be finite")
+    return float(value)
 
 
 def checked_text(argument: str, value: Any) -> str:

@@ -52,15 +52,27 @@ class TrajectorySpec:
 
     SHORTHAND: ClassVar[str] = "file"
 
-    file: str | None = key("Replica, TUM or KITTI trajectory, relative to the preset; * allowed", default=None)
+    file: str | None = key(
+        "file of poses, or folder of one pose a file, relative to the preset; * allowed; its format is told by content",
+        default=None,
+    )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
-    pose: Literal["c2w", "w2c"] = key("whether the file holds camera-to-world or world-to-camera", default="c2w")
-    axes: Literal["opencv", "opengl", "robot"] = key(
-        "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up",
-        default="opencv",
+    format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
+        "the file's format, where its content should not decide", default="auto"
+    )
+    pose: Literal["auto", "c2w", "w2c"] = key(
+        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world", default="auto"
+    )
+    axes: Literal["auto", "opencv", "opengl", "robot"] = key(
+        "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up; auto is "
+        "opencv, and opengl for transforms.json",
+        default="auto",
     )
     rate_hz: float = key(
         "frames a second, where the file has no time stamps", unit="Hz", default=20.0, above=0, maximum=10_000
+    )
+    stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
+        "the unit of the file's time stamps; auto tells seconds from nanoseconds", default="auto"
     )
     start: int = key("first pose used", default=0, minimum=0)
     stop: int | None = key("the pose after the last one used", default=None, minimum=1)

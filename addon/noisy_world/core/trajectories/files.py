@@ -1,81 +1,155 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trajectory files: Replica, KITTI and TUM, told apart by their content.
+"""Trajectory files: their formats told apart by content, read and written.
 
-Replica: 16 numbers a line, a row-major 4 x 4 pose. KITTI: 12, its first three rows. TUM: 8, `t tx ty tz qx qy qz qw`.
-One pose a line, numbers separated by blanks or by commas; blank lines and comments from # on are skipped.
+Replica, KITTI, TUM and EuRoC hold a pose a line; further there are blocks of four lines (in one file, or a folder of
+one pose a file), Open3D's .log and nerfstudio's transforms.json. `docs/trajectories.md` says how each is recognised.
 """
 
-import math
-from array import array
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry import (
-    continuous_quats,
-    nearest_rotation,
-    pose,
-    quat_wxyz_from_rotation,
-    rotation_error,
-    rotation_from_quat_wxyz,
-)
-from .trajectory import Axes, Direction, Trajectory, convert_convention, evenly_stamped
+from ..geometry import continuous_quats, quat_wxyz_from_rotation
+from .matrix_poses import block_poses, folder_poses, is_log, line_poses, log_poses
+from .pose_text import FORMATS, LARGEST_STAMP_S, FilePoses, TextRows, TrajectoryFormat, read_text, text_rows
+from .stamped_poses import PER_SECOND, STAMP_UNITS, StampUnit, stamped_poses
+from .stated_camera import StatedCamera
+from .trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
+from .transforms_json import transforms_poses
 
-type TrajectoryFormat = Literal["replica", "kitti", "tum"]
+STAMPED_FORMATS: tuple[TrajectoryFormat, ...] = ("tum", "euroc")
+"""The formats whose poses have time stamps."""
 
-# By the numbers on a line, which the module's docstring describes.
-_FORMATS: dict[int, TrajectoryFormat] = {16: "replica", 12: "kitti", 8: "tum"}
-_ONE_POSE_A_LINE = "a line holds one pose: 16 numbers (Replica), 12 (KITTI) or 8 (TUM)"
-
-# Tolerances of what a file says. Text of six digits is off by 1e-6. The wide ones are chosen: they mend files of three
-# digits, and refuse a matrix with scale or shear.
-_ROTATION_TOLERANCE = 5e-3  # entries of R^T R - 1
-_ROTATION_EXACT = 1e-12  # below it a matrix is orthonormal to float64's rounding, and is kept as it is
-_QUAT_NORM_TOLERANCE = 1e-2
-_LAST_ROW_TOLERANCE = 1e-6
+type Auto = Literal["auto"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
-    """The numbers of a file, (N, 16 | 12 | 8) float64, and the line of the file that each row is from, 1 the first."""
+class TrajectoryFile:
+    """What a file of poses holds.
 
-    path: Path
-    values: NDArray[np.float64]
-    lines: NDArray[np.int64]
+    format: what it was read as. axes, direction: those of its poses.
+    camera: the intrinsics that it states, None where it does not. trajectory.notes: what was left out.
+    """
 
-    def fail_where(self, wrong: NDArray[np.bool_], problem: str, *, remedy: str = "", of: object = None) -> None:
-        """Raise InputError for the first row that is wrong; `{}` in `problem` is replaced by that row of `of`."""
-        if not wrong.any():
-            return
-        row = int(np.argmax(wrong))
-        shown = "" if of is None else _shown(np.asarray(of)[row])
-        raise InputError(self.path, problem.format(shown), where=f"line {self.lines[row]}", remedy=remedy)
+    format: TrajectoryFormat
+    direction: Direction
+    axes: Axes
+    trajectory: Trajectory
+    camera: StatedCamera | None
 
 
 def read_trajectory(
-    path: str | Path, *, direction: Direction = "c2w", axes: Axes = "opencv", rate_hz: float = 20.0
+    path: str | Path,
+    *,
+    format: TrajectoryFormat | Auto = "auto",  # noqa: A002 - the preset's key
+    direction: Direction | Auto = "auto",
+    axes: Axes | Auto = "auto",
+    rate_hz: float = 20.0,
+    stamp_unit: StampUnit | Auto = "auto",
 ) -> Trajectory:
-    """Read a Replica, KITTI or TUM file whose poses have the declared direction and camera axes.
+    """Read the poses of a file, or of a folder with one pose a file; its notes say what was left out.
 
-    TUM files keep their stamps, the others get 0, 1 / rate_hz, ... seconds. Rotations that are off by rounding are made
-    orthonormal. Raises InputError, which names file and line, for anything that is not a trajectory of rigid poses, and
-    ValueError for an unknown direction or axes, or a rate that is not positive.
+    format: what the file is, where its content should not decide. direction, axes: the convention of its poses; "auto"
+    is camera-to-world with the axes of the format, OpenCV's for all but transforms.json. stamp_unit: of its stamps,
+    "auto" is the format's. Files without stamps get 0, 1 / rate_hz, ... seconds. Rotations that are off by rounding
+    are made orthonormal. Raises InputError, which names file and line, for anything that is not a trajectory of rigid
+    poses, and ValueError for an argument that does not exist, or a rate that is not positive.
     """
-    table = _read_table(Path(path))
-    if table.values.shape[1] == 8:
-        stamps_s, poses = _tum_poses(table)
-        return Trajectory(convert_convention(poses, direction=direction, axes=axes), stamps_s)
-    return evenly_stamped(convert_convention(_matrix_poses(table), direction=direction, axes=axes), rate_hz)
+    found = read_trajectory_file(
+        path, format=format, direction=direction, axes=axes, rate_hz=rate_hz, stamp_unit=stamp_unit
+    )
+    return found.trajectory
+
+
+def read_trajectory_file(
+    path: str | Path,
+    *,
+    format: TrajectoryFormat | Auto = "auto",  # noqa: A002
+    direction: Direction | Auto = "auto",
+    axes: Axes | Auto = "auto",
+    rate_hz: float = 20.0,
+    stamp_unit: StampUnit | Auto = "auto",
+) -> TrajectoryFile:
+    """Read a file as `read_trajectory` does; return also what it is and what else it says."""
+    _check_name("format", format, FORMATS)
+    _check_name("direction", direction, DIRECTIONS)
+    _check_name("axes", axes, AXES)
+    _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
+    checked_rate(rate_hz)
+    path = Path(path)
+    unit = None if stamp_unit == "auto" else stamp_unit
+    poses = _read(path, None if format == "auto" else format, unit)
+    own_axes = poses.axes if axes == "auto" else axes
+    own_direction: Direction = "c2w" if direction == "auto" else direction
+    c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
+    trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
+    return TrajectoryFile(poses.format, own_direction, own_axes, trajectory, poses.camera)
 
 
 def detect_format(path: str | Path) -> TrajectoryFormat:
-    """Tell "replica", "kitti" or "tum" by the numbers on each line. Raises InputError as read_trajectory does."""
-    return _FORMATS[_read_table(Path(path)).values.shape[1]]
+    """Tell the format of a file by its content. Raises InputError as read_trajectory does."""
+    return _read(Path(path), None, None).format
+
+
+def _read(path: Path, declared: TrajectoryFormat | None, unit: StampUnit | None) -> FilePoses:
+    if path.is_dir():
+        if declared not in (None, "matrices"):
+            remedy = "a folder holds one pose a file: format: matrices, or auto"
+            raise InputError(path, f"is a folder, which is not {declared}", remedy=remedy)
+        poses = folder_poses(path)
+        if unit is not None:
+            assert poses.numbers is not None
+            poses = replace(poses, stamps_s=poses.numbers / PER_SECOND[unit])
+        return poses
+    text = read_text(path)
+    if declared == "transforms" or (declared is None and text.lstrip().startswith(("{", "["))):
+        return transforms_poses(path, text)
+    return _read_rows(text_rows(path, text), declared, unit)
+
+
+def _read_rows(rows: TextRows, declared: TrajectoryFormat | None, unit: StampUnit | None) -> FilePoses:
+    width = int(rows.widths[0])
+    if declared in ("replica", "kitti"):
+        return line_poses(rows, 16 if declared == "replica" else 12)
+    if declared == "log" or (declared is None and is_log(rows)):
+        return log_poses(rows)
+    if declared == "matrices" or (declared is None and width == 4):
+        return block_poses(rows)
+    if declared in ("tum", "euroc"):
+        return stamped_poses(rows, cast("Literal['tum', 'euroc']", declared), unit)
+    return line_poses(rows) if width in (12, 16) else stamped_poses(rows, None, unit)
+
+
+def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | None) -> NDArray[np.float64]:
+    if poses.stamps_s is not None:
+        stamps_s = poses.stamps_s
+    else:
+        assert poses.numbers is not None, "poses have stamps or numbers"
+        if unit is not None:
+            remedy = "leave stamp_unit out; rate_hz gives the frames' times"
+            raise InputError(path, f"has no time stamps ({poses.format}), so none in {unit}", remedy=remedy)
+        with np.errstate(over="ignore"):
+            stamps_s = poses.numbers / rate_hz
+    last_s = float(np.abs(stamps_s).max())
+    if not last_s <= LARGEST_STAMP_S:
+        problem = f"frames would reach {last_s:.3g} s, over 3,000 years, at {rate_hz:g} Hz"
+        remedy = "raise rate_hz, or number the files from 0; numbers that are time stamps need stamp_unit"
+        raise InputError(path, problem, remedy=remedy)
+    if np.any(np.diff(stamps_s) <= 0.0):
+        raise InputError(path, "numbers its frames too closely for float64 seconds", remedy="number them from 0")
+    return stamps_s
+
+
+def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
+    if name != "auto" and name not in known:
+        raise ValueError(f"{what} is auto or one of {', '.join(known)}, not {name!r}")
+
+
+# --- writing ---
 
 
 def replica_text(trajectory: Trajectory) -> str:
@@ -98,112 +172,3 @@ def tum_text(trajectory: Trajectory) -> str:
 def _text(rows: NDArray[np.float64]) -> str:
     # Python's repr is the shortest text that reads back to the same float64; + 0.0 turns -0.0 into 0.0.
     return "".join(" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist())
-
-
-def _read_table(path: Path) -> _Table:
-    numbers = array("d")
-    lines: list[int] = []
-    width = 0
-    for line_number, line in enumerate(_read_lines(path), start=1):
-        data = line.partition("#")[0]
-        if not data or data.isspace():
-            continue
-        row = _parse_line(path, line_number, data)
-        if len(row) != width:
-            if lines:
-                problem = f"{len(row)} numbers, but line {lines[0]} has {width}"
-                raise InputError(path, problem, where=f"line {line_number}", remedy="a file has one format throughout")
-            width = len(row)
-            if width not in _FORMATS:
-                raise InputError(path, f"{width} numbers", where=f"line {line_number}", remedy=_ONE_POSE_A_LINE)
-        numbers.fromlist(row)
-        lines.append(line_number)
-    if not lines:
-        raise InputError(path, "holds no pose", remedy=_ONE_POSE_A_LINE)
-    table = _Table(path, np.array(numbers).reshape(-1, width), np.array(lines))
-    finite = np.isfinite(table.values)
-    shown = table.values[np.arange(len(lines)), np.argmin(finite, axis=1)]
-    table.fail_where(~finite.all(axis=1), "holds {}", of=shown, remedy="leave out the frames without a pose")
-    return table
-
-
-def _read_lines(path: Path) -> list[str]:
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(path, "does not exist") from None
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror or error}") from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        raise InputError(path, "is not a text file", remedy="a trajectory is UTF-8 text; " + _ONE_POSE_A_LINE)
-    # Not splitlines, which also splits at characters that editors do not show as line ends.
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
-    # Where there are commas, only they separate numbers: else "0,5 1,5" would be read as four numbers.
-    tokens = [token.strip() for token in data.split(",")] if "," in data else data.split()
-    if len(tokens) > 1 and not tokens[-1]:
-        tokens.pop()
-    try:
-        row = list(map(float, tokens))
-    except ValueError:
-        row = None
-    # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
-    if row is None or "_" in data or not data.isascii():
-        raise InputError(path, f"{_first_non_number(tokens)!r} is not a number", where=f"line {line_number}")
-    return row
-
-
-def _first_non_number(tokens: Sequence[str]) -> str:
-    for token in tokens:
-        try:
-            float(token)
-        except ValueError:
-            return token
-        if "_" in token or not token.isascii():
-            return token
-    return tokens[0]
-
-
-def _matrix_poses(table: _Table) -> NDArray[np.float64]:
-    rows = table.values.reshape(len(table.values), -1, 4)
-    if rows.shape[1] == 4:
-        wrong = (np.abs(rows[:, 3] - [0.0, 0.0, 0.0, 1.0]) > _LAST_ROW_TOLERANCE).any(axis=1)
-        remedy = "write each pose row by row"
-        table.fail_where(wrong, "the last row of the pose is {}, not 0 0 0 1", of=rows[:, 3], remedy=remedy)
-    rotation = rows[:, :3, :3]
-    with np.errstate(over="ignore", invalid="ignore"):
-        error = rotation_error(rotation)
-        determinant = np.linalg.det(rotation)
-    off = ~(error <= _ROTATION_TOLERANCE)
-    problem = "the left 3 x 3 numbers are no rotation: R^T R is off by {}"
-    remedy = "a pose is rigid, without scale; Replica and KITTI lines are row-major"
-    table.fail_where(off, problem, of=error, remedy=remedy)
-    problem = "the pose mirrors (determinant {})"
-    remedy = "do not negate an axis: leave the poses as they were and declare their axes (opencv, opengl or robot)"
-    table.fail_where(determinant < 0.0, problem, of=determinant, remedy=remedy)
-    rounded = error > _ROTATION_EXACT
-    rotation = rotation.copy()
-    rotation[rounded] = nearest_rotation(rotation[rounded])
-    return pose(rotation, rows[:, :3, 3])
-
-
-def _tum_poses(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    stamps_s, position, quat_xyzw = table.values[:, 0], table.values[:, 1:4], table.values[:, 4:]
-    late = np.concatenate([[False], np.diff(stamps_s) <= 0.0])
-    remedy = "sort the lines by time and leave out duplicates"
-    table.fail_where(late, "the time stamp {} does not come after the one before it", of=stamps_s, remedy=remedy)
-    length = np.array([math.hypot(*quat) for quat in quat_xyzw.tolist()])
-    wrong = np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE
-    remedy = "a TUM line is t tx ty tz qx qy qz qw"
-    table.fail_where(wrong, "the quaternion has length {}, not 1", of=length, remedy=remedy)
-    return stamps_s, pose(rotation_from_quat_wxyz(np.roll(quat_xyzw, 1, axis=1)), position)
-
-
-def _shown(value: NDArray[np.float64]) -> str:
-    return " ".join(f"{number:.10g}" for number in np.atleast_1d(value))

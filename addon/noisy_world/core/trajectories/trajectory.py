@@ -23,6 +23,9 @@ type Axes = Literal["opencv", "opengl", "robot"]
 DIRECTIONS: tuple[str, ...] = get_args(Direction.__value__)
 AXES: tuple[str, ...] = get_args(Axes.__value__)
 
+MOST_POSES = 1_000_000
+"""Of a path that is made or resampled: 14 hours at 20 Hz, 128 MB of poses."""
+
 # Stamps in files are rounded to microseconds, so resampling keeps a last frame that is late by that much.
 _STAMP_TOLERANCE_S = 1e-6
 
@@ -33,11 +36,13 @@ class Trajectory:
 
     c2w: (N, 4, 4) float64, N >= 1, rigid, metres, from OpenCV's camera axes (x right, y down, z forward) to the world.
     stamps_s: (N,) float64, seconds, strictly increasing.
+    notes: what a user should know about how the path was read, one sentence each.
     Raises ValueError for other shapes, values that are not finite and stamps that do not increase.
     """
 
     c2w: NDArray[np.float64]
     stamps_s: NDArray[np.float64]
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         c2w = np.array(self.c2w, dtype=np.float64, order="C")
@@ -62,7 +67,7 @@ class Trajectory:
 def evenly_stamped(c2w: ArrayLike, rate_hz: float = 20.0) -> Trajectory:
     """(N, 4, 4) c2w -> a trajectory with stamps 0, 1 / rate_hz, 2 / rate_hz, ... seconds."""
     c2w = np.asarray(c2w, dtype=np.float64)
-    return Trajectory(c2w, np.arange(len(c2w)) / _checked_rate(rate_hz))
+    return Trajectory(c2w, np.arange(len(c2w)) / checked_rate(rate_hz))
 
 
 def subsample(trajectory: Trajectory, start: int = 0, stop: int | None = None, every: int = 1) -> Trajectory:
@@ -75,24 +80,31 @@ def subsample(trajectory: Trajectory, start: int = 0, stop: int | None = None, e
     chosen = slice(start, stop, every)
     if len(trajectory.stamps_s[chosen]) == 0:
         raise ValueError(f"no frame is left of {len(trajectory)} with start {start} and stop {stop}")
-    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[chosen])
+    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[chosen], trajectory.notes)
 
 
 def resample(trajectory: Trajectory, rate_hz: float) -> Trajectory:
     """Poses at t0 + k / rate_hz up to the last stamp (within a microsecond), t0 the first stamp.
 
     Positions are interpolated linearly, rotations by slerp along the shorter arc; at a pose's own stamp it is kept.
+    Raises ValueError for a rate that is not positive, and for one that asks for more than a million poses.
     """
-    rate_hz = _checked_rate(rate_hz)
-    old_s = trajectory.stamps_s - trajectory.stamps_s[0]
-    count = int(np.floor((old_s[-1] + min(_STAMP_TOLERANCE_S, 0.1 / rate_hz)) * rate_hz)) + 1
+    rate_hz = checked_rate(rate_hz)
+    with np.errstate(over="ignore"):
+        old_s = trajectory.stamps_s - trajectory.stamps_s[0]
+    intervals = (float(old_s[-1]) + min(_STAMP_TOLERANCE_S, 0.1 / rate_hz)) * rate_hz
+    if not intervals < MOST_POSES:
+        raise ValueError(
+            f"{rate_hz:g} Hz over the path's {old_s[-1]:.6g} s makes {intervals:.3g} poses, more than {MOST_POSES:,}"
+        )
+    count = int(np.floor(intervals)) + 1
     new_s = np.arange(count) / rate_hz
     before = np.clip(np.searchsorted(old_s, new_s, side="right") - 1, 0, max(len(trajectory) - 2, 0))
     after = np.minimum(before + 1, len(trajectory) - 1)
     gap_s = np.where(after > before, old_s[after] - old_s[before], 1.0)
     u = np.clip((new_s - old_s[before]) / gap_s, 0.0, 1.0)
     c2w = _interpolated(trajectory.c2w[before], trajectory.c2w[after], u)
-    return Trajectory(c2w, trajectory.stamps_s[0] + new_s)
+    return Trajectory(c2w, trajectory.stamps_s[0] + new_s, trajectory.notes)
 
 
 def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) -> NDArray[np.float64]:
@@ -122,7 +134,8 @@ def _interpolated(first: NDArray[np.float64], second: NDArray[np.float64], u: ND
     return np.select([e[:, None, None] for e in exact], [first, second], between)
 
 
-def _checked_rate(rate_hz: float) -> float:
+def checked_rate(rate_hz: float) -> float:
+    """Return a rate. Raises ValueError unless it is finite and positive."""
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ValueError(f"a frame rate is a positive number of hertz, not {rate_hz}")
     return float(rate_hz)

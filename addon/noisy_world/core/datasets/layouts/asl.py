@@ -4,7 +4,6 @@
 Where these files lie in a sequence is decided in `euroc`.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,9 @@ from ...geometry import (
     pose,
     quat_wxyz_from_rotation,
     rotation_error,
-    rotation_from_quat_wxyz,
 )
+from ...trajectories.files import read_trajectory
+from ...trajectories.pose_text import is_header
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
@@ -36,12 +36,10 @@ LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 yea
 IMAGES_HEADER = "#timestamp [ns],filename"
 # The first columns of EuRoC's own header.
 POSES_HEADER = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
-POSE_COLUMNS = (8, 17)  # 17 with an IMU's velocities and biases
 DEPTH_SCALE_KEY = "depth_scale_per_m"
 
 # As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
-_QUAT_NORM_TOLERANCE = 1e-2
 
 
 # --- time stamps ---
@@ -97,33 +95,17 @@ def read_images_csv(path: Path) -> StampedFiles:
     return StampedFiles(stamps, tuple(files))
 
 
-def exact_stamps(path: Path, poses: Trajectory) -> Stamps:
-    """Return the stamps of the poses of a file to the nanosecond, where it says them so; else the poses' own."""
-    cells = [row[0] for _, row in _rows(path)]
-    if len(cells) != len(poses) or not all(map(_is_whole, cells)):
-        return Stamps(poses.stamps_s)
-    return Stamps.of_ns(map(int, cells))
+def read_pose_stamps(path: Path) -> Stamps:
+    """Read the exact stamps of the poses of a body; `read_poses_csv` checks the rest of the rows."""
+    rows = list(_rows(path))
+    headed = bool(rows) and is_header(",".join(rows[0][1]))
+    return Stamps.of_ns(_stamp_ns(path, where, cells[0]) for where, cells in rows[headed:])
 
 
 def read_poses_csv(path: Path) -> Trajectory:
     """Read the poses of a body, body-to-world; of 17 columns the last nine (velocities and biases) are not needed."""
-    stamps_s: list[float] = []
-    values: list[list[float]] = []
-    for where, cells in _rows(path):
-        if len(cells) not in POSE_COLUMNS:
-            columns = " or ".join(map(str, POSE_COLUMNS))
-            raise InputError(path, f"has {len(cells)} columns, but poses have {columns}", where=where)
-        stamps_s.append(_stamp_ns(path, where, cells[0]) / NS_PER_S)
-        row = [_number(path, where, cell) for cell in cells[1:8]]
-        if abs(math.hypot(*row[3:]) - 1.0) > _QUAT_NORM_TOLERANCE:
-            problem = f"the quaternion has length {math.hypot(*row[3:]):.6g}, not 1"
-            raise InputError(path, problem, where=where, remedy="a row is t, x, y, z, qw, qx, qy, qz")
-        values.append(row)
-    if not values:
-        raise InputError(path, "holds no pose")
-    _check_order(path, stamps_s)
-    table = np.array(values)
-    return Trajectory(pose(rotation_from_quat_wxyz(table[:, 3:]), table[:, :3]), np.array(stamps_s))
+    read_pose_stamps(path)  # refuses other stamps than whole nanoseconds, which trajectory files may have
+    return read_trajectory(path, format="euroc", stamp_unit="ns")
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
@@ -141,16 +123,6 @@ def _stamp_ns(path: Path, where: str, cell: str) -> int:
 
 def _is_whole(cell: str) -> bool:
     return cell.isascii() and cell.isdecimal() and len(cell) <= STAMP_DIGITS
-
-
-def _number(path: Path, where: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError as error:
-        raise InputError(path, f"{cell!r} is not a number", where=where) from error
-    if not math.isfinite(value):
-        raise InputError(path, f"holds {cell}", where=where, remedy="leave out the rows without a pose")
-    return value
 
 
 def _check_order(path: Path, stamps_s: ArrayLike) -> None:
@@ -272,22 +244,14 @@ def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
 def _entries(path: Path, name: str, value: object, count: int) -> list[object]:
     if not isinstance(value, list) or len(value) != count:
         raise InputError(path, f"has to be {count} numbers", where=name)
-    return [_from_text(item) for item in value]
-
-
-def _from_text(value: object) -> object:
-    """Return the number that a text is, such as 1e-05, which PyYAML leaves a text; else the value itself."""
-    try:
-        return float(value) if isinstance(value, str) else value
-    except ValueError:
-        return value
+    return value
 
 
 def _numbers(path: Path, name: str, value: object, count: int | None = None) -> NDArray[np.float64]:
     wanted = "numbers" if count is None else f"{count} numbers"
     if not isinstance(value, list) or (count is not None and len(value) != count):
         raise InputError(path, f"has to be {wanted}", where=name)
-    numbers = [finite_number(_from_text(item)) for item in value]
+    numbers = [finite_number(item) for item in value]
     found = [number for number in numbers if number is not None]
     if len(found) != len(numbers):
         raise InputError(path, f"has to be {wanted}, all finite", where=name)

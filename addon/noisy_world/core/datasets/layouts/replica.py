@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ...trajectories.files import detect_format, read_trajectory, replica_text
+from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..frame_times import read_frame_times
@@ -88,12 +88,12 @@ class ReplicaLayout(Layout):
         if len(trajectory) != len(rgb):
             raise InputError(poses, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
-        notes: tuple[str, ...] = ()
-        if stamps is None and detect_format(poses) == "tum":
+        notes = trajectory.notes
+        if stamps is None and detect_format(poses) in STAMPED_FORMATS:
             stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), poses
         elif stamps is None:
             stamps, stamps_path = _counted(rgb[-1], numbers, rate_hz or RATE_HZ), None
-            notes = () if rate_hz else (f"no file says time stamps: {RATE_HZ:g} frames a second, or rate_hz",)
+            notes += () if rate_hz else (f"no file says time stamps: {RATE_HZ:g} frames a second, or rate_hz",)
         params = read_cam_params(folder)
         return StoredSequence(
             folder,

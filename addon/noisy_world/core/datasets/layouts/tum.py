@@ -110,7 +110,7 @@ class TumLayout(Layout):
             folder / "rgb.txt",
             params.camera if params else None,
             params.path if params else None,
-            (found.left_out,) if found.left_out else (),
+            found.notes,
         )
 
 

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The text of trajectory files as rows of numbers, each with its line, and what readers of every format share.
+
+Numbers are separated by blanks or by commas; blank lines and comments from # on are skipped. A first line that holds
+no number is a header.
+"""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .stated_camera import StatedCamera
+from .trajectory import Axes
+
+type Float64 = NDArray[np.float64]
+type TrajectoryFormat = Literal["replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"]
+
+FORMATS: tuple[str, ...] = get_args(TrajectoryFormat.__value__)
+
+LARGEST_STAMP_S = 1e11  # 3,000 years: larger numbers are no seconds, whatever they count from
+WAYS = (
+    "a line holds one pose: 16 numbers (Replica), 12 (KITTI) or 8 (TUM); EuRoC has 8 or 17 columns, other files four "
+    "lines of four numbers a pose"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FilePoses:
+    """The poses of a file as they stand there, and what the file says about them.
+
+    poses: (N, 4, 4) float64, rigid. stamps_s: (N,) seconds; None where the file has none. numbers: (N,) those of the
+    frames, increasing, from which stamps follow with a rate. axes: those of the file's format. camera: the intrinsics
+    that the file states. notes: what a user should know, one sentence each.
+    """
+
+    format: TrajectoryFormat
+    poses: Float64
+    stamps_s: Float64 | None = None
+    numbers: Float64 | None = None
+    axes: Axes = "opencv"
+    camera: StatedCamera | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRows:
+    """Numbers, a row for each pose, (N, C) float64, and the place of each row.
+
+    files: the file of every row, or one for each. lines: (N,) lines of the files, 1 the first.
+    """
+
+    files: Path | Sequence[Path]
+    values: Float64
+    lines: NDArray[np.int64]
+
+    def place(self, row: int) -> tuple[Path, str]:
+        """Return the file and the line of a row."""
+        file = self.files if isinstance(self.files, Path) else self.files[row]
+        return file, f"line {self.lines[row]}"
+
+    def fail_where(self, wrong: NDArray[np.bool_], problem: str, *, remedy: str = "", of: object = None) -> None:
+        """Raise InputError for the first row that is wrong; `{}` in `problem` is replaced by that row of `of`."""
+        if not wrong.any():
+            return
+        row = int(np.argmax(wrong))
+        shown = "" if of is None else _shown(np.asarray(of)[row])
+        file, where = self.place(row)
+        raise InputError(file, problem.format(shown), where=where, remedy=remedy)
+
+    def keep(self, chosen: NDArray[np.bool_]) -> "PoseRows":
+        """Return the chosen rows."""
+        files = self.files
+        if not isinstance(files, Path):
+            files = [file for file, kept in zip(files, chosen, strict=True) if kept]
+        return PoseRows(files, self.values[chosen], self.lines[chosen])
+
+
+@dataclass(frozen=True, eq=False)
+class TextRows:
+    """The numbers of a text file, line by line.
+
+    numbers: of all rows, one after another. widths: (R,) how many each row has. lines: (R,) its line, 1 the first.
+    texts: every line of the file. headers: the comments before the first row, and a first line without numbers.
+    """
+
+    path: Path
+    numbers: Float64
+    widths: NDArray[np.int64]
+    lines: NDArray[np.int64]
+    texts: list[str]
+    headers: tuple[str, ...]
+
+    @property
+    def commas(self) -> bool:
+        """Whether commas separate the numbers."""
+        return "," in self._data(0)
+
+    def table(self, widths: Sequence[int], ways: str = WAYS) -> PoseRows:
+        """Return the rows as a table. Raises InputError where they differ in width, or have none of these widths."""
+        first = int(self.widths[0])
+        if first not in widths:
+            raise InputError(self.path, f"{first} numbers", where=f"line {self.lines[0]}", remedy=ways)
+        other = np.flatnonzero(self.widths != first)
+        if other.size:
+            problem = f"{self.widths[other[0]]} numbers, but line {self.lines[0]} has {first}"
+            remedy = "a file has one format throughout"
+            raise InputError(self.path, problem, where=f"line {self.lines[other[0]]}", remedy=remedy)
+        return PoseRows(self.path, self.numbers.reshape(-1, first), self.lines)
+
+    def cells(self, column: int) -> list[str]:
+        """Return the text of each row's number in a column."""
+        data = map(self._data, range(len(self.lines)))
+        return [line.split("," if "," in line else None)[column].strip() for line in data]
+
+    def _data(self, row: int) -> str:
+        return self.texts[self.lines[row] - 1].partition("#")[0]
+
+
+def read_text(path: Path) -> str:
+    """Return the content of a text file. Raises InputError where it cannot be read or is no UTF-8."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(path, "does not exist") from None
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise InputError(path, "is not a text file", remedy="a trajectory is UTF-8 text; " + WAYS)
+    return text
+
+
+def text_rows(path: Path, text: str) -> TextRows:
+    """Read the rows of numbers in a file's text. Raises InputError for what is no number, and where there is none."""
+    # Not splitlines, which also splits at characters that editors do not show as line ends.
+    texts = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    numbers = array("d")
+    lines: list[int] = []
+    widths: list[int] = []
+    headers: list[str] = []
+    headed = False
+    for line_number, line in enumerate(texts, start=1):
+        data, _, comment = line.partition("#")
+        if not data or data.isspace():
+            if comment and not lines:
+                headers.append(comment)
+            continue
+        if not lines and not headed and is_header(data):
+            headed = True
+            headers.append(data)
+            continue
+        row = _parse_line(path, line_number, data)
+        numbers.fromlist(row)
+        lines.append(line_number)
+        widths.append(len(row))
+    if not lines:
+        raise InputError(path, "holds no pose", remedy=WAYS)
+    return TextRows(path, np.array(numbers), np.array(widths), np.array(lines), texts, tuple(headers))
+
+
+def is_header(data: str) -> bool:
+    """Tell whether none of a line's words is a number."""
+    return not any(map(_is_number, data.replace(",", " ").split()))
+
+
+def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pose") -> PoseRows:
+    """Return the rows. Raises InputError for the first that holds an infinity or no number."""
+    finite = np.isfinite(rows.values)
+    if not finite.all():
+        shown = rows.values[np.arange(len(finite)), np.argmin(finite, axis=1)]
+        rows.fail_where(~finite.all(axis=1), "holds {}", of=shown, remedy=remedy)
+    return rows
+
+
+def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
+    # Where there are commas, only they separate numbers: else "0,5 1,5" would be read as four numbers.
+    tokens = [token.strip() for token in data.split(",")] if "," in data else data.split()
+    if len(tokens) > 1 and not tokens[-1]:
+        tokens.pop()
+    try:
+        row = list(map(float, tokens))
+    except ValueError:
+        row = None
+    # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
+    if row is None or "_" in data or not data.isascii():
+        wrong = next((token for token in tokens if not _is_number(token)), tokens[0])
+        raise InputError(path, f"{wrong!r} is not a number", where=f"line {line_number}")
+    return row
+
+
+def _is_number(token: str) -> bool:
+    try:
+        float(token)
+    except ValueError:
+        return False
+    return "_" not in token and token.isascii()
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, str):
+        return value
+    return " ".join(f"{number:.10g}" for number in np.atleast_1d(np.asarray(value, dtype=np.float64)))

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Ways through the free cells of a room: from one far point to another, smooth, and slower where they bend."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .room_map import SIGHT_M, Float64, Grid, Mask, Room
+
+_STEP_M = 0.01  # between the points along the path
+_BENDS_M = (0.4, 0.2, 0.1, 0.05)  # sigmas of the path's smoothing, each half the one before; the last always fits
+_START_S = 1.0  # from rest to walking speed
+_AHEAD = 200  # cells, 10 m: how far ahead a way is made straight, so that a maze does not take minutes
+
+_LOOK_S = 2.5  # from one look-at point to the next
+_TURN_DEG_S = 28.0  # of yaw at most: with tremor and pitch the camera stays below 40
+_LOOK_SIGMA_S = 0.5  # smoothing of the yaw
+_VOID_M = 0.1  # counted as open where the view leaves the mesh: less than before any wall
+
+
+def walk(room: Room, rng: np.random.Generator, speed_m_s: float, time_s: Float64) -> Float64:
+    """(N, 2) metres at the given times, from rest."""
+    cells = np.flatnonzero(room.plan)
+    visited = [int(rng.choice(cells))]
+    corners = visited.copy()
+    length_m, wanted_m = 0.0, speed_m_s * time_s[-1] + 2.0
+    # The speed rises as the smooth step 3 u^2 - 2 u^3; this is its integral.
+    u = np.clip(time_s / _START_S, 0.0, 1.0)
+    walked_s = _START_S * (u**3 - u**4 / 2.0) + np.maximum(time_s - _START_S, 0.0)
+    while True:
+        while length_m < wanted_m:
+            # Of 16 random cells the farthest from the last 4: the path crosses the room and returns by another way.
+            offered = rng.choice(cells, 16)
+            gaps_m = room.grid.centre_m(offered)[:, None] - room.grid.centre_m(visited[-4:])
+            best = int(np.argmax(np.linalg.norm(gaps_m, axis=-1).min(axis=1)))
+            visited.append(int(offered[best]))
+            way = _route(room.grid, room.plan, visited[-2], visited[-1])
+            corners += way[1:]
+            length_m += float(np.linalg.norm(np.diff(room.grid.centre_m(way), axis=0), axis=1).sum())
+        corners_m = room.grid.centre_m(corners)
+        path_m, tightness = _smoothed(room, corners_m)
+        # A bend of half the radius has the same sideways acceleration, v^2 / r, at a speed lower by the root of two.
+        at_s = np.concatenate([[0.0], np.cumsum(_STEP_M / speed_m_s * 2.0 ** (tightness[1:] / 2.0))])
+        if at_s[-1] >= walked_s[-1]:
+            return np.stack([np.interp(walked_s, at_s, path_m[:, axis]) for axis in (0, 1)], axis=-1)
+        wanted_m *= 1.5
+
+
+def _steps_from(mask: Mask, start: int, goal: int = -1) -> NDArray[np.int64]:
+    """Steps from the flat cell `start` within the mask, -1 where no way leads; stops early when it reaches the goal.
+
+    Only every other step may be diagonal, so that cells of equal steps form an octagon, which is nearly a circle.
+    """
+    width = mask.shape[1]
+    straight = np.array([-width, -1, 1, width])
+    around = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
+    steps = np.where(mask, -1, -2).ravel()  # -2: blocked; the border always is, so no index runs over
+    steps[start] = 0
+    front = np.array([start])
+    count = 0
+    while len(front) and (goal < 0 or steps[goal] < 0):
+        count += 1
+        reached = (front[:, None] + (around if count % 2 else straight)).ravel()
+        front = np.unique(reached[steps[reached] == -1])
+        steps[front] = count
+    return np.where(steps < 0, -1, steps).reshape(mask.shape)
+
+
+def _route(grid: Grid, mask: Mask, start: int, goal: int) -> list[int]:
+    """Flat cells from start to goal, corners only: the straight line from each to the next stays in the mask."""
+    width = mask.shape[1]
+    around = np.array([-width, -1, 1, width, -width - 1, -width + 1, width - 1, width + 1])
+    steps = _steps_from(mask, start, goal).ravel()
+    cells = [goal]
+    while cells[-1] != start:
+        near = cells[-1] + around
+        cells.append(int(near[np.argmax(steps[near] == steps[cells[-1]] - 1)]))
+    cells.reverse()
+    corners = [0]
+    while corners[-1] < len(cells) - 1:
+        ahead = min(len(cells) - 1, corners[-1] + _AHEAD)
+        while ahead > corners[-1] + 1 and not _sees(grid, mask, cells[corners[-1]], cells[ahead]):
+            ahead -= 1
+        corners.append(ahead)
+    return [cells[i] for i in corners]
+
+
+def _sees(grid: Grid, mask: Mask, first: int, second: int) -> bool:
+    a, b = (np.array(divmod(cell, mask.shape[1])) + 0.5 for cell in (first, second))
+    share = np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(b - a) * grid.cell_m / _STEP_M)) + 1)[:, None]
+    x, y = np.floor(a + share * (b - a)).astype(np.int64).T
+    return bool(mask[x, y].all())
+
+
+def _smoothed(room: Room, corners_m: Float64) -> tuple[Float64, Float64]:
+    """(C, 2) -> (S, 2) metres at each centimetre of the given path, and (S,) the position in _BENDS_M used, 0 to 3.
+
+    A Gaussian of sigma s moves a point by at most its mean absolute value, 0.8 s. So with the narrowest one the path
+    stays within a cell of the planned one, hence free, and the loop ends.
+    """
+    at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners_m, axis=0), axis=1))])
+    dense_m = np.arange(0.0, at_m[-1], _STEP_M)
+    straight_m = np.stack([np.interp(dense_m, at_m, corners_m[:, axis]) for axis in (0, 1)], axis=-1)
+    bends = np.array([_blurred(straight_m, width_m / _STEP_M) for width_m in _BENDS_M])
+    level = np.zeros(len(straight_m))
+    reach = int(3.0 * 0.2 / _STEP_M)
+    while True:
+        # Raised within the whole reach of the blur below, so that the blurred level is not lower where it must be high.
+        raised = np.lib.stride_tricks.sliding_window_view(np.pad(level, reach, mode="edge"), 2 * reach + 1).max(axis=1)
+        tightness = np.clip(_blurred(raised[:, None], 0.2 / _STEP_M)[:, 0], 0.0, len(_BENDS_M) - 1.0)
+        wider = np.minimum(tightness.astype(np.int64), len(_BENDS_M) - 2)
+        share = (tightness - wider)[:, None]
+        share = share * share * (3.0 - 2.0 * share)
+        rows = np.arange(len(level))
+        path_m = (1.0 - share) * bends[wider, rows] + share * bends[wider + 1, rows]
+        blocked = ~room.free[room.grid.cells(path_m)]
+        if not blocked.any():
+            return path_m, tightness
+        level[blocked] += 1.0
+
+
+def _blurred(rows: Float64, sigma: float) -> Float64:
+    """(N, C): each column blurred with a Gaussian of sigma rows, cut at 3 sigma; the ends are repeated."""
+    reach = int(3.0 * sigma)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    padded = np.pad(rows, ((reach, reach), (0, 0)), mode="edge")
+    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=-1)
+
+
+def look_around(room: Room, rng: np.random.Generator, xy_m: Float64, time_s: Float64) -> Float64:
+    """(N,) degrees of yaw in the world: every few seconds toward open space, preferably where it has not looked yet."""
+    bearings_deg = np.arange(0.0, 360.0, 5.0)
+    sectors = (bearings_deg // 30.0).astype(np.int64)
+    looked = np.zeros(12)
+    keys_s = np.arange(0.0, time_s[-1] + 2.0 * _LOOK_S, _LOOK_S)
+    yaw_deg: list[float] = []
+    for now_s in keys_s:
+        here_m = np.array([np.interp(now_s, time_s, xy_m[:, axis]) for axis in (0, 1)])
+        worth = _open_m(room, here_m, bearings_deg) * rng.uniform(1.0, 1.5, len(bearings_deg)) / (1.0 + looked[sectors])
+        turn_deg = np.zeros(len(bearings_deg))
+        if yaw_deg:
+            turn_deg = np.mod(bearings_deg - yaw_deg[-1] + 180.0, 360.0) - 180.0
+            worth[np.abs(turn_deg) > _TURN_DEG_S * _LOOK_S] = -1.0
+        best = int(np.argmax(worth))
+        looked[sectors[best]] += 1.0
+        yaw_deg.append(yaw_deg[-1] + float(turn_deg[best]) if yaw_deg else float(bearings_deg[best]))
+    fine_s = np.arange(0.0, keys_s[-1], 0.01)
+    smooth_deg = _blurred(np.interp(fine_s, keys_s, yaw_deg)[:, None], _LOOK_SIGMA_S / 0.01)[:, 0]
+    return np.interp(time_s, fine_s, smooth_deg)
+
+
+def _open_m(room: Room, here_m: Float64, bearings_deg: Float64) -> Float64:
+    """(B,) metres to what blocks the view, averaged over 60 degrees about each bearing; _VOID_M where nothing does."""
+    angle = np.deg2rad(bearings_deg)
+    reach_m = np.arange(room.grid.cell_m, SIGHT_M, room.grid.cell_m)
+    ways_m = here_m + reach_m[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
+    met = room.occupied[room.grid.cells(ways_m)]
+    first_m = np.where(met.any(axis=1), reach_m[np.argmax(met, axis=1)], _VOID_M)
+    return np.mean([np.roll(first_m, shift) for shift in range(-6, 7)], axis=0)

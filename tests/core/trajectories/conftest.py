@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import pytest
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.trajectories.files import read_trajectory
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write_file(content, name="poses.txt"):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(content)
+        return file
+
+    return write_file
+
+
+@pytest.fixture
+def refused(write):
+    def message(content, **how):
+        file = write(content)
+        with pytest.raises(InputError) as error:
+            read_trajectory(file, **how)
+        text = str(error.value)
+        assert text.startswith(f"{file}: ")
+        assert "\n" not in text
+        return text.removeprefix(f"{file}: ")
+
+    return message
