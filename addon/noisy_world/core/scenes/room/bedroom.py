@@ -4,7 +4,7 @@
 from . import patterns as pt
 from . import pictures as pic
 from .books import stack
-from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, skirting, walls
+from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, lining, skirting, walls
 from .finishes import boards, facets, joints, plaster
 from .furniture import cabinet
 from .household import armchair, basket, bed, drawers, radiator, table_lamp, wall_shelf, wardrobe
@@ -40,6 +40,7 @@ def bedroom() -> tuple[Piece, Lighting]:
     coats = [Coat(facets(_NIGHT, 0.21, 2012)), pale, rose, pale]
     built = [
         enclosed(sides, coats, {2: (_DOOR,), 3: (_WINDOW,)}),
+        lining(_CORNERS_M, sides, {2: (_DOOR,), 3: (_WINDOW,)}),
         ground(_CORNERS_M, _FLOOR, turned=True),
         ceiling(_CORNERS_M, _HEIGHT_M, _CEILING),
         *(skirting(w, "#e9e6de", (_DOOR,) if w is south else ()) for w in sides),

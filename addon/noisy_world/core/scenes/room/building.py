@@ -118,6 +118,37 @@ def enclosed(walls_: list[Wall], coats: list[Coat], holes: dict[int, tuple[Hole,
     )
 
 
+_BEHIND_M = 0.002  # of the lining behind walls, floor and ceiling
+_LINING = Coat(pt.plain("#8a8478", 1000), 0.4)
+
+
+def lining(corners_m: tuple[tuple[float, float], ...], walls_: list[Wall], holes: dict[int, tuple[Hole, ...]]) -> Piece:
+    """A coarse second shell just behind the first one, with the same holes.
+
+    Where two surfaces meet, rounding to float32 leaves a gap of a tenth of a micrometre, through which one ray in some
+    ten million sees the void; behind it is the lining.
+    """
+    over = 5 * _BEHIND_M
+    parts = []
+    for k, wall in enumerate(walls_):
+        before, after = walls_[k - 1].direction, walls_[(k + 1) % len(walls_)].direction
+        # Past a corner that points outwards; short of one that points into the room, where it would be seen.
+        first = over if _turns_right(before, wall.direction) else -_BEHIND_M / 2
+        last = over if _turns_right(wall.direction, after) else -_BEHIND_M / 2
+        start = wall.at(-first, -_BEHIND_M)
+        shifted = Wall((start[0], start[1]), wall.direction, wall.length_m + first + last, wall.height_m)
+        moved = tuple((a + first, b + first, low, high) for a, b, low, high in holes.get(k, ()))
+        parts.append(surface(shifted, _LINING, (-over, wall.height_m + over), moved))
+    height_m = walls_[0].height_m
+    for level, z in ((ground(corners_m, _LINING), -_BEHIND_M), (ceiling(corners_m, height_m, _LINING), _BEHIND_M)):
+        parts.append(placed(level, (0.0, 0.0, z)))
+    return joined(parts)
+
+
+def _turns_right(first: tuple[int, int], second: tuple[int, int]) -> bool:
+    return first[0] * second[1] - first[1] * second[0] < 0
+
+
 def strip(wall: Wall, z_m: tuple[float, float], out_m: float, paint: Painter, gaps: tuple[Hole, ...] = ()) -> Piece:
     """A bar along the wall, left out where holes are: skirting board, dado rail, cornice."""
     low, high = z_m
@@ -235,6 +266,8 @@ def passage(wall: Wall, hole: Hole, thick_m: float, floor: Painter) -> Piece:
             ((a, y0, top), (b, y1, top + _FRAME_M)),
         ):
             parts.append(box(low, high, 0.024, TRIM))
+    under = -_BEHIND_M
+    parts.append(rect((a - 0.05, -0.05, under), (w + 0.1, 0, 0), (0, t + 0.1, 0), 0.4, _LINING.paint))
     return placed(shadeless(joined(parts)), wall.at(0.0), wall.yaw_deg)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Room 3: a corridor of 9.0 x 1.9 m in an old house that opens into a hall of 2.9 x 3.8 m, with six doors."""
+"""Room 3: a corridor of 9.0 x 1.9 m in an old house that opens into a hall of 2.9 x 3.8 m, with five doors."""
 
 from . import patterns as pt
 from . import pictures as pic
@@ -11,6 +11,7 @@ from .building import (
     door_hole,
     glazed,
     ground,
+    lining,
     skirting,
     solid,
     strip,
@@ -81,6 +82,7 @@ def corridor() -> tuple[Piece, Lighting]:
     return joined(
         [
             *built,
+            lining(_CORNERS_M, sides, _HOLES),
             ground(_CORNERS_M, _FLOOR),
             ceiling(_CORNERS_M, _HEIGHT_M, stucco),
             glazed(sides[5], _END_WINDOW, garden_from(0.4), 2230, hung=None),

@@ -4,7 +4,20 @@
 from . import patterns as pt
 from . import pictures as pic
 from .books import Shelf, bookshelf, stack
-from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, skirting, solid, walls
+from .building import (
+    Coat,
+    Wall,
+    ceiling,
+    closed_door,
+    door_hole,
+    enclosed,
+    glazed,
+    ground,
+    lining,
+    skirting,
+    solid,
+    walls,
+)
 from .finishes import PARQUET_M, ferns, joints, parquet, plaster, stones
 from .furniture import cabinet, chair, coffee_table, dining_table, sofa, television
 from .household import armchair, basket, radiator, wall_shelf
@@ -51,6 +64,7 @@ def l_shape() -> tuple[Piece, Lighting]:
     white = Coat(plaster("#f2ede2", "#d9d2c3", 2114, stroke=0.7), 0.03)
     built = [
         enclosed(sides, coats, {0: _NORTH_WINDOWS, 4: (_DOOR,), 5: (_WEST_WINDOW,)}),
+        lining(_CORNERS_M, sides, {0: _NORTH_WINDOWS, 4: (_DOOR,), 5: (_WEST_WINDOW,)}),
         ground(_CORNERS_M, _FLOOR),
         ceiling(_CORNERS_M, _HEIGHT_M, white),
         *(skirting(w, "#a8693a", (_DOOR,) if w is south else ()) for w in sides),

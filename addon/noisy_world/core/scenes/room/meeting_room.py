@@ -3,7 +3,20 @@
 
 from . import patterns as pt
 from . import pictures as pic
-from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, skirting, solid, walls
+from .building import (
+    Coat,
+    Wall,
+    ceiling,
+    closed_door,
+    door_hole,
+    enclosed,
+    glazed,
+    ground,
+    lining,
+    skirting,
+    solid,
+    walls,
+)
 from .finishes import concrete, joints, plaster, slats, stones, tiles
 from .furniture import cabinet, television
 from .household import armchair, radiator, stool
@@ -50,6 +63,7 @@ def meeting_room() -> tuple[Piece, Lighting]:
     coats = [smooth, oak, smooth, glaze, glaze, glaze, wine, Coat(concrete("#a9a8a4", 2714))]
     built = [
         enclosed(sides, coats, {0: _WINDOWS, 6: (_DOOR,)}),
+        lining(_CORNERS_M, sides, {0: _WINDOWS, 6: (_DOOR,)}),
         ground(_CORNERS_M, _FLOOR),
         ceiling(_CORNERS_M, _HEIGHT_M, Coat(plaster("#dcd9d0", "#b5b2a8", 2721, stroke=0.9), 0.028)),
         *(skirting(w, "#5f4a38", (_DOOR,) if k == 6 else (), 0.08) for k, w in enumerate(sides)),

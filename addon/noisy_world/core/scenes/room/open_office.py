@@ -4,7 +4,7 @@
 from . import patterns as pt
 from . import pictures as pic
 from .books import Shelf, bookshelf
-from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, skirting, walls
+from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, lining, skirting, walls
 from .finishes import carpet_tiles, concrete, joints, mineral, plaster, slats
 from .furniture import coffee_table, sofa
 from .household import radiator
@@ -62,6 +62,7 @@ def open_office() -> tuple[Piece, Lighting]:
     ]
     built = [
         enclosed(sides, coats, {0: (_DOOR,), 2: _WINDOWS}),
+        lining(_CORNERS_M, sides, {0: (_DOOR,), 2: _WINDOWS}),
         ground(_CORNERS_M, _FLOOR),
         ceiling(_CORNERS_M, _HEIGHT_M, _CEILING),
         *(skirting(w, "#4a5560", (_DOOR,) if w is north else (), 0.08) for w in sides),

@@ -14,6 +14,7 @@ from .building import (
     glazed,
     ground,
     laid_bricks,
+    lining,
     skirting,
     walls,
 )
@@ -51,6 +52,7 @@ def small_office() -> tuple[Piece, Lighting]:
     grey = Coat(plaster("#d5d6d2", "#a9adad", 2612))
     built = [
         enclosed(sides, [grey, bricks, grey, amber], {0: (_WINDOW,), 2: (_DOOR,)}),
+        lining(_CORNERS_M, sides, {0: (_WINDOW,), 2: (_DOOR,)}),
         ground(_CORNERS_M, _FLOOR),
         ceiling(_CORNERS_M, _HEIGHT_M, Coat(concrete("#c2bfb6", 2613, board_m=(1.0, 0.5)), 0.026)),
         *(skirting(w, "#3a3632", (_DOOR,) if w is south else (), 0.08) for w in sides),
