@@ -152,6 +152,17 @@ def _loader() -> "type[yaml.SafeLoader]":
     return Loader
 
 
+def yaml_text(document: dict[str, Any]) -> str:
+    """Return a document as YAML that `read_yaml` reads back as the same values: 1e-3 as a text is quoted."""
+    import yaml
+
+    class Dumper(yaml.SafeDumper):
+        """Quotes what only YAML 1.2 takes for a number."""
+
+    Dumper.add_implicit_resolver(f"{_TAG}float", _NUMBER_1_2, list("-+0123456789."))
+    return yaml.dump(document, Dumper=Dumper, sort_keys=False, allow_unicode=True, width=100)
+
+
 def _beyond_limits(values: int, depth: int) -> str:
     if values > LARGEST_VALUES:
         return f"holds more than {LARGEST_VALUES} values"

@@ -16,6 +16,7 @@ from ..core.scenes.ply import check_ply
 from ..core.schema import Place, shown
 from .mesh import MeshSource, read_path
 from .recording import read_recording
+from .wildcards import matched_parts
 
 
 def find_scenes(preset: Preset) -> list[Scene]:
@@ -34,7 +35,7 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     pattern = spec.mesh if spec.sequence is None else spec.sequence
     assert pattern is not None
     make = _mesh_scene if kind == "mesh" else _recorded_scene
-    if not glob.has_magic(pattern):
+    if not glob.has_magic(pattern) or path_in(preset.path.parent, pattern, place.at(kind)).exists():
         path = _found(preset, place.at(kind), pattern, folder=kind == "sequence")
         return [make(preset, place, spec, spec.name or path.stem, path)]
     folder, pattern = located(preset.path.parent, pattern, place.at(kind))
@@ -47,7 +48,7 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
         raise place.at("name").error(f"is {spec.name!r}, but {len(found)} {kinds} match", "put a * where they differ")
     scenes = []
     for text in found:
-        parts = _matched_parts(pattern, text)
+        parts = matched_parts(pattern, text)
         name = _filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
         scenes.append(make(preset, place, spec, name, folder / text, parts=parts))
     return scenes
@@ -119,14 +120,6 @@ def _found(preset: Preset, place: Place, text: str, *, folder: bool | None = Fal
     if not there:
         raise place.error(f"no such {kind}: {path}", "paths are relative to the preset")
     return path
-
-
-def _matched_parts(pattern: str, text: str) -> tuple[str, ...]:
-    """Return what each wildcard of a glob pattern matched."""
-    wildcards = {"*": "([^/]*)", "?": "([^/])"}
-    expression = "".join(wildcards.get(letter, re.escape(letter)) for letter in pattern.replace("\\", "/"))
-    match = re.fullmatch(expression, text.replace("\\", "/"))
-    return match.groups() if match else (Path(text).stem,)
 
 
 def _filled(template: str, parts: tuple[str, ...], place: Place) -> str:

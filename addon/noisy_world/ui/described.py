@@ -22,7 +22,7 @@ _SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERC
 _SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
 _NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
 _CHOICES = {
-    "auto": ("As in File", "As the file's content and format say"),
+    "auto": ("Automatic", "As the file's content and format say"),
     "replica": ("Replica", "16 numbers a line, a 4 x 4 pose"),
     "kitti": ("KITTI", "12 numbers a line, a 3 x 4 pose"),
     "tum": ("TUM", "Time stamp, position and quaternion, w last"),

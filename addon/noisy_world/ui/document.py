@@ -18,6 +18,7 @@ from ..core.presets.output import OutputSpec
 from ..core.presets.preset import Preset, PresetSpec, check_document, read_preset
 from ..core.scenes.embedded import is_embedded, room_mesh, room_name, room_seeds
 from ..core.schema import Place, unknown_name
+from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
@@ -200,11 +201,9 @@ def preset_of(panel: Any, path: Path | None = None) -> Preset:
 
 def save_preset(panel: Any, path: Path) -> None:
     """Write the preset that the panel describes. Raises NoisyWorldError; an existing file is then kept."""
-    import yaml
-
     preset = preset_of(panel, path)
     make_plan(preset)  # raises for a preset that cannot be generated, which is then not saved
-    text = yaml.safe_dump(preset.document, sort_keys=False, allow_unicode=True, width=100)
+    text = yaml_text(preset.document)
     with storage_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(path, f"{HEADING}\n{text}".encode(), path.parent)

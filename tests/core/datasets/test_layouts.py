@@ -269,7 +269,7 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
         (lambda folder: (folder / f"{DEPTH}/data.csv").unlink(), "depth0/data.csv: is not there: no depth"),
         (lambda folder: (folder / f"{CAM}/data.csv").unlink(), "cam0/data.csv: is not there: no colour"),
         (lambda folder: (folder / f"{CAM}/sensor.yaml").unlink(), "cam0/sensor.yaml: cannot be read"),
-        (lambda folder: (folder / STATE).unlink(), "state_groundtruth_estimate0/data.csv: cannot be read"),
+        (lambda folder: (folder / STATE).unlink(), "state_groundtruth_estimate0/data.csv: does not exist"),
         (edit(f"{CAM}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[-0.28, 0.07, 0.0, 0.0]"), "the lens distorts; undistort"),
         (edit(f"{CAM}/sensor.yaml", "pinhole", "omni"), "camera_model: is 'omni'"),
         (edit(f"{CAM}/sensor.yaml", "[8, 6]", "[8]"), "resolution: has to be 2 numbers"),

@@ -182,6 +182,16 @@ def test_tokens_that_are_no_numbers(refused, token, shown):
     assert refused(IDENTITY + IDENTITY.replace("1", token, 1)).startswith(f"line 2: {shown} is not a number")
 
 
+def test_endless_words_are_cut(refused):
+    for text in (
+        "9" * 5000 + "x 1 2",
+        TUM_LINE + "1" * 300 + "x 0 0 0 0 0 0 1\n",
+        ("0." + "0" * 900 + "1 0 0 0 0 0 0 1\n") * 2,
+    ):
+        assert len(refused(text)) < 300
+    assert len(refused("9" * 250 + " 0 0 0 0 0 0 1\n")) < 300
+
+
 def test_headers_and_commas(refused, write):
     headed = read_trajectory(write("timestamp tx ty tz qx qy qz qw\n" + TUM_LINE))
     np.testing.assert_array_equal(headed.c2w, read_trajectory(write(TUM_LINE)).c2w)

@@ -131,13 +131,17 @@ class CameraSpec:
 class SensorSpec:
     """Where a sensor sits on the robot: the sensor's OpenCV axes in the robot's frame. One rotation at most."""
 
-    translation_m: tuple[float, float, float] = key("position", unit="m", default=(0.0, 0.0, 0.0))
-    quat_wxyz: tuple[float, float, float, float] | None = key("rotation, as a quaternion", default=None)
+    translation_m: tuple[float, float, float] = key(
+        "position", unit="m", default=(0.0, 0.0, 0.0), minimum=-1e6, maximum=1e6
+    )
+    quat_wxyz: tuple[float, float, float, float] | None = key(
+        "rotation, as a quaternion", default=None, minimum=-1e6, maximum=1e6
+    )
     rotation_euler_deg: tuple[float, float, float] | None = key(
-        "rotation about x, y and z, as Rz Ry Rx", unit="deg", default=None
+        "rotation about x, y and z, as Rz Ry Rx", unit="deg", default=None, minimum=-3600, maximum=3600
     )
     matrix: tuple[tuple[float, float, float, float], ...] | None = key(
-        "the whole pose as 4 rows of 4, instead of the others", default=None
+        "the whole pose as 4 rows of 4, instead of the others", default=None, minimum=-1e6, maximum=1e6
     )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
 from .trajectory import Axes
 
@@ -69,9 +70,9 @@ class PoseRows:
         if not wrong.any():
             return
         row = int(np.argmax(wrong))
-        shown = "" if of is None else _shown(np.asarray(of)[row])
+        of_row = "" if of is None else _in_words(np.asarray(of)[row])
         file, where = self.place(row)
-        raise InputError(file, problem.format(shown), where=where, remedy=remedy)
+        raise InputError(file, problem.format(of_row), where=where, remedy=remedy)
 
     def keep(self, chosen: NDArray[np.bool_]) -> "PoseRows":
         """Return the chosen rows."""
@@ -176,8 +177,8 @@ def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pos
     """Return the rows. Raises InputError for the first that holds an infinity or no number."""
     finite = np.isfinite(rows.values)
     if not finite.all():
-        shown = rows.values[np.arange(len(finite)), np.argmin(finite, axis=1)]
-        rows.fail_where(~finite.all(axis=1), "holds {}", of=shown, remedy=remedy)
+        first = rows.values[np.arange(len(finite)), np.argmin(finite, axis=1)]
+        rows.fail_where(~finite.all(axis=1), "holds {}", of=first, remedy=remedy)
     return rows
 
 
@@ -193,7 +194,7 @@ def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
     # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
     if row is None or "_" in data or not data.isascii():
         wrong = next((token for token in tokens if not _is_number(token)), tokens[0])
-        raise InputError(path, f"{wrong!r} is not a number", where=f"line {line_number}")
+        raise InputError(path, f"{shown(wrong)} is not a number", where=f"line {line_number}")
     return row
 
 
@@ -205,7 +206,7 @@ def _is_number(token: str) -> bool:
     return "_" not in token and token.isascii()
 
 
-def _shown(value: object) -> str:
+def _in_words(value: object) -> str:
     if isinstance(value, str):
-        return value
+        return value if len(value) <= LONGEST_SHOWN else shown(value)
     return " ".join(f"{number:.10g}" for number in np.atleast_1d(np.asarray(value, dtype=np.float64)))

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry import pose, rotation_from_quat_wxyz
+from ..schema import shown
 from .pose_text import LARGEST_STAMP_S, WAYS, FilePoses, Float64, PoseRows, TextRows, all_finite
 
 type StampUnit = Literal["s", "ms", "us", "ns"]
@@ -177,7 +178,9 @@ def _unit(
     if declared == "euroc":
         broken = np.array([not text.isdecimal() for text in stamps])
         remedy = "stamp_unit says it where they are in another unit"
-        table.fail_where(broken, "'{}' is no time in whole nanoseconds", of=np.array(stamps), remedy=remedy)
+        table.fail_where(
+            broken, "{} is no time in whole nanoseconds", of=np.array([*map(shown, stamps)]), remedy=remedy
+        )
         return "ns", False
     if columns.format == "euroc" and whole_ns:
         return "ns", True
@@ -197,14 +200,14 @@ def _seconds(stamps: Sequence[str], unit: StampUnit) -> Float64:
 
 
 def _check_stamps(table: PoseRows, stamps: Sequence[str], stamps_s: Float64, unit: StampUnit, *, guessed: bool) -> None:
-    shown = np.array(stamps)
+    texts = np.array(stamps)
     unlikely = np.abs(stamps_s) > LARGEST_STAMP_S
     problem = f"the time stamp {{}} {unit} is more than 1e11 s, over 3,000 years"
     remedy = "if the stamps are no seconds, say what they are: stamp_unit: ms, us or ns"
-    table.fail_where(unlikely, problem, of=shown, remedy=remedy)
+    table.fail_where(unlikely, problem, of=texts, remedy=remedy)
     late = np.concatenate([[False], np.diff(stamps_s) <= 0.0])
     remedy = "sort the lines by time and leave out duplicates"
-    table.fail_where(late, "the time stamp {} does not come after the one before it", of=shown, remedy=remedy)
+    table.fail_where(late, "the time stamp {} does not come after the one before it", of=texts, remedy=remedy)
     if guessed and len(stamps_s) > 1:
         _check_gaps(table, stamps_s, unit)
 

@@ -22,7 +22,6 @@ from ...geometry import (
     rotation_error,
 )
 from ...trajectories.files import read_trajectory
-from ...trajectories.pose_text import is_header
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
@@ -95,17 +94,19 @@ def read_images_csv(path: Path) -> StampedFiles:
     return StampedFiles(stamps, tuple(files))
 
 
-def read_pose_stamps(path: Path) -> Stamps:
-    """Read the exact stamps of the poses of a body; `read_poses_csv` checks the rest of the rows."""
-    rows = list(_rows(path))
-    headed = bool(rows) and is_header(",".join(rows[0][1]))
-    return Stamps.of_ns(_stamp_ns(path, where, cells[0]) for where, cells in rows[headed:])
+def exact_stamps(path: Path, poses: Trajectory) -> Stamps:
+    """Return the stamps of the poses of a file to the nanosecond, where it says them so; else the poses' own."""
+    own = Stamps(poses.stamps_s)
+    cells = [row[0] for _, row in _rows(path)]
+    if len(cells) != len(poses) or not all(map(_is_whole, cells)):
+        return own
+    stamps = Stamps.of_ns(map(int, cells))
+    return stamps if np.array_equal(stamps.seconds, own.seconds) else own
 
 
 def read_poses_csv(path: Path) -> Trajectory:
     """Read the poses of a body, body-to-world; of 17 columns the last nine (velocities and biases) are not needed."""
-    read_pose_stamps(path)  # refuses other stamps than whole nanoseconds, which trajectory files may have
-    return read_trajectory(path, format="euroc", stamp_unit="ns")
+    return read_trajectory(path, format="euroc")
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:

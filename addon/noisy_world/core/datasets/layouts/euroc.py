@@ -17,10 +17,10 @@ from .asl import (
     DEPTH_SCALE_KEY,
     STAMP_DIGITS,
     AslSensor,
+    exact_stamps,
     images_csv,
     poses_csv,
     read_images_csv,
-    read_pose_stamps,
     read_poses_csv,
     read_sensor_yaml,
     sensor_yaml,
@@ -142,7 +142,7 @@ class EurocLayout(Layout):
         assert depth_sensor.depth_scale_per_m is not None, "just checked"
         poses = folder / TRUE_STATE / "data.csv"
         path = sensor_trajectory(read_poses_csv(poses), Sensor(colour_sensor.body_from_sensor))
-        found = associate_frames(folder, rgb, depth, path, read_pose_stamps(poses))
+        found = associate_frames(folder, rgb, depth, path, exact_stamps(poses, path))
         check_files(folder / COLOUR / "data.csv", found.rgb_files)
         check_files(folder / DEPTH / "data.csv", found.depth_files)
         return StoredSequence(
