@@ -15,7 +15,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery screenshots assets extension ice wheel docs test fuzz bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test fuzz bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -36,6 +36,9 @@ picture: demo ## draw the README's picture anew
 
 ice: venv ## draw frost's pictures of ice anew
 	$(PY) headless/tools/draw_ice.py
+
+rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
+	$(PY) headless/tools/rooms.py docs/rooms.jpg
 
 gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
 	$(PY) headless/tools/gallery.py docs/gallery.jpg

@@ -6,6 +6,7 @@ import sys
 
 import cv2
 import numpy as np
+import pytest
 from worlds import ROOT, write_box_ply
 
 from noisy_world.cli import export_mesh
@@ -18,8 +19,22 @@ def export(*arguments):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.parametrize(
+    ("mesh", "problem"),
+    [
+        ("embedded:room?seed=8", "there is no 'embedded:room?seed=8'; did you mean"),
+        ("embedded:room?seed=*", "embedded:room?seed=* is 8 rooms, and a file holds one; name one of them"),
+    ],
+)
+def test_a_room_that_is_not_one_is_an_error(tmp_path, mesh, problem):
+    done = export(mesh, tmp_path / "room.ply")
+    assert done.returncode == 1
+    assert problem in done.stderr
+    assert not (tmp_path / "room.ply").exists()
+
+
 def test_the_room_comes_back_as_it_is(tmp_path, monkeypatch, room):
-    monkeypatch.setattr("noisy_world.core.scenes.room.build_room", lambda: room)
+    monkeypatch.setattr("noisy_world.core.scenes.room.build_room", lambda seed: room)
     assert export_mesh.main(["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0
     header = (tmp_path / "room.ply").read_bytes()[:400].split(b"end_header")[0].decode().splitlines()
     assert header[:2] == ["ply", "format binary_little_endian 1.0"]

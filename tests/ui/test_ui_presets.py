@@ -59,6 +59,23 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
     assert saved_preset(settings()) is None
 
 
+def test_each_embedded_room_is_shown_and_kept(tmp_path):
+    from noisy_world.ui.document import from_document, open_preset, save_preset, to_document
+    from noisy_world.ui.runs import saved_preset
+
+    for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
+        document = {"scenes": [{"mesh": mesh, "trajectory": {"handheld": {"frames": 3}}}]}
+        from_document(document, settings(), path=tmp_path / "p.yaml")
+        assert (settings().mesh_source, settings().room_seed, settings().scene_name) == ("ROOM", seed, name)
+        assert to_document(settings())["scenes"][0]["mesh"] == mesh
+    settings().room_seed = 5
+    save_preset(settings(), tmp_path / "saved.yaml")
+    settings().room_seed = 1
+    open_preset(settings(), tmp_path / "saved.yaml")
+    assert settings().room_seed == 5
+    assert saved_preset(settings()) == tmp_path / "saved.yaml"
+
+
 def test_what_the_files_are_written_as_is_kept(tmp_path):
     from noisy_world.ui.document import from_document, open_preset, save_preset, to_document
 
@@ -117,6 +134,8 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
         ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),
         ({"scenes": [{"sequence": "room0"}]}, "scenes.0.sequence"),
         ({"scenes": [{"mesh": "*.ply", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
+        ({"scenes": [{"mesh": "embedded:room?seed=*", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
+        ({"scenes": [{"mesh": "embedded:room?seed=8", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
         ({"scenes": [{"mesh": "a.ply", "trajectory": {"file": "t.txt", "start": 2}}]}, "scenes.0.trajectory.start"),
         ({"rig": {"rgb": {}}}, "rig"),
         ({"render": {"device": "gpu"}}, "render.device"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`export`: write a mesh as PLY in Replica's layout: the embedded room, or any PLY that Noisy World reads.
+"""`export`: write a mesh as PLY in Replica's layout: an embedded room, or any PLY that Noisy World reads.
 
 Where faces have colours, each vertex is written once for each colour that meets there; a texture has no place in the
 layout. Many readers cannot read quads and other polygons; --triangulate is for those.
@@ -18,19 +18,21 @@ def main(arguments: list[str], entry: Entry) -> int:
         entry.complain(problem)
         return 1
     from ..core.errors import InputError, NoisyWorldError
-    from ..core.presets.preset import EMBEDDED_ROOM
+    from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
     from ..core.scenes.ply import read_ply
     from ..core.scenes.ply_file import read_header
     from ..core.scenes.ply_writer import write_ply
     from ..core.scenes.room import build_room
 
     parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
-    parser.add_argument("mesh", metavar="MESH", type=path, help=f"a PLY file, or {EMBEDDED_ROOM}")
+    known = f"a PLY file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
+    parser.add_argument("mesh", metavar="MESH", type=path, help=known)
     parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
     options = parser.parse_args(arguments)
     try:
-        mesh = build_room() if str(options.mesh) == EMBEDDED_ROOM else read_ply(options.mesh)
+        name = str(options.mesh)
+        mesh = build_room(_one_room(name)) if is_embedded(name) else read_ply(options.mesh)
         if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
             problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
             raise InputError(
@@ -48,3 +50,16 @@ def main(arguments: list[str], entry: Entry) -> int:
     faces = int((mesh.face_sizes - 2).sum()) if options.triangulate else len(mesh.face_starts)
     print(f"wrote {options.out}: {vertices} vertices, {faces} faces")
     return 0
+
+
+def _one_room(mesh: str) -> int:
+    from ..core.errors import NoisyWorldError
+    from ..core.scenes.embedded import MEANT, room_seeds
+
+    try:
+        seeds = room_seeds(mesh)
+    except ValueError as error:
+        raise NoisyWorldError(f"{error}; {MEANT}") from error
+    if len(seeds) > 1:
+        raise NoisyWorldError(f"{mesh} is {len(seeds)} rooms, and a file holds one; name one of them")
+    return seeds[0]

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
-from ..core.presets.preset import EMBEDDED_ROOM, Preset, SceneSpec
+from ..core.presets.preset import Preset, SceneSpec
+from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name, room_seeds
 from ..core.scenes.ply import check_ply
 from ..core.schema import Place, shown
 from .mesh import MeshSource, read_path
@@ -28,10 +29,8 @@ def find_scenes(preset: Preset) -> list[Scene]:
 
 def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     place = preset.place(f"scenes.{index}")
-    if spec.mesh == EMBEDDED_ROOM:
-        return [_mesh_scene(preset, place, spec, spec.name or "room", None)]
-    if spec.mesh is not None and spec.mesh.startswith("embedded:"):
-        raise place.at("mesh").error(f"there is no {spec.mesh!r}", f"did you mean {EMBEDDED_ROOM!r}?")
+    if spec.mesh is not None and is_embedded(spec.mesh):
+        return _embedded(preset, place, spec, spec.mesh)
     kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
     pattern = spec.mesh if spec.sequence is None else spec.sequence
     assert pattern is not None
@@ -55,6 +54,21 @@ def _find(preset: Preset, index: int, spec: SceneSpec) -> list[Scene]:
     return scenes
 
 
+def _embedded(preset: Preset, place: Place, spec: SceneSpec, mesh: str) -> list[Scene]:
+    try:
+        seeds = room_seeds(mesh)
+    except ValueError as error:
+        raise place.at("mesh").error(str(error), MEANT) from error
+    if spec.name and "*" not in spec.name and len(seeds) > 1:
+        raise place.at("name").error(f"is {spec.name!r}, but {len(seeds)} rooms match", "put a * where they differ")
+    scenes = []
+    for seed in seeds:
+        parts = () if mesh == EMBEDDED_ROOM else (str(seed),)
+        name = _filled(spec.name, parts, place.at("name")) if spec.name else room_name(mesh, seed)
+        scenes.append(_mesh_scene(preset, place, spec, name, None, parts=parts, room=seed))
+    return scenes
+
+
 def _recorded_scene(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: Path, *, parts: tuple[str, ...] = ()
 ) -> Scene:
@@ -63,7 +77,14 @@ def _recorded_scene(
 
 
 def _mesh_scene(
-    preset: Preset, place: Place, spec: SceneSpec, name: str, mesh_path: Path | None, *, parts: tuple[str, ...] = ()
+    preset: Preset,
+    place: Place,
+    spec: SceneSpec,
+    name: str,
+    mesh_path: Path | None,
+    *,
+    parts: tuple[str, ...] = (),
+    room: int = 0,
 ) -> Scene:
     _check_name(name, place)
     assert spec.trajectory is not None
@@ -71,11 +92,11 @@ def _mesh_scene(
         check_ply(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
     seed, where = preset.spec.seed, place.at("trajectory")
     if spec.trajectory.file is None:
-        return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed))
+        return _scene(name, place, MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed, room))
     text = _filled(spec.trajectory.file, parts, where) if "*" in spec.trajectory.file else spec.trajectory.file
     path = _found(preset, where, text, folder=None)
     chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.mesh_camera.intrinsics)
-    return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed))
+    return _scene(name, place, MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room))
 
 
 def _scene(name: str, place: Place, source: Source) -> Scene:

@@ -16,7 +16,8 @@ from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InputError, NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
-from ..core.presets.preset import EMBEDDED_ROOM, HandheldSpec, TrajectorySpec
+from ..core.presets.preset import HandheldSpec, TrajectorySpec
+from ..core.scenes.embedded import room_mesh
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.ply import read_ply, texture_files
 from ..core.scenes.room import build_room
@@ -37,8 +38,9 @@ if TYPE_CHECKING:
 class MeshSource:
     """A mesh with a path through it.
 
-    name: of the scene. mesh_path: None is the embedded room. path_file: None where the path is generated in the mesh.
-    known_path: the path that was read. seed: of a generated path that has no seed of its own.
+    name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
+    known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
+    room it is.
     """
 
     name: str
@@ -48,11 +50,12 @@ class MeshSource:
     path_file: Path | None
     known_path: Trajectory | None
     seed: int
+    room: int = 0
 
     @property
     def location(self) -> str:
         """The mesh."""
-        return EMBEDDED_ROOM if self.mesh_path is None else str(self.mesh_path)
+        return room_mesh(self.room) if self.mesh_path is None else str(self.mesh_path)
 
     @property
     def gives(self) -> Gives:
@@ -106,7 +109,7 @@ class MeshSource:
         spec = self._handheld
         try:
             path = handheld_path(
-                load_mesh(self.mesh_path),
+                load_mesh(self.mesh_path, self.room),
                 seed=self.seed if spec.seed is None else spec.seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
@@ -126,7 +129,7 @@ class MeshSource:
             "mesh_textures_sha256": hashlib.sha256(digests.encode()).hexdigest(),
         }
         return {
-            "mesh": EMBEDDED_ROOM if self.mesh_path is None else self.mesh_path.name,
+            "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else _sha256_of_path(self.path_file),
@@ -140,7 +143,7 @@ class MeshSource:
         """Build the scene in Blender."""
         from ..blender.session import Session
 
-        mesh = load_mesh(self.mesh_path)
+        mesh = load_mesh(self.mesh_path, self.room)
         for text in (*mesh.notes, *self.trajectory().notes):
             note(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
@@ -229,21 +232,21 @@ def _sees_something(frame: SourceFrame) -> bool:
     return any(image is not None and bool(image.any()) for image in (frame.rgb, frame.depth_m))
 
 
-def load_mesh(path: Path | None) -> Mesh:
-    """Read a mesh, or build the embedded room where there is no path; the last ones are cached.
+def load_mesh(path: Path | None, room: int = 0) -> Mesh:
+    """Read a mesh, or build an embedded room where there is no path; the last ones are cached.
 
     Raises InputError.
     """
     if path is None:
-        return _room()
+        return _room(room)
     if not path.is_file():
         return read_ply(path)
     return _read(path, tuple(file.stat().st_mtime_ns for file in (path, *texture_files(path))))
 
 
 @lru_cache(maxsize=1)
-def _room() -> Mesh:
-    return build_room()  # cached too: building takes seconds, and a path may need it before the renderer does
+def _room(seed: int) -> Mesh:
+    return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
 
 
 @lru_cache(maxsize=1)

@@ -15,7 +15,8 @@ from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
 from ..core.presets.output import OutputSpec
-from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, check_document, read_preset
+from ..core.presets.preset import Preset, PresetSpec, check_document, read_preset
+from ..core.scenes.embedded import is_embedded, room_mesh, room_name, room_seeds
 from ..core.schema import Place, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
@@ -83,7 +84,7 @@ def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the panel's scene as a preset has it."""
     return {
         "name": panel.scene_name,
-        "mesh": EMBEDDED_ROOM if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
+        "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
         "trajectory": _trajectory(panel, folder),
     }
 
@@ -283,7 +284,7 @@ def _refuse_unshown(preset: Preset) -> None:
     asked = {
         "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
         "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
-        "scenes.0.mesh": "*" in (scene.mesh or "") and "stands for several files",
+        "scenes.0.mesh": _unshowable(scene.mesh or ""),
         "scenes.0.trajectory.start": trajectory is not None and trajectory.start != 0 and "chooses a part of the path",
         "scenes.0.trajectory.stop": trajectory is not None and trajectory.stop is not None and "chooses a part",
         "scenes.0.trajectory.resample_hz": trajectory is not None and trajectory.resample_hz is not None
@@ -300,14 +301,28 @@ def _refuse_unshown(preset: Preset) -> None:
             raise preset.place(path).error(f"{problem}: the panel cannot show that", "run it with generate.py")
 
 
+def _unshowable(mesh: str) -> str:
+    """Return why the panel cannot show a mesh, or ""."""
+    if not is_embedded(mesh):
+        return "stands for several files" if "*" in mesh else ""
+    try:
+        return "stands for several rooms" if len(room_seeds(mesh)) > 1 else ""
+    except ValueError as error:
+        return str(error)
+
+
 def _take_scene(panel: Any, preset: Preset) -> None:
     (scene,) = preset.spec.scenes
     assert scene.mesh is not None
     assert scene.trajectory is not None
-    panel.mesh_source = "ROOM" if scene.mesh == EMBEDDED_ROOM else "FILE"
-    if scene.mesh != EMBEDDED_ROOM:
+    panel.mesh_source = "ROOM" if is_embedded(scene.mesh) else "FILE"
+    if is_embedded(scene.mesh):
+        (panel.room_seed,) = room_seeds(scene.mesh)
+    else:
         panel.mesh_path = str(path_in(preset.path.parent, scene.mesh, preset.place("scenes.0.mesh")))
-    panel.scene_name = scene.name or ("room" if scene.mesh == EMBEDDED_ROOM else Path(scene.mesh).stem)
+    panel.scene_name = scene.name or (
+        room_name(scene.mesh, panel.room_seed) if is_embedded(scene.mesh) else Path(scene.mesh).stem
+    )
     handheld = scene.trajectory.handheld
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:

@@ -67,6 +67,8 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
         layout.prop(panel, "mesh_source")
         if panel.mesh_source == "FILE":
             layout.prop(panel, "mesh_path")
+        else:
+            layout.prop(panel, "room_seed")
         layout.prop(panel, "scene_name", text="Name")
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):

@@ -22,6 +22,7 @@ from ..core.presets.preset import (
     SettingSpec,
     TrajectorySpec,
 )
+from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
@@ -206,7 +207,7 @@ def _panel_members() -> dict[str, Any]:
             name="Mesh",
             description="Where the mesh comes from",
             items=[
-                ("ROOM", "Embedded Room", "The room that comes with Noisy World"),
+                ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
                 ("FILE", "PLY File", "A mesh with vertex colours, as in Replica"),
             ],
             update=tell("mesh_source"),
@@ -214,6 +215,9 @@ def _panel_members() -> dict[str, Any]:
         "mesh_path": described(
             SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
             description="Mesh with vertex colours: PLY, ASCII or binary",
+        ),
+        "room_seed": bpy.props.IntProperty(
+            name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")
         ),
         "scene_name": described(
             SceneSpec, "name", label="Scene Name", update="scene_name", default="room",

@@ -16,7 +16,8 @@ import bpy
 
 from ..core.errors import InputError, StorageError
 from ..core.home import path_in, with_home
-from ..core.presets.preset import EMBEDDED_ROOM, Preset, PresetSpec, SceneSpec, read_preset
+from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
+from ..core.scenes.embedded import is_embedded
 from .background_run import BackgroundRun
 from .document import preset_of, to_document
 from .properties import panel_of
@@ -111,9 +112,9 @@ def _placed(preset: Preset) -> PresetSpec:
     """Return a preset's content with absolute paths and the camera written out, as the panel has them."""
 
     def whole(name: str | None) -> str | None:
-        if name in (None, EMBEDDED_ROOM):
+        if name is None or is_embedded(name):
             return name
-        return path_in(preset.path.parent, str(name), preset.place("scenes")).resolve().as_posix()
+        return path_in(preset.path.parent, name, preset.place("scenes")).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory

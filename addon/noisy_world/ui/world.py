@@ -55,7 +55,7 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     Returns the object, and what a user should know of how the file was read. Raises InputError.
     """
     panel = panel_of(scene)
-    mesh = load_mesh(_mesh_path(panel))
+    mesh = load_mesh(_mesh_path(panel), panel.room_seed)
     while (old := own_object(scene, "mesh")) is not None:
         _remove_mesh(old)
     set_origin(scene, _origin_m(mesh))
@@ -86,7 +86,7 @@ def _images(item: bpy.types.Object) -> list[bpy.types.Image]:
 
 
 def _mesh_path(panel: Any) -> Path | None:
-    """Return the file of the mesh that the panel names; None is the embedded room. Raises InputError."""
+    """Return the file of the mesh that the panel names; None is an embedded room. Raises InputError."""
     if panel.mesh_source == "ROOM":
         return None
     try:

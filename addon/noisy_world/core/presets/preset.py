@@ -11,12 +11,12 @@ from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..scenes.embedded import EMBEDDED_ROOM, ROOMS
 from ..schema import Place, key, parse, shown
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 from .overrides import override
 
-EMBEDDED_ROOM = "embedded:room"
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
 LONGEST_NAME = 200  # of a folder; file systems hold 255 bytes
 
@@ -86,7 +86,9 @@ class TrajectorySpec:
 class SceneSpec:
     """A scene and the way through it, or a sequence that exists."""
 
-    mesh: str | None = key(f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}", default=None)
+    mesh: str | None = key(
+        f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}", default=None
+    )
     sequence: str | None = key(
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
         default=None,

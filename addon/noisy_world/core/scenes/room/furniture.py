@@ -7,11 +7,12 @@ A piece is built about its own origin on the floor with its front towards -y, an
 import numpy as np
 
 from . import patterns as pt
+from .books import OAK, Shelf, bookshelf, stack
 from .pictures import screen
 from .surfaces import (
-    Array,
     Painter,
     Piece,
+    Point,
     box,
     joined,
     lathe,
@@ -25,13 +26,15 @@ from .surfaces import (
     tilted,
 )
 
-_WALNUT = pt.wood("#9a6b45", "#57371f", 500)
-_OAK = pt.wood("#c9a06c", "#94683c", 501)
-_STEEL = pt.plain("#4a4744", 502, grain=0.18)
+WALNUT = pt.wood("#9a6b45", "#57371f", 500)
+STEEL = pt.plain("#4a4744", 502, grain=0.18)
 
 
-def _sofa() -> Piece:
-    cloth = pt.weave("#4f7f88", "#a9c5c4", 510, thread_m=0.02)
+SOFA_CLOTH = pt.weave("#4f7f88", "#a9c5c4", 510, thread_m=0.02)
+
+
+def sofa(cloth: Painter = SOFA_CLOTH) -> Piece:
+    """A sofa for three with cushions and a throw."""
     cell = 0.0205
     parts = [
         rounded_box((-1.05, -0.40, 0.12), (1.05, 0.44, 0.31), 0.03, cell, cloth),
@@ -45,7 +48,7 @@ def _sofa() -> Piece:
         back = rounded_box((-0.28, -0.09, 0.0), (0.28, 0.08, 0.43), 0.07, cell, cloth, arc=4, bulge_m=0.03)
         parts.append(shadeless(placed(tilted(back, 0, -9), (x + 0.286, 0.165, 0.455))))
     parts += [
-        lathe((x, y, 0.0), [(0.014, 0.0), (0.026, 0.125)], 10, _WALNUT) for x in (-0.96, 0.96) for y in (-0.32, 0.36)
+        lathe((x, y, 0.0), [(0.014, 0.0), (0.026, 0.125)], 10, WALNUT) for x in (-0.96, 0.96) for y in (-0.32, 0.36)
     ]
     mustard = pt.terrazzo("#dba63f", ["#f5e6c0", "#b5653a", "#f5e6c0"], 511, chip_m=0.04)
     rust = pt.stripes(["#b4553a", "#ecd9b8", "#b4553a", "#2f4a5c", "#ecd9b8"], [0.04, 0.016, 0.03, 0.016, 0.016], 512)
@@ -85,37 +88,42 @@ def _blanket() -> Piece:
     return Piece((sheet(np.stack([x, v - 0.3, z], -1)[:, ::-1], paint(u, v)[:, ::-1]),))
 
 
-def _coffee_table() -> Piece:
-    top = rounded_box((-0.58, -0.31, 0.405), (0.58, 0.31, 0.432), 0.01, 0.011, _WALNUT)
-    rail = [rod((-0.52, y, 0.397), (0.52, y, 0.397), 0.008, 0.03, _STEEL, sides=6) for y in (-0.25, 0.25)] + [
-        rod((x, -0.25, 0.397), (x, 0.25, 0.397), 0.008, 0.03, _STEEL, sides=6) for x in (-0.52, 0.52)
+def coffee_table(timber: Painter = WALNUT) -> Piece:
+    """A low table of 1.16 x 0.62 m, its top at 0.432 m, on thin legs."""
+    top = rounded_box((-0.58, -0.31, 0.405), (0.58, 0.31, 0.432), 0.01, 0.011, timber)
+    rail = [rod((-0.52, y, 0.397), (0.52, y, 0.397), 0.008, 0.03, STEEL, sides=6) for y in (-0.25, 0.25)] + [
+        rod((x, -0.25, 0.397), (x, 0.25, 0.397), 0.008, 0.03, STEEL, sides=6) for x in (-0.52, 0.52)
     ]
     legs = []
     for x in (-1, 1):
         for y in (-1, 1):
-            legs.append(rod((x * 0.53, y * 0.27, 0.008), (x * 0.50, y * 0.24, 0.405), 0.009, 0.02, _STEEL))
-            legs.append(rod((x * 0.50, y * 0.19, 0.405), (x * 0.53, y * 0.265, 0.008), 0.007, 0.02, _STEEL))
+            legs.append(rod((x * 0.53, y * 0.27, 0.008), (x * 0.50, y * 0.24, 0.405), 0.009, 0.02, STEEL))
+            legs.append(rod((x * 0.50, y * 0.19, 0.405), (x * 0.53, y * 0.265, 0.008), 0.007, 0.02, STEEL))
     return top + shadeless(joined([*rail, *legs]))
 
 
-def _dining_table() -> Piece:
-    top = rounded_box((-0.8, -0.45, 0.722), (0.8, 0.45, 0.752), 0.012, 0.012, _OAK)
+def dining_table(timber: Painter = OAK) -> Piece:
+    """A table of 1.6 x 0.9 m, its top at 0.752 m."""
+    top = rounded_box((-0.8, -0.45, 0.722), (0.8, 0.45, 0.752), 0.012, 0.012, timber)
     apron = [
-        box((-0.70, -0.37, 0.64), (0.70, -0.35, 0.722), 0.02, _OAK, skip="Z"),
-        box((-0.70, 0.35, 0.64), (0.70, 0.37, 0.722), 0.02, _OAK, skip="Z"),
-        box((-0.72, -0.35, 0.64), (-0.70, 0.35, 0.722), 0.02, _OAK, skip="Z"),
-        box((0.70, -0.35, 0.64), (0.72, 0.35, 0.722), 0.02, _OAK, skip="Z"),
+        box((-0.70, -0.37, 0.64), (0.70, -0.35, 0.722), 0.02, timber, skip="Z"),
+        box((-0.70, 0.35, 0.64), (0.70, 0.37, 0.722), 0.02, timber, skip="Z"),
+        box((-0.72, -0.35, 0.64), (-0.70, 0.35, 0.722), 0.02, timber, skip="Z"),
+        box((0.70, -0.35, 0.64), (0.72, 0.35, 0.722), 0.02, timber, skip="Z"),
     ]
     legs = [
-        box((x - 0.03, y - 0.03, 0.0), (x + 0.03, y + 0.03, 0.722), 0.018, _OAK, skip="zZ")
+        box((x - 0.03, y - 0.03, 0.0), (x + 0.03, y + 0.03, 0.722), 0.018, timber, skip="zZ")
         for x in (-0.74, 0.74)
         for y in (-0.39, 0.39)
     ]
     return joined([top, *map(shadeless, apron), *legs])
 
 
-def _chair(seat_paint: Painter) -> Piece:
-    dark = pt.wood("#7a4f31", "#47291a", 520)
+CHAIR_WOOD = pt.wood("#7a4f31", "#47291a", 520)
+
+
+def chair(seat_paint: Painter, dark: Painter = CHAIR_WOOD) -> Piece:
+    """A spindle-back chair with a padded seat; it looks towards -y."""
     parts = [
         rounded_box((-0.22, -0.22, 0.425), (0.22, 0.21, 0.45), 0.01, 0.016, dark),
         shadeless(rounded_box((-0.205, -0.205, 0.449), (0.205, 0.18, 0.482), 0.014, 0.0115, seat_paint, bulge_m=0.012)),
@@ -143,151 +151,14 @@ def _chair(seat_paint: Painter) -> Piece:
     return joined(parts) + Piece((), blockers)
 
 
-def _spine(width_m: float, height_m: float, seed: int) -> Painter:
-    """The back of a book: ground, bands, and a title of little marks."""
-    grounds = (
-        "#7d2e2a",
-        "#274a63",
-        "#d9c9a3",
-        "#3f5d45",
-        "#c98f3c",
-        "#54345a",
-        "#b7563a",
-        "#1f2d3a",
-        "#8fa7a3",
-        "#e7dcc4",
-        "#6b4a33",
-        "#a33b4b",
-        "#3c7a80",
-        "#d8b23f",
-    )
-    inks = ("#e9cf86", "#f3ead6", "#2a2523")
-    number = int(pt.pick(seed, 7, 0, len(grounds)))
-    ground = pt.colour(grounds[number])
-    ink = pt.colour(inks[2] if number in (2, 9, 13) else inks[seed % 2])
-    style = seed // 3 % 4
-
-    def paint(u: Array, v: Array) -> Array:
-        wear = 0.88 + 0.2 * pt.hash01(np.floor(u / 0.006), np.floor(v / 0.012), seed)
-        rgb = ground * wear[..., None]
-        h = v / height_m
-        bands = (abs(h - 0.90) < 0.018) | (abs(h - 0.10) < 0.018)
-        if style == 1:
-            bands |= (abs(h - 0.82) < 0.012) | (abs(h - 0.18) < 0.012)
-        if style == 2:
-            bands = (h > 0.66) & (h < 0.86)
-        rgb = np.where(bands[..., None], ink, rgb)
-        inside = (u > 0.22 * width_m) & (u < 0.78 * width_m)
-        title = (
-            inside & (h > 0.3) & (h < 0.62) & (pt.hash01(np.floor(u / 0.007), np.floor(v / 0.0085), seed + 1) > 0.42)
-        )
-        return np.where(title[..., None], ink, rgb)
-
-    return paint
+DOOR_WOOD = pt.wood("#b98a5a", "#7d5532", 550)
 
 
-def book(width_m: float, height_m: float, depth_m: float, seed: int) -> Piece:
-    """An upright book on the origin with its spine at y = 0 and its pages behind."""
-    spine = _spine(width_m, height_m, seed)
-    cover_rgb = spine(np.full((1, 1), 0.001), np.full((1, 1), 0.5 * height_m))[0, 0]
-
-    def bound(u: Array, v: Array) -> Array:
-        return cover_rgb * np.ones_like(u + v)[..., None]
-
-    pages = pt.plain("#e3d6b8", seed, grain=0.1, patch=0.0)
-    back = rect((0, 0, 0), (width_m, 0, 0), (0, 0, height_m), 0.009, spine)
-    sides = box((0, 0, 0), (width_m, depth_m, height_m), 0.4, bound, skip="yYzZ")
-    top = rect((0, 0, height_m - 0.003), (width_m, 0, 0), (0, depth_m, 0), 0.016, pages)
-    return shadeless(joined([back, sides, top]))
-
-
-def _book_row(length_m: float, room_m: float, seed: int) -> Piece:
-    """Books from x = 0 on, the last one leaning, in a shelf room_m high."""
-    parts: list[Piece] = []
-    x, k = 0.004, 0
-    while True:
-        number = seed * 40 + k
-        width = pt.pick(number, 1, 0.018, 0.052)
-        height = min(pt.pick(number, 2, 0.17, 0.30), room_m - 0.025)
-        if x + width > length_m - 0.075:
-            break
-        parts.append(placed(book(width, height, 0.19, number), (x, pt.pick(number, 3, 0.0, 0.03), 0.0)))
-        x += width + 0.0022
-        k += 1
-    last = placed(tilted(book(0.026, 0.215, 0.18, seed * 40 + 39), 1, -13.0), (x + 0.001, 0.01, 0.0062))
-    return joined([*parts, last])
-
-
-def _stack(count: int, seed: int, yaw_deg: float = 0.0) -> Piece:
-    """Books lying on each other, spines to the front."""
-    parts, z = [], 0.0
-    for k in range(count):
-        number = seed * 40 + k
-        thick, long_ = pt.pick(number, 1, 0.022, 0.045), pt.pick(number, 2, 0.2, 0.27)
-        flat = placed(tilted(book(thick, long_, 0.17, number), 1, 90.0), (-long_ / 2, 0.0, thick))
-        parts.append(placed(flat, (0.0, 0.0, z), yaw_deg + pt.pick(number, 3, -8, 8)))
-        z += thick + 0.001
-    return joined(parts)
-
-
-def _vase(seed: int, height_m: float, paint: Painter) -> Piece:
-    h = height_m
-    wide = 0.3 + 0.1 * (seed % 3)
-    outline = [(0.18 * h, 0), (wide * h, 0.35 * h), (wide * 0.85 * h, 0.6 * h), (0.12 * h, 0.85 * h), (0.17 * h, h)]
-    return lathe((0, 0, 0), outline, 28, paint, cell_m=0.009)
-
-
-_GLAZES = (
-    pt.terrazzo("#e8dcc4", ["#c9714e", "#35525f", "#e0b14e"], 530, chip_m=0.028),
-    pt.stripes(["#3d6470", "#e9dfc9", "#3d6470", "#c25a3c"], [0.02, 0.02, 0.02, 0.02], 531),
-    pt.checks(["#c25a3c", "#b4553a", "#d98b5f", "#8a3f2c"], 0.02, 532),
-)
-
-SHELF_W_M, SHELF_H_M, SHELF_D_M = 2.46, 2.22, 0.32  # width, height and depth
-
-
-def _shelf_fill(bay: int, level: int, width_m: float, room_m: float) -> Piece:
-    """The content of one compartment; the origin is its lower left front corner."""
-    number = bay + 3 * level
-    odd = {1: 0, 6: 1, 8: 2, 10: 1, 15: 2, 17: 0}
-    if number not in odd:
-        return _book_row(width_m, room_m, 600 + number)
-    kind = odd[number]
-    things = [placed(_vase(number, 0.21, _GLAZES[kind]), (0.14, 0.14, 0.0))]
-    things.append(placed(_book_row(width_m - 0.30, room_m, 640 + number), (0.29, 0.0, 0.0)))
-    if kind == 2:
-        things[1] = placed(_stack(5, 660 + number), (0.46, 0.04, 0.0))
-    return joined(things)
-
-
-def _bookshelf() -> Piece:
-    """Three bays of six shelves against the wall at y = 0."""
-    t, w, h, d = 0.024, SHELF_W_M, SHELF_H_M, SHELF_D_M
-    parts = [rect((-w / 2, -0.012, 0), (w, 0, 0), (0, 0, h), 0.035, pt.wood("#a9794b", "#6f4a2b", 540))]
-    bay = (w - t) / 3
-    for k in range(4):
-        x = -w / 2 + k * bay
-        parts.append(box((x, -d, 0.0), (x + t, -0.013, h), 0.03, _OAK, skip="zY"))
-    gap = (h - 0.08 - t) / 6
-    for level in range(7):
-        z = 0.08 + level * gap
-        for k in range(3):
-            x = -w / 2 + k * bay + t
-            parts.append(box((x, -d + 0.004, z), (x + bay - t, -0.013, z + t), 0.03, _OAK, skip="xXY"))
-            if level < 6:
-                fill = _shelf_fill(k, level, bay - t, gap - t)
-                parts.append(placed(fill, (x, -d + 0.035, z + t)))
-                block = ((x + 0.01, -d + 0.06, z + t), (x + bay - t - 0.08, -0.03, z + 0.7 * gap))
-                parts.append(Piece((), (block,)))
-    plinth = box((-w / 2 + t, -d + 0.03, 0.0), (w / 2 - t, -d + 0.045, 0.08), 0.02, _OAK, skip="xXzZ")
-    return joined([*parts, shadeless(plinth)])
-
-
-def _cabinet(width_m: float, height_m: float, depth_m: float, doors: int, paint: Painter) -> Piece:
-    """A low cupboard on thin legs with slatted doors and small knobs, its back at y = 0."""
+def cabinet(size_m: Point, doors: int, paint: Painter, face: Painter = DOOR_WOOD) -> Piece:
+    """A low cupboard on thin legs with slatted doors and small knobs, its back at y = 0; size: width, height, depth."""
+    width_m, height_m, depth_m = size_m
     w, d, foot = width_m / 2, depth_m, 0.14
     parts = [box((-w, -d, foot), (w, -0.012, height_m), 0.016, paint, skip="Yz")]
-    face = pt.wood("#b98a5a", "#7d5532", 550)
     brass = pt.plain("#c19a4b", 551, grain=0.12)
     step = (width_m - 0.04) / doors
     for k in range(doors):
@@ -313,14 +184,15 @@ def _cabinet(width_m: float, height_m: float, depth_m: float, doors: int, paint:
             )
         )
     parts += [
-        shadeless(rod((x, y, 0.0), (x * 0.96, y, foot), 0.013, 0.02, _STEEL))
+        shadeless(rod((x, y, 0.0), (x * 0.96, y, foot), 0.013, 0.02, STEEL))
         for x in (-w + 0.08, w - 0.08)
         for y in (-d + 0.06, -0.08)
     ]
     return joined(parts)
 
 
-def _television() -> Piece:
+def television() -> Piece:
+    """A flat screen on two feet, 1.24 m wide."""
     black = pt.plain("#2b2a2c", 560, grain=0.15)
     w, h = 1.24, 0.70
     frame = box((-w / 2, -0.02, 0.07), (w / 2, 0.02, 0.07 + h), 0.03, black, skip="y")
@@ -361,16 +233,16 @@ def furniture() -> Piece:
     cream = pt.wood("#e3d9c3", "#bfae8d", 580)
     return joined(
         [
-            placed(_sofa(), (-1.30, 1.86, 0.0)),
-            placed(_coffee_table(), COFFEE_AT_M),
-            placed(_dining_table(), TABLE_AT_M),
-            *(placed(_chair(p), (cx, cy, 0.0), yaw) for p, (cx, cy, yaw) in zip(seats, chairs, strict=True)),
-            placed(_bookshelf(), (-3.228, 0.0, 0.0), 90.0),
-            placed(_cabinet(1.8, 0.52, 0.40, 4, _WALNUT), CONSOLE_AT_M, 180.0),
-            placed(_television(), (CONSOLE_AT_M[0], CONSOLE_AT_M[1] + 0.2, 0.5205), 180.0),
-            placed(_cabinet(1.5, 0.84, 0.42, 3, cream), SIDEBOARD_AT_M, -90.0),
-            placed(shadeless(_stack(3, 690, 15)), (COFFEE_AT_M[0] + 0.28, COFFEE_AT_M[1] - 0.12, 0.4325)),
-            placed(shadeless(_stack(4, 691, -10)), (SIDEBOARD_AT_M[0] - 0.22, SIDEBOARD_AT_M[1] - 0.35, 0.841), -90.0),
-            placed(shadeless(_stack(2, 692, 8)), (TABLE_AT_M[0] + 0.5, TABLE_AT_M[1] + 0.15, 0.753), 30.0),
+            placed(sofa(), (-1.30, 1.86, 0.0)),
+            placed(coffee_table(), COFFEE_AT_M),
+            placed(dining_table(), TABLE_AT_M),
+            *(placed(chair(p), (cx, cy, 0.0), yaw) for p, (cx, cy, yaw) in zip(seats, chairs, strict=True)),
+            placed(bookshelf(Shelf()), (-3.228, 0.0, 0.0), 90.0),
+            placed(cabinet((1.8, 0.52, 0.40), 4, WALNUT), CONSOLE_AT_M, 180.0),
+            placed(television(), (CONSOLE_AT_M[0], CONSOLE_AT_M[1] + 0.2, 0.5205), 180.0),
+            placed(cabinet((1.5, 0.84, 0.42), 3, cream), SIDEBOARD_AT_M, -90.0),
+            placed(shadeless(stack(3, 690, 15)), (COFFEE_AT_M[0] + 0.28, COFFEE_AT_M[1] - 0.12, 0.4325)),
+            placed(shadeless(stack(4, 691, -10)), (SIDEBOARD_AT_M[0] - 0.22, SIDEBOARD_AT_M[1] - 0.35, 0.841), -90.0),
+            placed(shadeless(stack(2, 692, 8)), (TABLE_AT_M[0] + 0.5, TABLE_AT_M[1] + 0.15, 0.753), 30.0),
         ]
     )

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, WINDOWS_M, Y0, Y1, pane_bars_m
-from .surfaces import Array, Piece, Sheet
+from .openings import Hole, pane_bars_m
+from .surfaces import Array, Piece, Point, Sheet
 
 type Indices = NDArray[np.integer]
 
@@ -20,18 +20,53 @@ type Indices = NDArray[np.integer]
 LATTICE_M = 0.12
 THIN_M = 0.04  # anything narrower gets one sample across
 REACH_M = 1.3  # things farther than this cast no ambient shadow
-SUN = np.array([0.36, -1.0, -0.66])  # the direction in which sunlight travels, scaled to y = -1
 # Linear light; 1 is white.
 SUN_RGB = np.array([1.45, 1.28, 0.95])
 DAY_RGB = np.array([0.95, 1.0, 1.06])
 AMBIENT_RGB = np.array([0.53, 0.52, 0.505])
 REVEAL_LIGHT = 0.35  # extra daylight in the windows' reveals
 BOUNCE_RGB = np.array([0.07, 0.03, -0.01])  # from the floor
-# Lamp bulbs: x, y, z in metres, strength.
-LAMPS = ((-2.86, 2.06, 1.55, 0.24), (1.75, 0.35, 1.62, 0.26))
 LAMP_RGB = np.array([1.25, 0.95, 0.62])
 _NEAR_M = 0.012  # rays start so far above a surface, clear of its own blocker
 _DIRECTIONS = 32  # ambient rays a point
+
+
+@dataclass(frozen=True)
+class Window:
+    """An opening in an outer wall that lets daylight in.
+
+    axis, side: the wall's outward normal: 0 is x, 1 is y, side is 1 or -1. plane_m: where the wall is on that axis.
+    hole_m: from and to along the other axis, low and high.
+    """
+
+    axis: int
+    side: int
+    plane_m: float
+    hole_m: Hole
+
+    def beyond(self, points_m: Array) -> Array:
+        """(N,) whether points (N, 3) lie outside of the window's wall."""
+        return self.side * points_m[:, self.axis] > self.side * self.plane_m
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Where light comes from.
+
+    low_m, high_m: the box that the rooms fill; what is solid inside of it has to be among the blockers.
+    lamps_m: x, y, z of each lamp's bulb, and its strength. sun: the direction in which sunlight travels.
+    day, ambient: factors for daylight from the windows, and for the light that is everywhere. reach_m: how far lamps
+    shine; what is a few metres away adds less than a step of a byte, and costs time in a large room.
+    """
+
+    low_m: Point
+    high_m: Point
+    windows: tuple[Window, ...]
+    lamps_m: tuple[tuple[float, float, float, float], ...]
+    sun: Point = (0.36, -1.0, -0.66)
+    day: float = 1.0
+    ambient: float = 1.0
+    reach_m: float = 100.0
 
 
 @dataclass(frozen=True)
@@ -107,12 +142,12 @@ def _within(boxes_m: Array, low: Array, high: Array) -> Array:
     return boxes_m[((boxes_m[:, 0] < high) & (boxes_m[:, 1] > low)).all(1)]
 
 
-def _room_distance(origins_m: Array, d: Array) -> Array:
+def _room_distance(origins_m: Array, d: Array, lighting: Lighting) -> Array:
     """(N,) distance along a direction to the walls, floor or ceiling; points in a window's reveal see out."""
     best = np.full(len(origins_m), np.inf)
     for k in range(3):
         if abs(d[k]) > 1e-9:
-            plane = (INTERIOR_MAX_M if d[k] > 0 else INTERIOR_MIN_M)[k]
+            plane = (lighting.high_m if d[k] > 0 else lighting.low_m)[k]
             ahead = (plane - origins_m[:, k]) / d[k]
             best = np.minimum(best, np.where(ahead < -1e-3, np.inf, ahead))
     return np.maximum(best, 0.0)
@@ -126,7 +161,7 @@ def _sphere(count: int) -> Array:
     return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], -1)
 
 
-def _ambient(origins_m: Array, normals: Array, boxes_m: Array) -> tuple[Array, Array]:
+def _ambient(origins_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> tuple[Array, Array]:
     """(N,) how open the surroundings are, 0 to 1, and (N,) the share of the floor in what is seen."""
     total, floor, weight = (np.zeros(len(origins_m)) for _ in range(3))
     low, high = origins_m.min(0), origins_m.max(0)
@@ -139,7 +174,7 @@ def _ambient(origins_m: Array, normals: Array, boxes_m: Array) -> tuple[Array, A
         sweep = REACH_M * d
         met = _within(near, low + np.minimum(sweep, 0), high + np.maximum(sweep, 0))
         hit = _first_hit(origins_m[k], d, met)
-        free = np.minimum(np.minimum(hit, _room_distance(origins_m[k], d) * 1.6) / REACH_M, 1.0)
+        free = np.minimum(np.minimum(hit, _room_distance(origins_m[k], d, lighting) * 1.6) / REACH_M, 1.0)
         total[k] += cos[k] * np.sqrt(free)
         floor[k] += cos[k] * max(-d[2], 0.0) * free
         weight[k] += cos[k]
@@ -161,26 +196,33 @@ def _from_point(origins_m: Array, normals: Array, light_m: Array, boxes_m: Array
     return clear, np.maximum(cos, 0.0), away
 
 
-def _windows(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
+def _windows(origins_m: Array, normals: Array, boxes_m: Array, windows: tuple[Window, ...]) -> Array:
     """(N,) daylight: each window is a grid of points on the wall's inner face."""
     total = np.zeros(len(origins_m))
-    for x_low, x_high, z_low, z_high in WINDOWS_M:
-        cells = (x_high - x_low) * (z_high - z_low) / 9
+    for window in windows:
+        low, high, z_low, z_high = window.hole_m
+        cells = (high - low) * (z_high - z_low) / 9
         for i in range(3):
             for j in range(3):
                 # The rows are skewed, so that straight edges do not cast shadows in steps.
-                x = x_low + (x_high - x_low) * (i + 0.25 + 0.25 * j) / 3
-                at = np.array([x, Y1 - 0.005, z_low + (z_high - z_low) * (j + 0.5) / 3])
+                at = np.empty(3)
+                at[1 - window.axis] = low + (high - low) * (i + 0.25 + 0.25 * j) / 3
+                at[window.axis] = window.plane_m - 0.005 * window.side
+                at[2] = z_low + (z_high - z_low) * (j + 0.5) / 3
                 clear, cos, away = _from_point(origins_m, normals, at, boxes_m)
                 square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
-                total += clear * cos * np.maximum(away[:, 1], 0) / np.sqrt(square + 1e-9) * cells / (square + 0.12)
+                ahead = np.maximum(window.side * away[:, window.axis], 0)
+                total += clear * cos * ahead / np.sqrt(square + 1e-9) * cells / (square + 0.12)
     return total
 
 
-def _lamps(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
+def _lamps(origins_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> Array:
     """(N,) light of the lamps, each a small cross of points."""
     total = np.zeros(len(origins_m))
-    for x, y, z, strength in LAMPS:
+    low, high = origins_m.min(0) - lighting.reach_m, origins_m.max(0) + lighting.reach_m
+    for x, y, z, strength in lighting.lamps_m:
+        if not (low[0] < x < high[0] and low[1] < y < high[1]):
+            continue
         for dx, dy in ((0.1, 0.03), (-0.03, 0.1), (-0.1, -0.03), (0.03, -0.1)):
             clear, cos, away = _from_point(origins_m, normals, np.array([x + dx, y + dy, z]), boxes_m)
             square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
@@ -188,7 +230,17 @@ def _lamps(origins_m: Array, normals: Array, boxes_m: Array) -> Array:
     return total
 
 
-def _gathered(points_m: Array, normals: Array, boxes_m: Array) -> Array:
+def _turned_to_windows(origins_m: Array, normals: Array, lighting: Lighting) -> Array:
+    """(N,) factors: light reflected by the room is stronger on the wall that faces the windows."""
+    if not lighting.windows:
+        return np.ones(len(origins_m), np.float32)
+    k, side = lighting.windows[0].axis, lighting.windows[0].side
+    far_m = (lighting.low_m if side > 0 else lighting.high_m)[k]
+    towards = side * normals[:, k]
+    return 1.0 + 0.12 * towards * (side * origins_m[:, k] < side * far_m + 1) - 0.08 * (towards < -0.5)
+
+
+def _gathered(points_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> Array:
     """(N, 3) light on points; neighbouring points are computed together, as few boxes are near them."""
     light = np.empty_like(points_m)
     origins = (points_m + _NEAR_M * normals).astype(np.float32)
@@ -199,57 +251,91 @@ def _gathered(points_m: Array, normals: Array, boxes_m: Array) -> Array:
     for group in np.split(order, np.nonzero(np.diff(key[order]))[0] + 1):
         for chunk in np.array_split(group, len(group) // 2000 + 1):
             o, n = origins[chunk], normals[chunk]
-            open_, floor = _ambient(o, n, boxes_m)
-            # Light reflected by the room is stronger on surfaces that face the windows.
-            bright = 1.0 + 0.12 * n[:, 1] * (o[:, 1] < Y0 + 1) - 0.08 * (n[:, 1] < -0.5)
+            open_, floor = _ambient(o, n, boxes_m, lighting)
+            bright = _turned_to_windows(o, n, lighting)
+            outside = np.any([w.beyond(o) for w in lighting.windows] or [np.zeros(len(o), bool)], axis=0)
             light[chunk] = (
-                AMBIENT_RGB * (bright * (0.12 + 0.88 * open_))[:, None]
+                lighting.ambient * AMBIENT_RGB * (bright * (0.12 + 0.88 * open_))[:, None]
                 + BOUNCE_RGB * floor[:, None]
-                + DAY_RGB * (1.2 * _windows(o, n, boxes_m))[:, None]
-                + LAMP_RGB * _lamps(o, n, boxes_m)[:, None]
-                + DAY_RGB * (REVEAL_LIGHT * (o[:, 1] > Y1))[:, None]
+                + DAY_RGB * (1.2 * lighting.day * _windows(o, n, boxes_m, lighting.windows))[:, None]
+                + LAMP_RGB * _lamps(o, n, boxes_m, lighting)[:, None]
+                + DAY_RGB * (REVEAL_LIGHT * outside)[:, None]
             )
     return light
 
 
-def _sunlit(points_m: Array, normals: Array, boxes_m: Array) -> Array:
-    """(N,) sunlight in [0, 1]: what comes through the panes, past the glazing bars and the furniture."""
-    cos = np.maximum(-(normals[:, 0] * SUN[0] + normals[:, 1] * SUN[1] + normals[:, 2] * SUN[2]), 0.0)
-    cos /= np.sqrt(float((SUN * SUN).sum()))
-    back = Y1 + 0.1 - points_m[:, 1]
-    x, z = points_m[:, 0] - SUN[0] * back, points_m[:, 2] - SUN[2] * back
+@dataclass(frozen=True)
+class _SunnyWall:
+    """The holes of one wall that the sun shines into; travel: its direction, scaled to one metre through the wall."""
+
+    axis: int
+    side: int
+    plane_m: float
+    holes_m: tuple[Hole, ...]
+    travel: Array
+
+
+def _sunny_walls(lighting: Lighting) -> list[_SunnyWall]:
+    sun = np.array(lighting.sun)
+    walls: dict[tuple[int, int, float], list[Hole]] = {}
+    for w in lighting.windows:
+        if sun[w.axis] * w.side < 0:
+            walls.setdefault((w.axis, w.side, w.plane_m), []).append(w.hole_m)
+    return [_SunnyWall(*wall, tuple(holes), sun / abs(sun[wall[0]])) for wall, holes in walls.items()]
+
+
+def _sunlit(points_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> Array:
+    """(N,) sunlight in [0, 1] from all windows that the sun shines into."""
+    sun = np.array(lighting.sun)
+    cos = np.maximum(-(normals[:, 0] * sun[0] + normals[:, 1] * sun[1] + normals[:, 2] * sun[2]), 0.0)
+    cos /= np.sqrt(float((sun * sun).sum()))
+    k = np.nonzero(cos > 0)[0]
+    points, towards = points_m[k], normals[k]
+    share = np.zeros(len(k))
+    for wall in _sunny_walls(lighting):
+        share += _through(wall, points, towards, boxes_m)
+    total = np.zeros(len(points_m))
+    total[k] = share * cos[k]
+    return total
+
+
+def _through(wall: _SunnyWall, points_m: Array, normals: Array, boxes_m: Array) -> Array:
+    """(N,) share of the sun in [0, 1] that comes through one wall's panes, past glazing bars and furniture."""
+    axis, side, travel = wall.axis, wall.side, wall.travel
+    back = side * (wall.plane_m + side * 0.1 - points_m[:, axis])
+    along, z = points_m[:, 1 - axis] - travel[1 - axis] * back, points_m[:, 2] - travel[2] * back
     share = np.zeros(len(points_m))
-    for window in WINDOWS_M:
-        x_low, x_high, z_low, z_high = window
+    for hole in wall.holes_m:
+        low, high, z_low, z_high = hole
         blur = 0.008 + 0.004 * back
-        inside = np.minimum(np.minimum(x - x_low, x_high - x), np.minimum(z - z_low, z_high - z)) - 0.055
-        upright, level = pane_bars_m(window)
+        inside = np.minimum(np.minimum(along - low, high - along), np.minimum(z - z_low, z_high - z)) - 0.055
+        upright, level = pane_bars_m(hole)
         for at in upright:
-            inside = np.minimum(inside, abs(x - at) - 0.026)
+            inside = np.minimum(inside, abs(along - at) - 0.026)
         for at in level:
             inside = np.minimum(inside, abs(z - at) - 0.016)
         share = np.maximum(share, np.clip(0.5 + inside / (2 * blur), 0, 1))
-    k = np.nonzero((share > 0) & (cos > 0) & (back > 0.02))[0]
+    k = np.nonzero((share > 0) & (back > 0.02))[0]
     result = np.zeros(len(points_m))
     origins = (points_m[k] + _NEAR_M * normals[k]).astype(np.float32)
     for chunk in np.array_split(np.arange(len(k)), len(k) // 4000 + 1):
         o = origins[chunk]
-        towards = -SUN * (Y1 - o[:, 1])[:, None]
+        towards = -travel * (side * (wall.plane_m - o[:, axis]))[:, None]
         if len(o):
             near = _within(boxes_m, np.minimum(o, o + towards).min(0), np.maximum(o, o + towards).max(0))
             result[k[chunk]] = _first_hit(o, towards, near) >= 1.0
-    return result * share * cos
+    return result * share
 
 
-def lit(piece: Piece) -> Array:
+def lit(piece: Piece, lighting: Lighting) -> Array:
     """(V, 3) display-encoded colours of all sheets, in order, under the room's light: multiples of 1/255."""
     boxes = np.array(piece.blockers_m, np.float32)
     lattice = _lattice(piece.sheets)
-    coarse = _gathered(lattice.points_m, lattice.normals, boxes)
+    coarse = _gathered(lattice.points_m, lattice.normals, boxes, lighting)
     colours: list[Array] = []
     points = np.concatenate([s.points_m.reshape(-1, 3) for s in piece.sheets])
     normals = np.concatenate([s.normals.reshape(-1, 3) for s in piece.sheets])
-    sun = _sunlit(points, normals, boxes)
+    sun = _sunlit(points, normals, boxes, lighting)
     at, first = 0, 0
     for s, r, c in zip(piece.sheets, lattice.rows, lattice.columns, strict=True):
         count = len(r) * len(c)

@@ -195,10 +195,13 @@ def brick_depth(u: Array, v: Array) -> tuple[Array, Array, Array]:
     return ramp(edge, 0.0005, 0.0029), column, course
 
 
-def bricks(seed: int) -> Painter:
-    """Reddish bricks, each with its own tone, with pits and pale smears, in light mortar."""
-    tones = np.array([colour(c) for c in ("#b5745a", "#a9644c", "#c08468", "#97563f", "#b98f78", "#8a4e3e", "#c69a82")])
-    mortar = colour("#cfc5b6")
+RED_BRICKS = ("#b5745a", "#a9644c", "#c08468", "#97563f", "#b98f78", "#8a4e3e", "#c69a82")
+
+
+def bricks(seed: int, codes: tuple[str, ...] = RED_BRICKS, joint: str = "#cfc5b6") -> Painter:
+    """Bricks, reddish if nothing else is asked for, each with its own tone, with pits and pale smears, in mortar."""
+    tones = np.array([colour(c) for c in codes])
+    mortar = colour(joint)
 
     def paint(u: Array, v: Array) -> Array:
         face, column, course = brick_depth(u, v)

@@ -7,8 +7,10 @@ X runs along the long side (east), Y across it (north, where the windows are), Z
 import numpy as np
 
 from . import patterns as pt
+from .light import Lighting, Window
+from .openings import REVEAL_M, TRIM, Hole, curtains, door, outdoors, window
 from .pictures import garden
-from .surfaces import Array, Painter, Piece, Point, ball, box, joined, rect, rod, shadeless, sheet, tube
+from .surfaces import Array, Painter, Piece, Point, box, joined, rect, shadeless, sheet
 
 # A living room of 6.5 m x 5 m, 2.7 m high: designed, not measured.
 INTERIOR_MIN_M: Point = (-3.25, -2.5, 0.0)
@@ -17,14 +19,13 @@ INTERIOR_MAX_M: Point = (3.25, 2.5, 2.7)
 WINDOWS_M = ((-2.3, -0.3, 0.98, 2.3), (1.05, 2.45, 0.98, 2.3))
 DOOR_M = (1.95, 2.85, 0.0, 2.06)
 DADO_M = 0.9  # top of the panelling
-REVEAL_M = 0.16  # depth of the windows in the wall
 WALL_CELL_M = 0.016  # distance of the walls' vertices, which carry the texture; chosen: detail against size
 
 X0, Y0, Z0 = INTERIOR_MIN_M
 X1, Y1, Z1 = INTERIOR_MAX_M
 
-_PAINTED = pt.plain("#e9e4d6", 300, grain=0.04, patch=0.04)
-_TRIM = pt.wood("#efe9da", "#d8cfba", 301)
+LAMPS_M = ((-2.86, 2.06, 1.55, 0.24), (1.75, 0.35, 1.62, 0.26))  # x, y, z and the strength of each
+LIGHTING = Lighting(INTERIOR_MIN_M, INTERIOR_MAX_M, tuple(Window(1, 1, Y1, w) for w in WINDOWS_M), LAMPS_M)
 
 
 def _floor() -> Piece:
@@ -41,9 +42,6 @@ def _ceiling() -> Piece:
         for x in (-2.5, -1.25, 0, 1.25, 2.5)
     ]
     return joined([flat, *beams])
-
-
-type Hole = tuple[float, float, float, float]
 
 
 def _wall(
@@ -132,9 +130,9 @@ def _cornice(start: Point, end: tuple[float, float]) -> Piece:
     low = (min(start[0], end[0]), min(start[1], end[1]))
     high = (max(start[0], end[0]), max(start[1], end[1]))
     if high[1] - low[1] > 1:
-        return shadeless(box((X0, low[1], Z1 - 0.07), (X0 + 0.04, high[1], Z1), 0.025, _TRIM, skip="xyYZ"))
+        return shadeless(box((X0, low[1], Z1 - 0.07), (X0 + 0.04, high[1], Z1), 0.025, TRIM, skip="xyYZ"))
     y = (Y1 - 0.04, Y1) if low[1] > 0 else (Y0, Y0 + 0.04)
-    return shadeless(box((low[0], y[0], Z1 - 0.07), (high[0], y[1], Z1), 0.025, _TRIM, skip="xXZ"))
+    return shadeless(box((low[0], y[0], Z1 - 0.07), (high[0], y[1], Z1), 0.025, TRIM, skip="xXZ"))
 
 
 def _brick_wall() -> Piece:
@@ -148,148 +146,9 @@ def _brick_wall() -> Piece:
     return Piece((flipped,)) + shadeless(skirting)
 
 
-def _window(x_low: float, x_high: float, z_low: float, z_high: float, seed: int) -> Piece:
-    """Reveal, sill, frame and glazing bars of a window in the north wall."""
-    depth, width, height = REVEAL_M, x_high - x_low, z_high - z_low
-    parts = [
-        rect((x_low, Y1, z_low), (width, 0, 0), (0, depth, 0), 0.02, _PAINTED),
-        rect((x_low, Y1 + depth, z_high), (width, 0, 0), (0, -depth, 0), 0.02, _PAINTED),
-        rect((x_low, Y1, z_low), (0, depth, 0), (0, 0, height), 0.02, _PAINTED),
-        rect((x_high, Y1 + depth, z_low), (0, -depth, 0), (0, 0, height), 0.02, _PAINTED),
-        box(
-            (x_low - 0.03, Y1 - 0.044, z_low - 0.03),
-            (x_high + 0.03, Y1 + 0.05, z_low + 0.004),
-            0.016,
-            pt.wood("#c99c6b", "#8f6238", seed),
-        ),
-    ]
-    front, back = Y1 + 0.07, Y1 + 0.125
-
-    def bar(a: float, b: float, low: float, high: float, inset: float = 0.0) -> None:
-        parts.append(box((a, front + inset, low), (b, back - inset, high), 0.04, _TRIM, glow=0.3))
-
-    rim = 0.055
-    bar(x_low, x_low + rim, z_low, z_high)
-    bar(x_high - rim, x_high, z_low, z_high)
-    bar(x_low + rim, x_high - rim, z_low, z_low + rim)
-    bar(x_low + rim, x_high - rim, z_high - rim, z_high)
-    for x in _mullions(x_low, x_high):
-        bar(x - 0.022, x + 0.022, z_low + rim, z_high - rim, 0.004)
-    for k in (1, 2):
-        z = z_low + height * k / 3
-        bar(x_low + rim, x_high - rim, z - 0.011, z + 0.011, 0.014)
-    return shadeless(joined(parts))
-
-
-def _mullions(x_low: float, x_high: float) -> list[float]:
-    count = round((x_high - x_low) / 0.5)
-    return [x_low + (x_high - x_low) * k / count for k in range(1, count)]
-
-
-def pane_bars_m(window: tuple[float, float, float, float]) -> tuple[list[float], list[float]]:
-    """Centres of a window's upright (x) and level (z) glazing bars, for the sun's pattern on the floor."""
-    x_low, x_high, z_low, z_high = window
-    return _mullions(x_low, x_high), [z_low + (z_high - z_low) * k / 3 for k in (1, 2)]
-
-
-def _outdoors() -> Piece:
-    """The garden: a glowing box behind the north wall whose picture is right from the middle of the room."""
-    low, high = np.array([-3.3, Y1 + REVEAL_M, -0.5]), np.array([3.5, Y1 + 1.3, 3.3])
-    eye = np.array([0.1, 0.6, 1.55])
-    size = high - low
-    corners = (
-        ((low[0], high[1], low[2]), (size[0], 0, 0), (0, 0, size[2]), 0.0345),
-        ((low[0], low[1], low[2]), (0, size[1], 0), (0, 0, size[2]), 0.06),
-        ((high[0], high[1], low[2]), (0, -size[1], 0), (0, 0, size[2]), 0.04),
-        ((low[0], low[1], low[2]), (size[0], 0, 0), (0, size[1], 0), 0.04),
-        ((low[0], high[1], high[2]), (size[0], 0, 0), (0, -size[1], 0), 0.04),
-    )
-    parts: list[Piece] = []
-    for corner, u_edge, v_edge, cell in corners:
-        c, a, b = (np.array(x, np.float64) for x in (corner, u_edge, v_edge))
-        a, b = a / abs(a).sum(), b / abs(b).sum()
-
-        def paint(u: Array, v: Array, c: Array = c, a: Array = a, b: Array = b) -> Array:
-            away = c + u[..., None] * a + v[..., None] * b - eye
-            return garden(away[..., 0] / away[..., 1], away[..., 2] / away[..., 1])
-
-        parts.append(rect(tuple(c), u_edge, v_edge, cell, paint, glow=1.0))
-    return joined(parts)
-
-
-def _curtain(x_low: float, x_high: float, seed: int) -> Piece:
-    """A gathered curtain with a hem just above the floor."""
-    top, bottom, folds = 2.44, 0.03, 5
-    print_ = pt.stripes(
-        ["#e8dcc0", "#d9a441", "#e8dcc0", "#b5653a", "#e8dcc0", "#5f7f78"], [0.05, 0.03, 0.05, 0.016, 0.05, 0.03], seed
-    )
-    u, v = np.meshgrid(np.arange(47) / 46.0, np.arange(111) / 110.0)
-    swing = 0.5 + 0.5 * (1 - v)
-    fold = np.sin(2 * np.pi * (folds * u + 0.15 * pt.noise(2 * u, 2 * v, seed) + 0.1 * seed))
-    x = x_low + (x_high - x_low) * (0.5 + (u - 0.5) * (0.92 + 0.16 * abs(v - 0.5)))
-    y = Y1 - 0.085 - 0.034 * swing * fold
-    cloth = sheet(np.stack([x, y, bottom + (top - bottom) * v], -1), print_(u * 1.1, v * 2.4))
-    low, high = (x_low + 0.02, Y1 - 0.048, bottom), (x_high - 0.02, Y1 - 0.02, top)
-    return Piece((cloth,), ((low, high),))
-
-
-def _curtains(x_low: float, x_high: float, seed: int) -> Piece:
-    brass = pt.plain("#a8803e", 310, grain=0.12)
-    y, z, a, b = Y1 - 0.085, 2.47, x_low - 0.52, x_high + 0.52
-    parts = [_curtain(x_low - 0.45, x_low + 0.08, seed), _curtain(x_high - 0.08, x_high + 0.45, seed + 1)]
-    parts += [
-        rod((a, y, z), (b, y, z), 0.012, 0.02, brass),
-        ball((a, y, z), 0.028, 0.012, brass),
-        ball((b, y, z), 0.028, 0.012, brass),
-    ]
-    angle = np.arange(13) * (2 * np.pi / 12)
-    for k in range(7):
-        for x in (a + 0.1 + 0.075 * k, b - 0.1 - 0.075 * k):
-            ring = [(x, y + 0.02 * np.cos(t), z - 0.008 + 0.022 * np.sin(t)) for t in angle]
-            parts.append(tube(ring, 0.003, 5, brass))
-    return joined([*parts[:2], *map(shadeless, parts[2:])])
-
-
-def _door() -> Piece:
-    x_low, x_high, _, top = DOOR_M
-    leaf = pt.plain("#6f918b", 330, grain=0.06, grain_m=0.022, patch=0.1, fleck=0.08)
-    back, front = Y0 - 0.045, Y0 - 0.01
-    parts = [box((x_low, back, 0.008), (x_high, front, top), 0.022, leaf, skip="yzZ")]
-    middle = (x_low + x_high) / 2
-    for low, high in ((0.16, 0.62), (0.76, 1.3), (1.42, 1.92)):
-        for a, b in ((x_low + 0.12, middle - 0.05), (middle + 0.05, x_high - 0.12)):
-            parts.append(box((a, front, low), (b, front + 0.008, high), 0.022, leaf, skip="y"))
-            parts.append(
-                box((a + 0.05, front + 0.008, low + 0.05), (b - 0.05, front + 0.016, high - 0.05), 0.02, leaf, skip="y")
-            )
-    for a, b, low, high in (
-        (x_low - 0.09, x_low, 0.0, top + 0.09),
-        (x_high, x_high + 0.09, 0.0, top + 0.09),
-        (x_low, x_high, top, top + 0.09),
-    ):
-        parts.append(box((a, Y0 - 0.06, low), (b, Y0 + 0.025, high), 0.024, _TRIM))
-    parts.append(box((x_low, Y0 - 0.06, -0.01), (x_high, Y0 + 0.01, 0.008), 0.018, pt.wood("#8a623d", "#4f3420", 331)))
-    brass = pt.plain("#c19a4b", 332, grain=0.12)
-    x = x_low + 0.07
-    parts.append(box((x - 0.02, front, 0.93), (x + 0.02, front + 0.006, 1.13), 0.01, brass, skip="y"))
-    parts.append(
-        tube(
-            [
-                (x, front, 1.06),
-                (x, front + 0.05, 1.06),
-                (x + 0.02, front + 0.06, 1.06),
-                (x + 0.13, front + 0.06, 1.055),
-            ],
-            0.009,
-            8,
-            brass,
-        )
-    )
-    return shadeless(joined(parts))
-
-
 def shell() -> Piece:
     """Everything that is built in."""
-    windows = [_window(*w, 340 + k) for k, w in enumerate(WINDOWS_M)]
-    curtains = [_curtains(w[0], w[1], 350 + 10 * k) for k, w in enumerate(WINDOWS_M)]
-    return joined([_floor(), _ceiling(), _walls(), *windows, _outdoors(), *curtains, _door()])
+    windows = [window(w, Y1, 340 + k) for k, w in enumerate(WINDOWS_M)]
+    hangings = [curtains(w[0], w[1], Y1, 350 + 10 * k) for k, w in enumerate(WINDOWS_M)]
+    garden_ = outdoors((-3.3, Y1 + REVEAL_M, -0.5), (3.5, Y1 + 1.3, 3.3), (0.1, 0.6, 1.55), garden)
+    return joined([_floor(), _ceiling(), _walls(), *windows, garden_, *hangings, door(DOOR_M, Y0)])

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The embedded rooms as they are rendered: no void in view, features in every frame."""
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.pipeline.run import render_options
+from noisy_world.planning import make_plan
+
+CAMERA = {"width": 1200, "height": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}
+
+
+def preset_of(folder, mesh):
+    path = folder / "rooms.yaml"
+    # The frames are half a minute apart: they show much of the room.
+    trajectory = {"handheld": {"frames": 2000}, "every": 700}
+    content = {"scenes": [{"mesh": mesh, "trajectory": trajectory}], "camera": CAMERA}
+    path.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return read_preset(path)
+
+
+@pytest.mark.parametrize("seed", range(1, 8))
+def test_no_void_and_many_features_in_view(tmp_path, seed):
+    plan = make_plan(preset_of(tmp_path, f"embedded:room?seed={seed}"))
+    (render,) = plan.renders
+    paths = source_paths(plan, render)
+    orb = cv2.ORB_create(nfeatures=2000)
+    with render.scene.source.open(paths, render.camera, render_options(plan, render), print) as source:
+        for index in range(3):
+            frame = source.frame(paths.moment(index))
+            assert (frame.depth_m > 0.2).all()
+            assert frame.depth_m.max() < 12.0
+            grey = cv2.cvtColor(np.rint(np.asarray(frame.rgb) * 255).astype(np.uint8), cv2.COLOR_RGB2GRAY)
+            assert len(orb.detect(grey, None)) >= 500
