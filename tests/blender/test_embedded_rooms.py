@@ -23,7 +23,8 @@ def preset_of(folder, mesh):
     return read_preset(path)
 
 
-@pytest.mark.parametrize("seed", range(1, 8))
+# The corridor, which has the fewest features; the rooms joined by a doorway; the largest.
+@pytest.mark.parametrize("seed", [3, 4, 5])
 def test_no_void_and_many_features_in_view(tmp_path, seed):
     plan = make_plan(preset_of(tmp_path, f"embedded:room?seed={seed}"))
     (render,) = plan.renders

@@ -114,7 +114,7 @@ def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp
     settings.steps.clear()
     bpy.ops.noisy_world.generate()
     settings.seed = 9
-    with pytest.raises(RuntimeError, match="replace it with --overwrite"):
+    with pytest.raises(RuntimeError, match="replace the dataset with --overwrite"):
         bpy.ops.noisy_world.generate()
     assert bpy.ops.noisy_world.generate_anew() == {"FINISHED"}
     assert runs.run_of(scene).background.phase == "finished"

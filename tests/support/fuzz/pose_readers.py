@@ -2,6 +2,7 @@
 """Plain readers of poses, with numpy's loadtxt and json: independent of the project's own."""
 
 import json
+import re
 
 import numpy as np
 
@@ -45,9 +46,17 @@ def _replica(path):
     return None, _table(path, (16,)).reshape(-1, 4, 4)
 
 
+def named_order(path):
+    """Return the order of a quaternion's numbers that the header of EuRoC's columns names; w, x, y, z without one."""
+    first = path.read_text(encoding="utf-8", errors="replace").splitlines()[0]
+    named = re.findall(r"q_RS_([wxyz]) \[\]", first)
+    return named if sorted(named) == list("wxyz") else list("wxyz")
+
+
 def _euroc(path):
     table = _table(path, (8, 17), ",")
-    return _from_quats(table[:, 0] / 1e9, table[:, 1:4], table[:, 4:8])
+    order = [4 + named_order(path).index(name) for name in "wxyz"]
+    return _from_quats(table[:, 0] / 1e9, table[:, 1:4], table[:, order])
 
 
 def _finite(poses):

@@ -2,14 +2,13 @@
 """Removing a dataset's files from a folder, and no others."""
 
 import contextlib
-import shutil
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from .layouts import LAYOUTS, Layout
 from .records import FRAMES
 from .standing import IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
-from .storage import link_on_the_way, storage_errors
+from .storage import UNFINISHED, link_on_the_way, storage_errors
 
 
 def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
@@ -46,12 +45,21 @@ def _remove_sequence(out: Path, folder: Path, layout: Layout) -> None:
 
 
 def empty_scratch(scratch: Path) -> None:
-    """Leave an empty folder for unfinished files, whatever was there. Raises StorageError."""
+    """Leave a folder for unfinished files without those of earlier runs. Raises StorageError."""
     with storage_errors(scratch):
         if scratch.is_symlink() or scratch.is_file():
             scratch.unlink()
-        shutil.rmtree(scratch, ignore_errors=True)
+        remove_unfinished(scratch)
         scratch.mkdir(parents=True, exist_ok=True)
+
+
+def remove_unfinished(scratch: Path) -> None:
+    """Remove the unfinished files of runs that ended, and the folder where nothing else is in it."""
+    for path in scratch.glob("*-*-*"):
+        if UNFINISHED.fullmatch(path.name) and (path.is_symlink() or path.is_file()):
+            path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        scratch.rmdir()
 
 
 def remove_journals(work: Path, folder: str) -> None:
@@ -68,7 +76,7 @@ def remove_journals(work: Path, folder: str) -> None:
 def remove_work_folder(work: Path, scratch: Path) -> None:
     """Remove a working folder without journals; what is not ours stays in it. Raises StorageError."""
     with storage_errors(work):
-        shutil.rmtree(scratch, ignore_errors=True)
+        remove_unfinished(scratch)
         # The identity is removed last, with the lock: until then the run can be resumed.
         for path in (*work.glob("*/*"), *work.glob("*")):
             if path.is_dir() and not path.is_symlink():

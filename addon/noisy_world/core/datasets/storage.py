@@ -6,6 +6,7 @@ import errno
 import hashlib
 import itertools
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -62,6 +63,10 @@ def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
         unfinished.replace(target)
         # Renaming one name of a file to another name of the same file does nothing, so both would stay.
         unfinished.unlink(missing_ok=True)
+
+
+UNFINISHED = re.compile(r"[0-9]+-[0-9]+-.+")
+"""What the names of unfinished files are like."""
 
 
 def _unfinished(scratch: Path, path: Path) -> Path:
