@@ -6,6 +6,10 @@ from fnmatch import fnmatchcase
 import numpy as np
 import pytest
 from calls import calls_made
+from worlds import write_world
+
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.planning import make_plan
 from noisy_world.sources.wildcards import matched_parts
 
 PATTERNS = [
@@ -44,3 +48,10 @@ def test_what_fnmatch_accepts_is_put_together_again_from_its_parts():
 def test_a_pattern_of_many_stars_takes_no_long_time():
     pattern, name = "*" + "a*" * 60 + "[bc]", "a" * 240 + "b"
     assert calls_made(matched_parts, pattern, name) < 1_000_000
+
+
+def test_a_file_whose_own_name_has_wildcards_is_meant_itself(tmp_path):
+    preset = write_world(tmp_path, scenes=[{"name": "box", "mesh": "scan[1].ply", "trajectory": "traj.txt"}])
+    (tmp_path / "mesh.ply").rename(tmp_path / "scan[1].ply")
+    (scene,) = make_plan(read_preset(preset)).scenes
+    assert scene.source.location == str(tmp_path / "scan[1].ply")

@@ -10,7 +10,7 @@ def write(tmp_path):
     def write_file(content, name="poses.txt"):
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(content)
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
         return file
 
     return write_file
@@ -18,6 +18,8 @@ def write(tmp_path):
 
 @pytest.fixture
 def refused(write):
+    """The message about a file that must not be read, without the file's own name in front."""
+
     def message(content, **how):
         file = write(content)
         with pytest.raises(InputError) as error:

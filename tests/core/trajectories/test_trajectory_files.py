@@ -29,32 +29,6 @@ def path_of(count, seed=0):
     return evenly_stamped(pose(rotation, rng.normal(size=(count, 3))))
 
 
-@pytest.fixture
-def write(tmp_path):
-    def write_file(content, name="poses.txt"):
-        file = tmp_path / name
-        file.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return file
-
-    return write_file
-
-
-@pytest.fixture
-def refused(write):
-    """The message about a file that must not be read, without the file's own name in front."""
-
-    def message(content, **how):
-        file = write(content)
-        with pytest.raises(InputError) as error:
-            read_trajectory(file, **how)
-        text = str(error.value)
-        assert text.startswith(f"{file}: ")
-        assert "\n" not in text
-        return text.removeprefix(f"{file}: ")
-
-    return message
-
-
 def test_replica_line_by_hand(write):
     # Looking along world +y from (1, 2, 3); the numbers are row-major, the translation 4th, 8th and 12th.
     trajectory = read_trajectory(write("1 0 0 1 0 0 1 2 0 -1 0 3 0 0 0 1\n"))
