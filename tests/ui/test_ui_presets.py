@@ -21,7 +21,7 @@ PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml
 
 def parsed(preset):
     return {item.name: item for item in parse_settings(
-        preset.spec.settings, preset.place("settings"), registry(), preset.spec.render.backend
+        preset.spec.settings, preset.setting_places, registry(), preset.spec.render.backend
     )}  # fmt: skip
 
 
