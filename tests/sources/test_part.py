@@ -2,14 +2,19 @@
 """A part of a preset by names and globs, and the folder that its scenes lie in."""
 
 import shutil
+import sys
+import threading
 
+import fake_session
 import pytest
 from cases import cases
-from worlds import content, generate_here, path_poses, write_box_ply, write_replica, write_world
+from worlds import content, path_poses, write_box_ply, write_replica, write_world
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
 from noisy_world.core.scenes.replica import REPLICA_SCENES
+from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
 SETTINGS = [{"name": "clean"}, {"sweep": {"perturb": ["fog", "frost"], "severities": [1, 3]}}]
@@ -79,12 +84,18 @@ def test_a_part_has_the_identity_of_the_whole(tmp_path):
     assert scene == str(moved)
 
 
-def test_a_part_grows_into_the_whole_to_the_byte(tmp_path):
-    pytest.importorskip("bpy", reason="bpy is not installed")
+def test_a_part_grows_into_the_whole_to_the_byte(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
     preset = write_scenes(tmp_path / "world", count=2)
-    generate_here(preset, "--out", tmp_path / "whole")
-    for part in (["--scenes", "box1", "--settings=frost*,clean"], ["--settings=fog_s3"], []):
-        generate_here(preset, "--out", tmp_path / "grown", *part)
+
+    def make(out, **part):
+        Run(
+            make_plan(read_preset(preset, **part)), out, progress=PlainProgress(sys.stderr), stop=threading.Event()
+        ).make_dataset()
+
+    make(tmp_path / "whole")
+    for part in ({"scenes": ["box1"], "settings": ["frost*,clean"]}, {"settings": ["fog_s3"]}, {}):
+        make(tmp_path / "grown", **part)
     assert content(tmp_path / "grown") == content(tmp_path / "whole")
 
 
