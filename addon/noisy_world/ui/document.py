@@ -294,6 +294,8 @@ def _refuse_unshown(preset: Preset) -> None:
         and "resamples the path",
         "scenes.0.trajectory.handheld.seed": trajectory is not None and trajectory.handheld is not None
         and trajectory.handheld.seed is not None and "is another seed than the preset's",
+        "scenes.0.trajectory.handheld.revisit": trajectory is not None and trajectory.handheld is not None
+        and trajectory.handheld.revisit and "is true",
         "rig": spec.rig is not None and "places sensors on a robot",
         "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
         "render.allow_empty": spec.render.allow_empty and "is true",

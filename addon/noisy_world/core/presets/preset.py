@@ -34,6 +34,9 @@ class HandheldSpec:
     seed: int | None = key("seed of the path, where it should not follow the preset's", default=None, minimum=0)
     speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10)
     clearance_m: float = key("distance kept from everything", unit="m", default=0.45, above=0, maximum=10)
+    revisit: bool = key(
+        "whether earlier stretches are walked again, looking the same way: loops to close", default=False
+    )
 
 
 @dataclass(frozen=True)
