@@ -7,6 +7,7 @@ from pathlib import Path
 from ..core.home import with_home
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .part import add_part_options
 from .shipped import found_preset
 
 
@@ -37,6 +38,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         dest="overrides",
         help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
     )
+    add_part_options(parser)
     parser.add_argument(
         "--frames",
         metavar="A:B",

@@ -12,6 +12,7 @@ from .arguments import out_folder, parse_arguments
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .part import part_words, planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -37,14 +38,11 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
-
     if options.worker:
         return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
@@ -115,6 +113,7 @@ def own_arguments(options: argparse.Namespace) -> list[str]:
     words = [pasteable_path(options.preset), "--out", pasteable_path(out_folder(options))]
     if options.overrides:
         words += ["--set", *options.overrides]
+    words += part_words(options)
     if options.frames is not None:
         words += [
             "--frames",
