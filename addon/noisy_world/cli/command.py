@@ -24,6 +24,7 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
+    "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }
