@@ -62,5 +62,7 @@ def _embreex() -> tuple[Any, Any]:
         return importlib.import_module("embreex.rtcore_scene"), importlib.import_module("embreex.mesh_construction")
     except ImportError as error:
         python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
-        remedy = f"pip install '{EXTRA}', or use render.engine: cycles"
-        raise MissingDependencyError(f"render.engine embree: {error}, in {python}; {remedy}") from error
+        missing = isinstance(error, ModuleNotFoundError)
+        problem = f"is missing in this {python}" if missing else f"cannot be imported: {error}"
+        remedy = f"run: pip install '{EXTRA}', or use render.engine: cycles"
+        raise MissingDependencyError(f"render.engine is embree, but embreex {problem}; {remedy}") from error

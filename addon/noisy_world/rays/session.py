@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
-from ..core.machine import available_threads
+from ..core.machine import available_threads, keep_freed_memory
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
@@ -18,8 +18,7 @@ from .colours import colours_of
 from .embree import Hits, TracedTriangles
 from .triangles import triangle_corners
 
-# Chosen: what numpy holds of so many rays stays in a processor's cache, a sixth of a frame's time.
-RAYS_AT_ONCE = 48_000
+RAYS_AT_ONCE = 96_000  # chosen: as fast as any number from 48,000 on, and 15 MB a thread
 
 
 class RaySession:
@@ -30,6 +29,7 @@ class RaySession:
 
         Raises MissingDependencyError where embreex cannot be imported.
         """
+        keep_freed_memory()  # clearing new pages for what numpy holds of a frame takes as long as the colours
         self.origin_m = recentring_m(paths.rgb)
         self._options = options
         vertices_m = (mesh.vertices_m - self.origin_m).astype(np.float32)
@@ -68,10 +68,13 @@ class RaySession:
         # Of component 1 along the optical axis, so that lengths are planar depths; in float64, rounded once.
         across, down = self._right[:, None] * c2w[:3, 0] + c2w[:3, 2], self._down[:, None] * c2w[:3, 1]
 
+        bands = self._bands()
+        origins_m = np.full((bands[0].stop * self._width, 3), origin_m, dtype=np.float32)
+
         def cast(rows: slice) -> None:
             directions = np.empty((*down[rows].shape[:1], self._width, 3), dtype=np.float32)
             np.add(across, down[rows, None], out=directions, dtype=np.float64, casting="same_kind")
-            hits = self._first(origin_m, directions.reshape(-1, 3))
+            hits = self._first(origin_m, origins_m[: directions.size // 3], directions.reshape(-1, 3))
             missed = np.flatnonzero(hits.triangles < 0)
             if colours is not None and self._colours is not None:
                 planes = self._colours(hits)
@@ -81,16 +84,18 @@ class RaySession:
                 hits.lengths[missed] = 0
                 depth_m[rows] = hits.lengths.reshape(-1, self._width)
 
-        self._each(cast, self._bands())
+        self._each(cast, bands)
         return colours, depth_m
 
-    def _first(self, origin_m: NDArray[np.float64], directions: NDArray[np.float32]) -> Hits:
-        """Return what rays from a point (3,) meet between the near and the far plane.
+    def _first(
+        self, origin_m: NDArray[np.float64], origins_m: NDArray[np.float32], directions: NDArray[np.float32]
+    ) -> Hits:
+        """Return what rays from a point (3,), given for each of them (N, 3) too, meet between near and far plane.
 
         Rays that meet something before the near plane are cast again, from there.
         """
         near_m, far_m = self._options.near_m, self._options.far_m
-        hits = self._triangles.first(_each_from(origin_m, directions), directions)
+        hits = self._triangles.first(origins_m, directions)
         near = np.flatnonzero(hits.lengths < near_m)
         if near.size:
             onward = directions[near]
@@ -100,9 +105,10 @@ class RaySession:
         hits.triangles[hits.lengths > far_m] = -1
         return hits
 
-    def _bands(self) -> Iterable[slice]:
+    def _bands(self) -> list[slice]:
+        """Return the rows that are cast together, the first as many as any."""
         rows = max(1, RAYS_AT_ONCE // self._width)
-        return (slice(top, min(top + rows, self._height)) for top in range(0, self._height, rows))
+        return [slice(top, min(top + rows, self._height)) for top in range(0, self._height, rows)]
 
     def _each(self, work: Callable[[slice], None], bands: Iterable[slice]) -> None:
         for done in [self._threads.submit(work, band) for band in bands]:
@@ -117,8 +123,3 @@ class RaySession:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _each_from(origin_m: NDArray[np.float64], directions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return a point (3,) as the origin of each ray, (N, 3) float32."""
-    return np.broadcast_to(origin_m.astype(np.float32), directions.shape).copy()
