@@ -145,6 +145,21 @@ def test_another_recording_is_refused(made, tmp_path):
         noisy_world.open(recipe)["clean/box"]
 
 
+def test_rays_are_cast_on_the_spot(tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: the extra `embree`")
+    settings = [item for item in SETTINGS if item.get("name") in ("clean", "late", "shaky_mixed", "drift")]
+    render = {"engine": "embree", "samples": 1, "backend": "reference"}
+    made = make(tmp_path, clean=False, settings=settings, frames=5, render=render)
+    opened = noisy_world.open(made.recipe)
+    order = [(name, frame) for frame in (3, 1) for name in ("clean/box", "shaky_mixed/box", "late/box", "drift/box")]
+    for name, index in order[::-1]:
+        if index in opened[name]:
+            check(opened[name][index], made.out, records(made.out, name)[index])
+    again = pickle.loads(pickle.dumps(opened))
+    assert again["shaky_mixed/box"][1].rgb_bytes() == opened["shaky_mixed/box"][1].rgb_bytes()
+    opened.close()
+
+
 # --- access ---
 
 

@@ -24,6 +24,7 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
+    "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
     "recipe": Subcommand("recipe_command", "write what makes a dataset, and the digests of its files"),
     "verify": Subcommand("verify_command", "hash a dataset's files and compare them with a recipe"),

@@ -57,7 +57,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     from .workers import orders_for, run_workers, useful_jobs
 
     if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
-        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
+        other = "" if plan.renders_in_blender else "; or add --set render.backend=reference, which needs no Blender"
         return fail(problem + other, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
