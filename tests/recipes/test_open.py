@@ -6,6 +6,7 @@ import json
 import pickle
 import random
 import shutil
+import sys
 import threading
 
 import cv2
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from cases import cases
 from recipes_made import COUNT, SETTINGS, make, progress, refused
+from worlds import ROOT
 from written import RIG, stored
 
 import noisy_world
@@ -249,3 +251,13 @@ def test_what_is_opened_can_be_pickled(made):
         ):
             assert again.rgb_bytes() == frame.rgb_bytes()
             assert again.done == frame.done
+
+
+def test_the_pages_example(made):
+    sys.path.append(str(ROOT / "docs/examples"))
+    import from_a_recipe
+
+    found = from_a_recipe.brightness(made.recipe, made.clean, "clean")
+    files = sorted((made.out / "clean/box/results").glob("frame*.jpg"))
+    (value,) = found.values()
+    assert abs(value - np.mean([cv2.imread(str(file)).mean() for file in files])) < 0.5, "up to JPEG's loss"
