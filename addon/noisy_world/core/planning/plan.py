@@ -171,7 +171,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
 
 
 def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
-    return tuple(sorted(set().union(*(sequence.sources(modalities) for sequence in sequences))))
+    shown = [sequence.sources_shown(modality) for sequence in sequences for modality in modalities]
+    return tuple(np.unique(np.concatenate(shown)).tolist())
 
 
 # --- paths ---
