@@ -34,7 +34,8 @@ def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
     render = plan.renders[0]
     paths = source_paths(plan, render)
-    with render.scene.source.open(paths, render.camera, render_options(plan, render), print) as source:
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        source = prepared.open(paths, render_options(plan, render), print)
         frame = source.frame(paths.moment(FRAME))
     clean = CleanFrame(FRAME, frame)
     return clean.float_rgb(), clean.depth_m

@@ -59,10 +59,14 @@ class ArithmeticSource:
         return {"arithmetic": "1"}
 
     @contextmanager
-    def open(self, paths, camera, options, note):
-        note("opened")
-        self.camera_seen, self.options = camera, options
+    def prepare(self, camera, note):
+        note("prepared")
+        self.camera_seen = camera
         yield self
+
+    def open(self, paths, options, note):
+        note("opened")
+        return self
 
     def frame(self, moment):
         shape = (self.camera_seen.height_px, self.camera_seen.width_px)
@@ -85,7 +89,9 @@ def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
     assert not plan.needs_blender
     out = tmp_path / "out"
     run_of(plan, out).make_dataset()
-    assert "sums: opened" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert said.count("prepared") == 1, "one scene, for two renders"
+    assert [line for line in ("sums: opened", "sums@moved: opened") if line not in said] == []
     for setting in ("clean", "moved", "late"):
         robot = np.loadtxt(out / setting / "sums/traj_robot.txt").reshape(-1, 4, 4)
         depth_x_m = (robot @ [0.5, 0, 0, 1])[:, 0]  # the depth sensor's place on the robot

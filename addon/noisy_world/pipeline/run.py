@@ -6,6 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ..core.planning.estimate import image_bytes, size_text
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render, source_paths
 from ..core.planning.sequence import Sequence, written_paths
-from ..core.planning.source import OpenSource, RenderOptions
+from ..core.planning.source import OpenSource, PreparedSource, RenderOptions
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -164,23 +165,31 @@ class Run:
     # --- frames ---
 
     def _render(self, work: Work, worker: int) -> None:
-        for render in self._plan.renders:
-            if not work.get(render.name):
+        """Render the work scene by scene: each is in memory once for all its renders."""
+        for scene in self._plan.scenes:
+            renders = [item for item in self._plan.renders if item.scene.name == scene.name and work.get(item.name)]
+            if not renders:
                 continue
             start_s = time.perf_counter()
-            paths = self._paths_of(render)
-            options = render_options(self._plan, render, work[render.name], self._jobs)
+            with scene.source.prepare(renders[0].camera, partial(self._note_on, scene.name)) as prepared:
+                self.report.loading_s += time.perf_counter() - start_s
+                for render in renders:
+                    self._render_one(render, prepared, work[render.name], worker)
 
-            def note(text: str, render: Render = render) -> None:
-                self._note(f"{render.name}: {text}")
+    def _render_one(self, render: Render, prepared: PreparedSource, frames: list[int], worker: int) -> None:
+        start_s = time.perf_counter()
+        options = render_options(self._plan, render, frames, self._jobs)
+        source = prepared.open(self._paths_of(render), options, partial(self._note_on, render.name))
+        opened_s = time.perf_counter()
+        self.report.loading_s += opened_s - start_s
+        self._write_frames(render, frames, worker, source)
+        self.report.rendering_s += time.perf_counter() - opened_s
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
 
-            with render.scene.source.open(paths, render.camera, options, note) as source:
-                loaded_s = time.perf_counter()
-                self.report.loading_s += loaded_s - start_s
-                self._write_frames(render, work[render.name], worker, source)
-                self.report.rendering_s += time.perf_counter() - loaded_s
-            if self._stop.is_set():
-                raise InterruptedRunError("stopped")
+    def _note_on(self, name: str, text: str) -> None:
+        """Say something about a scene or a render."""
+        self._note(f"{name}: {text}")
 
     def _write_frames(self, render: Render, frames: list[int], worker: int, source: OpenSource) -> None:
         paths = self._paths_of(render)
