@@ -98,6 +98,11 @@ class Plan:
         """Whether anything is rendered, or perturbed in the compositor."""
         return self.renders_anything or self.composites
 
+    def only(self, render: Render) -> "Plan":
+        """Return the plan of one of the renders alone, with the settings of its sequences."""
+        settings = tuple(sequence.setting for sequence in render.sequences)
+        return replace(self, renders=(render,), settings=settings)
+
     @property
     def frame_count(self) -> int:
         """How many source frames are rendered or read."""

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shards: the pieces of a plan that are made apart, in other processes or on other machines, and then merged."""
 
+import difflib
 import hashlib
 import heapq
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..errors import InputError
 from .estimate import frame_seconds
 from .plan import Plan, Render
 
@@ -49,7 +53,25 @@ class Shard:
 
     def frames_of(self, frames: Sequence[int]) -> list[int]:
         """Return those of some source frames that are the shard's."""
-        return [frame for frame in frames if self.start <= frame < self.stop]
+        return [frame for frame in frames if frame in self]
+
+    def __contains__(self, source: int) -> bool:
+        """Tell whether a source frame of the render is the shard's."""
+        return self.start <= source < self.stop
+
+
+def render_of(plan: Plan, shard: Shard) -> Render:
+    """Return the render of a shard. Raises InputError where the plan has none of its source frames."""
+    renders = {render.name: render for render in plan.renders}
+    if shard.render not in renders:
+        near = difflib.get_close_matches(shard.render, renders, n=1)
+        remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(list(renders)[:8])}"
+        raise InputError(plan.preset.path, f"has no render {shard.render} for the shard {shard.name}", remedy=remedy)
+    frames = renders[shard.render].frames
+    if not shard.frames_of(frames):
+        there = f"has the source frames {frames[0]} to {frames[-1]}" if frames else "has no frames, by --frames"
+        raise InputError(plan.preset.path, f"{shard.render} {there}, and none of the shard {shard.name}")
+    return renders[shard.render]
 
 
 def shards_of(plan: Plan, count: int, work: Mapping[str, Sequence[int]] | None = None) -> tuple[Shard, ...]:
@@ -58,7 +80,8 @@ def shards_of(plan: Plan, count: int, work: Mapping[str, Sequence[int]] | None =
     work: the source frames that are to be made, by the render's name; by default all. Each of them is in one shard.
     The same plan, count and work give the same shards.
     """
-    frames = {render.name: list(render.frames if work is None else work.get(render.name, ())) for render in plan.renders}
+    wanted = {render.name: render.frames for render in plan.renders} if work is None else work
+    frames = {render.name: list(wanted.get(render.name, ())) for render in plan.renders}
     renders = [render for render in plan.renders if frames[render.name]]
     seconds = [frame_seconds(plan, render, frames[render.name]) for render in renders]
     counts = _counts([float(part.sum()) for part in seconds], [len(part) for part in seconds], count)
@@ -103,7 +126,7 @@ def _counts(seconds: list[float], most: list[int], count: int) -> list[int]:
     return counts
 
 
-def _cut(render: Render, frames: list[int], until_s: np.ndarray, pieces: int) -> list[Shard]:
+def _cut(render: Render, frames: list[int], until_s: NDArray[np.float64], pieces: int) -> list[Shard]:
     """Cut a render's frames where the time until each is nearest to equal parts; no piece is empty.
 
     until_s: (N,) the seconds of the frames up to each, with it.
@@ -114,7 +137,4 @@ def _cut(render: Render, frames: list[int], until_s: np.ndarray, pieces: int) ->
     ends = np.maximum.accumulate(np.maximum(ends, least) - least) + least
     ends = np.minimum(ends, len(frames) - pieces + least)
     bounds = [0, *(int(end) for end in ends), len(frames)]
-    return [
-        Shard(render.name, frames[first], frames[last - 1] + 1)
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True)
-    ]
+    return [Shard(render.name, frames[first], frames[last - 1] + 1) for first, last in pairwise(bounds)]
