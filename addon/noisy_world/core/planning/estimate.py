@@ -9,6 +9,7 @@ from .plan import Plan, Render
 # Measured on two cores at 1200 x 680, and rounded.
 SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
 SECONDS_PER_PIXEL = 1.0e-7  # reading the render, encoding and writing: 0.08 s a frame
+SECONDS_PER_RAY = 1.7e-7  # engine embree, encoding and writing included: 0.14 s a frame
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_PERTURBED_PIXEL = 6e-8  # perturbing and encoding: 0.05 s a frame
 SECONDS_PER_COMPOSITED_PIXEL = 1.6e-7  # in Blender's compositor, in addition: 0.13 s a frame
@@ -61,6 +62,8 @@ def _of_render(plan: Plan, render: Render) -> tuple[float, float]:
         composited = sum(len(sequence.frames) for sequence in render.sequences if sequence.setting.composited)
         seconds += composited * pixels * SECONDS_PER_COMPOSITED_PIXEL
     if render.scene.source.gives.rendered:
-        per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
+        spec = plan.preset.spec.render
+        in_blender = spec.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
+        per_pixel = in_blender if spec.in_blender else SECONDS_PER_RAY
         seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
     return size, seconds
