@@ -25,6 +25,7 @@ class Subcommand:
 SUBCOMMANDS = {
     "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
+    "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }
 

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a finished dataset holds, by its manifest and its text files; its images may lie elsewhere."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.layouts import LAYOUTS, Layout, Modality
+from ..core.datasets.provenance import cameras_of
+from ..core.datasets.records import FRAMES, FrameRecord, read_records
+from ..core.datasets.standing import IDENTITY, OVERVIEW, WORK_FOLDER, read_standing
+from ..core.datasets.storage import sha256_of_regular_file
+from ..core.errors import StorageError
+from ..core.geometry import Intrinsics
+
+type ReadImage = Callable[[str, str, str], bytes]
+"""Returns the content of an image: by the sequence's folder, the name inside it, and its SHA-256."""
+
+
+@dataclass(frozen=True)
+class PackedFrame:
+    """A frame of a sequence. c2w (4, 4): of the colour camera. images: by modality the file's name and its SHA-256."""
+
+    record: FrameRecord
+    c2w: NDArray[np.float64]
+    images: dict[Modality, tuple[str, str]]
+
+    @property
+    def number(self) -> int:
+        """The frame's number in its sequence."""
+        return self.record.frame
+
+    @property
+    def depth_time_s(self) -> float:
+        """When its depth was taken."""
+        return self.record.time_s if self.record.depth_time_s is None else self.record.depth_time_s
+
+
+@dataclass(frozen=True)
+class Content:
+    """A finished dataset. folder: holds its manifest and text files. manifest: as read."""
+
+    folder: Path
+    manifest: dict[str, Any]
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What the dataset was made from."""
+        return self.manifest["identity"]
+
+    @property
+    def sequences(self) -> list[str]:
+        """The folders of its sequences, sorted."""
+        return sorted(self.manifest["frames"])
+
+    @cached_property
+    def layout(self) -> Layout:
+        """How its files lie."""
+        return LAYOUTS[self.identity["output"]["layout"]]
+
+    @property
+    def modalities(self) -> tuple[Modality, ...]:
+        """Colour, depth or both, in this order."""
+        both: tuple[Modality, ...] = ("rgb", "depth")
+        return tuple(modality for modality in both if modality in self.identity["output"]["modalities"])
+
+    def suffix(self, modality: Modality) -> str:
+        """Return the end of the names of its images, such as "png"."""
+        return self.identity["output"]["image"] if modality == "rgb" else "png"
+
+    @property
+    def depth_scale_per_m(self) -> float:
+        """Steps of the depth images per metre."""
+        return float(self.manifest["depth_scale_per_m"])
+
+    def camera(self, sequence: str) -> Intrinsics:
+        """Return the intrinsics of a sequence."""
+        return cameras_of(self.identity)[sequence.split("/")[1]]
+
+    def texts(self, sequence: str) -> dict[str, str]:
+        """Return the text files that belong to a sequence: SHA-256 by name from the dataset's folder on, sorted."""
+        setting, _ = sequence.split("/")
+        files = self.manifest["files"]
+        own = {f"{sequence}/{name}": digest for name, digest in files[sequence].items()}
+        beside = {
+            name: digest
+            for name, digest in files.items()
+            if isinstance(digest, str) and name.rpartition("/")[0] == setting
+        }
+        return dict(sorted((own | beside).items()))
+
+    def text(self, name: str, sha256: str) -> bytes:
+        """Return a text file. Raises StorageError where it is not as the manifest says."""
+        path = self.folder / name
+        if sha256_of_regular_file(path) != sha256:
+            raise StorageError(f"{path}: is missing or not as it was written; generate makes such files again")
+        return path.read_bytes()
+
+    def frames(self, sequence: str) -> list[PackedFrame]:
+        """Return a sequence's frames, in order. Raises StorageError, InputError where its text files are damaged."""
+        self.text(f"{sequence}/{FRAMES}", self.manifest["files"][sequence][FRAMES])
+        records = list(read_records(self.folder / sequence / FRAMES))
+        time_s = np.array([record.time_s for record in records])
+        poses = self.layout.written_poses(self.folder / sequence, time_s)
+        return [PackedFrame(record, c2w, self._images(record)) for record, c2w in zip(records, poses, strict=True)]
+
+    def _images(self, record: FrameRecord) -> dict[Modality, tuple[str, str]]:
+        """Return a frame's images by modality: a name is of one where it is like the layout's, digits aside."""
+        depth_like = _like(self.layout.depth_name(0, 0))
+        found: dict[Modality, tuple[str, str]] = {
+            "depth" if _like(name) == depth_like else "rgb": (name, digest) for name, digest in record.files.items()
+        }
+        return {modality: found[modality] for modality in self.modalities}
+
+    @property
+    def overview(self) -> bytes | None:
+        """The contact sheet, where the dataset has one."""
+        digest = self.manifest["files"].get(OVERVIEW)
+        return None if digest is None else self.text(OVERVIEW, digest)
+
+    def read_image(self, sequence: str, name: str, sha256: str) -> bytes:
+        """Return an image that lies beside the text files. Raises StorageError where it is damaged or gone."""
+        return self.text(f"{sequence}/{name}", sha256)
+
+
+def _like(name: str) -> str:
+    return re.sub(r"\d+", "#", name)
+
+
+def read_content(folder: Path) -> Content:
+    """Return what a finished dataset in a folder holds. Raises StorageError where there is none."""
+    standing = read_standing(folder) if folder.is_dir() else None
+    if standing is None:
+        raise StorageError(f"{folder}: holds no dataset of Noisy World; name the folder that generate wrote")
+    if standing.problem:
+        raise StorageError(f"{folder}: {standing.problem}")
+    if standing.manifest is None or (folder / WORK_FOLDER / IDENTITY).exists():
+        raise StorageError(f"{folder}: is not finished; run generate again, which goes on where it ended")
+    return Content(folder, standing.manifest)
