@@ -26,3 +26,22 @@ def packed(dataset, tmp_path_factory):
     folder = tmp_path_factory.mktemp("packed") / "noisy"
     assert pack_to(dataset, f"file://{folder}").new
     return folder
+
+
+@pytest.fixture(scope="session")
+def store_server():
+    pytest.importorskip("moto", reason="moto is not installed")
+    pytest.importorskip("s3fs", reason="the extra 'cloud' is not installed: s3fs")
+    from object_store import ObjectStore
+
+    store = ObjectStore()
+    yield store
+    store.stop()
+
+
+@pytest.fixture
+def store(store_server, monkeypatch):
+    """An object store, to which s3:// leads."""
+    for name, value in store_server.environment.items():
+        monkeypatch.setenv(name, value)
+    return store_server

@@ -33,7 +33,7 @@ def test_unpacked_tars_are_the_dataset(dataset, packed, tmp_path):
 def test_tars_and_table_are_the_same_wherever_they_are_written(dataset, packed, tmp_path):
     pack_to(dataset, f"file://{tmp_path}/noisy")
     names = sorted(str(path.relative_to(packed)) for path in packed.rglob("*") if path.is_file())
-    assert len(names) == 8 + 4
+    assert len(names) == 8 + 5
     for name in names:
         assert (tmp_path / "noisy" / name).read_bytes() == (packed / name).read_bytes(), name
 

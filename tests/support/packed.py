@@ -20,14 +20,14 @@ SETTINGS = [
 ]
 
 
-def write_recording(folder, *, frames=6, size=(16, 12)):
-    """Write a recording in Replica's layout, each image of one value with a mark that moves."""
+def write_recording(folder, *, frames=6, size=(16, 12), number=0):
+    """Write a recording in Replica's layout, each image of one value with a mark that moves. number: tells it apart."""
     (folder / "results").mkdir(parents=True)
     for k in range(frames):
-        colour = np.full((size[1], size[0], 3), (40 * k, 90, 200 - 20 * k), np.uint8)
+        colour = np.full((size[1], size[0], 3), (40 * k, 90 + number, 200 - 20 * k), np.uint8)
         colour[k % size[1], :4] = 255
         assert cv2.imwrite(str(folder / f"results/frame{k:06d}.png"), colour)
-        depth = np.full((size[1], size[0]), 6000 + 1000 * k, np.uint16)
+        depth = np.full((size[1], size[0]), 6000 + 1000 * k + number, np.uint16)
         depth[:2, k] = 0
         assert cv2.imwrite(str(folder / f"results/depth{k:06d}.png"), depth)
     write_replica(folder / "traj.txt", path_poses(frames))
@@ -35,8 +35,8 @@ def write_recording(folder, *, frames=6, size=(16, 12)):
 
 def write_preset(folder, *, frames=6, scenes=("hall", "attic"), settings=SETTINGS, **output):
     """Write recordings and a preset of them; return the preset's path."""
-    for scene in scenes:
-        write_recording(folder / "in" / scene, frames=frames)
+    for number, scene in enumerate(scenes):
+        write_recording(folder / "in" / scene, frames=frames, number=number)
     preset = {
         "seed": 5,
         "scenes": [{"name": scene, "sequence": f"in/{scene}"} for scene in scenes],

@@ -15,7 +15,6 @@ from ..core.errors import StorageError
 from .refusals import missing, store_errors, told
 
 BLOCK_BYTES = 16 * 2**20  # of an upload's parts, 10,000 of which an object may have; chosen: 160 GB
-AHEAD_BYTES = 2**20  # read at once, where neighbours follow; chosen: some frames
 
 
 def is_address(text: str) -> bool:
@@ -55,6 +54,11 @@ class Address:
                 return self.fs.cat_file(self.path(name))
             except FileNotFoundError:
                 return None
+
+    def read_range(self, name: str, start: int, stop: int) -> bytes:
+        """Return the bytes from `start` to `stop` of a file."""
+        with told(self.of(name), "read"):
+            return self.fs.cat_file(self.path(name), start=start, end=stop)
 
     def write(self, name: str, data: bytes) -> None:
         """Write a small file."""
@@ -101,18 +105,19 @@ class Address:
                 file.commit()
         except BaseException:
             with contextlib.suppress(*store_errors()):  # the error that is on its way says more
-                file.discard()
+                _give_up(file)
             raise
 
-    @contextlib.contextmanager
-    def reading(self, name: str) -> Iterator["Ranges"]:
-        """Open a file for reading at any place; a little is read ahead."""
-        with told(self.of(name), "read"):
-            file = self.fs.open(self.path(name), "rb", block_size=AHEAD_BYTES, cache_type="readahead")
-        try:
-            yield Ranges(file, self.of(name))
-        finally:
-            file.close()
+
+def _give_up(file: Any) -> None:
+    """Leave nothing of a file that is being written."""
+    from fsspec.spec import AbstractBufferedFile
+
+    if isinstance(file, AbstractBufferedFile):
+        file.closed = True  # or its end would be uploaded first, and again when it is collected
+    else:
+        file.close()
+    file.discard()
 
 
 class Upload:
@@ -142,20 +147,6 @@ class Upload:
         return self.size
 
 
-class Ranges:
-    """A file of an address that is read in pieces."""
-
-    def __init__(self, file: IO[bytes], place: str) -> None:
-        self._file = file
-        self._place = place
-
-    def read(self, offset: int, count: int) -> bytes:
-        """Return `count` bytes from `offset` on, fewer at the file's end."""
-        with told(self._place, "read"):
-            self._file.seek(offset)
-            return self._file.read(count)
-
-
 def open_address(text: str) -> Address:
     """Return an address by its text.
 
@@ -166,10 +157,10 @@ def open_address(text: str) -> Address:
         from fsspec.registry import known_implementations
     except ImportError as error:
         raise missing(text, "fsspec") from error
-    text = text.rstrip("/")
     protocol, _, place = text.partition("://")
     if not place.strip("/"):
         raise StorageError(f"{text}: names no place; write it as {protocol or 's3'}://BUCKET/NAME")
+    text = text.rstrip("/")
     try:
         options = {"auto_mkdir": True} if protocol in ("file", "local") else {}
         with told(text, "opened"):

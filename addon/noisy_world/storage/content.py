@@ -6,21 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import LAYOUTS, Layout, Modality
 from ..core.datasets.provenance import cameras_of
 from ..core.datasets.records import FRAMES, FrameRecord, read_records
-from ..core.datasets.standing import IDENTITY, OVERVIEW, WORK_FOLDER, read_standing
+from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_standing
 from ..core.datasets.storage import sha256_of_regular_file
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 
-type ReadImage = Callable[[str, str, str], bytes]
-"""Returns the content of an image: by the sequence's folder, the name inside it, and its SHA-256."""
+type ReadImage = Callable[[str, str], bytes]
+"""Returns the content of an image of a sequence: by its name inside the sequence's folder, and its SHA-256."""
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,8 @@ class Content:
         }
         return dict(sorted((own | beside).items()))
 
-    def text(self, name: str, sha256: str) -> bytes:
-        """Return a text file. Raises StorageError where it is not as the manifest says."""
+    def file(self, name: str, sha256: str) -> bytes:
+        """Return a file. Raises StorageError where it is not as the manifest says."""
         path = self.folder / name
         if sha256_of_regular_file(path) != sha256:
             raise StorageError(f"{path}: is missing or not as it was written; generate makes such files again")
@@ -104,7 +105,7 @@ class Content:
 
     def frames(self, sequence: str) -> list[PackedFrame]:
         """Return a sequence's frames, in order. Raises StorageError, InputError where its text files are damaged."""
-        self.text(f"{sequence}/{FRAMES}", self.manifest["files"][sequence][FRAMES])
+        self.file(f"{sequence}/{FRAMES}", self.manifest["files"][sequence][FRAMES])
         records = list(read_records(self.folder / sequence / FRAMES))
         time_s = np.array([record.time_s for record in records])
         poses = self.layout.written_poses(self.folder / sequence, time_s)
@@ -122,11 +123,35 @@ class Content:
     def overview(self) -> bytes | None:
         """The contact sheet, where the dataset has one."""
         digest = self.manifest["files"].get(OVERVIEW)
-        return None if digest is None else self.text(OVERVIEW, digest)
+        return None if digest is None else self.file(OVERVIEW, digest)
 
-    def read_image(self, sequence: str, name: str, sha256: str) -> bytes:
-        """Return an image that lies beside the text files. Raises StorageError where it is damaged or gone."""
-        return self.text(f"{sequence}/{name}", sha256)
+
+class Images(Protocol):
+    """Where the images of a dataset are."""
+
+    def reader(self, sequence: str, frames: list[PackedFrame]) -> ReadImage:
+        """Return what reads a sequence's images, in the order of the frames; threads have one each.
+
+        It raises StorageError for an image that is not as it was written.
+        """
+        ...
+
+
+class FolderImages:
+    """The images of a dataset in a folder."""
+
+    def __init__(self, content: Content) -> None:
+        self._content = content
+
+    def reader(self, sequence: str, frames: list[PackedFrame]) -> ReadImage:
+        """Return what reads a sequence's images."""
+        del frames
+        return lambda name, sha256: self._content.file(f"{sequence}/{name}", sha256)
+
+
+def read_written(folder: Path) -> Content:
+    """Return what a dataset holds whose manifest was just written to a folder."""
+    return Content(folder, read_json(folder / MANIFEST))
 
 
 def _like(name: str) -> str:

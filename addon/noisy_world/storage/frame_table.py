@@ -81,9 +81,15 @@ class FrameTable:
             rows[f"{modality}_size"] = [span.images[modality].size for span in spans]
         self._writer.write_table(self._pyarrow.table(rows, schema=self._schema))
 
-    def close(self) -> None:
-        """Write the table's end."""
-        self._writer.close()
+    def __enter__(self) -> "FrameTable":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Write the table's end, unless an error ended the writing."""
+        if kind is None:
+            self._writer.close()
+        else:
+            self._writer.is_open = False  # or it would be written when it is collected
 
 
 class _Writable:

@@ -7,80 +7,105 @@ on behind the last of them. The manifest is written last; with it the dataset is
 
 import json
 import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from typing import Any
 
 from ..core.datasets.json_text import parse_json
+from ..core.datasets.provenance import FORMAT
 from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER
 from ..core.datasets.storage import sha256_of_bytes
-from ..core.errors import InterruptedRunError, StorageError
+from ..core.errors import StorageError
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from .address import Address
 from .card import CARD, card
-from .content import Content, ReadImage
+from .content import Content, Images
 from .croissant import CROISSANT, PackedFile, croissant
 from .frame_table import TABLE, FrameTable
 from .sequence_tar import FrameSpans, Span, tar_name, write_sequence
 
+ELSEWHERE = "choose another address"
+PACKERS = 4  # sequences that are written at once: stores answer late and take much; chosen: 50 MB of memory each
 
-def pack(content: Content, read: ReadImage, address: Address, progress: Progress, stop: threading.Event) -> bool:
-    """Write a dataset's tars, tables and manifest to an address. read: gives the content of an image.
+type Packed = tuple[PackedFile, list[FrameSpans]]
+"""A sequence's tar, and where its frames lie in it."""
 
-    What is there already stays. Returns False where all was there. Raises StorageError where another dataset is there
-    and where a file is not as it was written, InterruptedRunError where `stop` is set.
+
+def pack(
+    content: Content,
+    images: Images,
+    address: Address,
+    progress: Progress,
+    stop: threading.Event,
+    *,
+    beside: Callable[[], dict[str, bytes]] = dict,
+) -> None:
+    """Write a dataset's tars, tables and manifest to an address that is claimed for it; tars that are there stay.
+
+    images: where its images are. beside: returns other files, by name, that are written beside the manifest. Raises
+    StorageError where a file is not as it was written or the store refuses, InterruptedRunError where `stop` is set.
     """
-    manifest = canonical(content.manifest).encode()
-    if is_sealed(address, manifest):
-        remove_work(address)
-        return False
-    claim(address, canonical(content.identity).encode())
     progress.start("packing", sum(content.manifest["frames"].values()))
     tars: list[PackedFile] = []
-    with address.writing(TABLE) as sink:
-        table = FrameTable(sink, content)
-        for sequence in content.sequences:
-            if stop.is_set():
-                raise InterruptedRunError("stopped")
-            tar, spans = _packed_sequence(content, sequence, read, address)
+    with address.writing(TABLE) as sink, FrameTable(sink, content) as table:
+        for sequence, (tar, spans) in _packed_sequences(content, images, address, stop):
             table.add(sequence, content.frames(sequence), spans)
             tars.append(tar)
             progress.advance(content.manifest["frames"][sequence])
-        table.close()
     described = croissant(content, address.name, tars, PackedFile(TABLE, sink.size, sink.sha256))
     address.write(CROISSANT, canonical(described).encode())
     address.write(CARD, card(content, described, table.made_with).encode())
     if content.overview is not None:
         address.write(OVERVIEW, content.overview)
-    address.write(MANIFEST, manifest)
+    for name, data in beside().items():
+        address.write(name, data)
+    address.write(MANIFEST, canonical(content.manifest).encode())
     remove_work(address)
     progress.finish()
-    return True
 
 
-def is_sealed(address: Address, manifest: bytes) -> bool:
-    """Tell whether an address holds the finished dataset of a manifest. Raises StorageError where it holds another."""
-    there = address.read(MANIFEST)
-    if there is not None and there != manifest:
-        raise StorageError(
-            f"{address.text}: holds another dataset, which is finished; a dataset at an address does not grow: grow it "
-            "in a folder and publish that to another address"
-        )
-    return there is not None
+def sealed_manifest(address: Address) -> dict[str, Any] | None:
+    """Return the manifest of the finished dataset at an address; None where there is none.
+
+    Raises StorageError where what is there is no manifest of this version.
+    """
+    data = address.read(MANIFEST)
+    if data is None:
+        return None
+    try:
+        value = parse_json(data.decode())
+        if value["identity"]["format"] == FORMAT and isinstance(value["frames"], dict):
+            return value
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise StorageError(f"{address.of(MANIFEST)}: is not of this version of Noisy World; choose another address")
 
 
-def claim(address: Address, identity: bytes) -> None:
-    """Begin to write a dataset of this identity to an address. Raises StorageError where something else is there."""
+def claim(address: Address, identity: dict[str, Any], chosen: list[int | None] | None) -> dict[str, Any]:
+    """Begin to write a dataset of this identity to an address, unless one is begun there; return what is begun there.
+
+    chosen: start and stop of the frames that are made of each sequence, None for all. Returns a mapping of `identity`
+    and `chosen`. Raises StorageError where something else is there.
+    """
     name = f"{WORK_FOLDER}/{IDENTITY}"
-    there = address.read(name)
-    if there is None:
-        if address.holds_anything() and address.read(MANIFEST) is None:
-            raise StorageError(f"{address.text}: is not empty and holds no dataset of Noisy World; choose another address")
-        address.write(name, identity)
-    elif there != identity:
-        raise StorageError(
-            f"{address.text}: another dataset is being made there; choose another address, or remove {WORK_FOLDER} there"
-        )
+    begun = address.read(name)
+    if begun is None:
+        if address.holds_anything() and not address.sizes(WORK_FOLDER):
+            raise StorageError(f"{address.text}: is not empty and holds no dataset of Noisy World; {ELSEWHERE}")
+        begun = canonical({"identity": identity, "chosen": chosen}).encode()
+        address.write(name, begun)
+    try:
+        there = parse_json(begun.decode())
+        if there["identity"]["format"] == FORMAT and "chosen" in there:
+            return there
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise StorageError(
+        f"{address.of(name)}: is not of this version of Noisy World; {ELSEWHERE}, or remove {WORK_FOLDER}"
+    )
 
 
 def remove_work(address: Address) -> None:
@@ -91,9 +116,28 @@ def remove_work(address: Address) -> None:
         address.remove(name)
 
 
+def _packed_sequences(
+    content: Content, images: Images, address: Address, stop: threading.Event
+) -> Iterator[tuple[str, Packed]]:
+    """Yield each sequence with its tar, in order; several are written at a time."""
+    waiting: deque[tuple[str, Future[Packed]]] = deque()
+    pool = ThreadPoolExecutor(PACKERS, thread_name_prefix="packer")
+    try:
+        for sequence in content.sequences:
+            waiting.append((sequence, pool.submit(_packed_sequence, content, sequence, images, address, stop)))
+            if len(waiting) > PACKERS:
+                done, future = waiting.popleft()
+                yield done, future.result()
+        while waiting:
+            done, future = waiting.popleft()
+            yield done, future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
 def _packed_sequence(
-    content: Content, sequence: str, read: ReadImage, address: Address
-) -> tuple[PackedFile, list[FrameSpans]]:
+    content: Content, sequence: str, images: Images, address: Address, stop: threading.Event
+) -> Packed:
     """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
     name, note = tar_name(sequence), f"{WORK_FOLDER}/sequences/{sequence}.json"
     by = content.identity["versions"]["noisy_world"]
@@ -102,7 +146,7 @@ def _packed_sequence(
     if there is not None and address.size(name) == there["size"]:
         return PackedFile(name, there["size"], there["sha256"]), _spans_of(there["spans"])
     with address.writing(name) as sink:
-        spans = write_sequence(content, sequence, read, sink)
+        spans = write_sequence(content, sequence, images, sink, stop)
     told = {"made_of": made_of, "size": sink.size, "sha256": sink.sha256, "spans": [asdict(span) for span in spans]}
     address.write(note, json.dumps(told, separators=(",", ":")).encode())
     return PackedFile(name, sink.size, sink.sha256), spans

@@ -2,13 +2,15 @@
 """Publishing: a finished dataset in a folder, packed at an address."""
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..core.datasets.standing import RUN
+from ..core.errors import StorageError
 from ..core.progress import Progress
 from .address import Address
-from .content import read_content
-from .packing import pack
+from .content import FolderImages, read_content
+from .packing import ELSEWHERE, claim, pack, remove_work, sealed_manifest
 
 
 @dataclass(frozen=True)
@@ -28,5 +30,21 @@ def publish(folder: Path, address: Address, progress: Progress, stop: threading.
     """
     content = read_content(folder)
     address.check()
-    new = pack(content, content.read_image, address, progress, stop)
-    return Published(new, len(content.sequences), sum(content.manifest["frames"].values()))
+    found = Published(True, len(content.sequences), sum(content.manifest["frames"].values()))
+    sealed = sealed_manifest(address)
+    if sealed is not None:
+        if sealed != content.manifest:
+            remedy = "a dataset at an address does not grow: choose another address"
+            raise StorageError(f"{address.text}: holds another dataset, which is finished; {remedy}")
+        remove_work(address)
+        return replace(found, new=False)
+    if claim(address, content.identity, None) != {"identity": content.identity, "chosen": None}:
+        raise StorageError(f"{address.text}: another dataset is being made there; {ELSEWHERE}")
+    pack(content, FolderImages(content), address, progress, stop, beside=lambda: _run_text(folder))
+    return found
+
+
+def _run_text(folder: Path) -> dict[str, bytes]:
+    """Return what the run that made a dataset took, where the folder says it."""
+    path = folder / RUN
+    return {RUN: path.read_bytes()} if path.is_file() else {}

@@ -8,11 +8,13 @@ names without a dot, by which streams pass over them as well.
 """
 
 import json
+import threading
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..core.datasets.layouts import Modality
-from .content import Content, PackedFrame, ReadImage
+from ..core.errors import InterruptedRunError
+from .content import Content, Images, PackedFrame, ReadImage
 from .tar_stream import Sink, TarStream
 
 FRAMES_FOLDER = "frames"
@@ -45,13 +47,21 @@ def member_name(sequence: str, frame: int, ending: str) -> str:
     return f"{sequence}/{FRAMES_FOLDER}/{frame:06d}.{ending}"
 
 
-def write_sequence(content: Content, sequence: str, read: ReadImage, sink: Sink) -> list[FrameSpans]:
-    """Write the tar of a sequence; return where each frame lies in it. read: gives the content of an image."""
+def write_sequence(
+    content: Content, sequence: str, images: Images, sink: Sink, stop: threading.Event
+) -> list[FrameSpans]:
+    """Write the tar of a sequence; return where its frames lie. Raises InterruptedRunError where `stop` is set."""
     tar = TarStream(sink)
-    spans = [_write_frame(tar, content, sequence, frame, read) for frame in content.frames(sequence)]
+    frames = content.frames(sequence)
+    read = images.reader(sequence, frames)
+    spans: list[FrameSpans] = []
+    for frame in frames:
+        if stop.is_set():
+            raise InterruptedRunError("stopped")
+        spans.append(_write_frame(tar, content, sequence, frame, read))
     for name, digest in content.texts(sequence).items():
         stored = f"{sequence}/{FRAMES_FOLDER}/texts/{name.removeprefix(f'{sequence}/').replace('.', '_')}"
-        tar.add(stored, content.text(name, digest))
+        tar.add(stored, content.file(name, digest))
         tar.link(name, stored)
     tar.close()
     return spans
@@ -62,7 +72,7 @@ def _write_frame(tar: TarStream, content: Content, sequence: str, frame: PackedF
     links: dict[str, str] = {}
     for modality, (name, digest) in frame.images.items():
         stored = member_name(sequence, frame.number, f"{modality}.{content.suffix(modality)}")
-        data = read(sequence, name, digest)
+        data = read(name, digest)
         images[modality] = Span(tar.add(stored, data), len(data))
         links[f"{sequence}/{name}"] = stored
     told = json.dumps(told_of_frame(content, sequence, frame), separators=(",", ":")).encode()

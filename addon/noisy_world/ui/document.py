@@ -293,6 +293,7 @@ def _refuse_unshown(preset: Preset) -> None:
         and trajectory.handheld.seed is not None and "is another seed than the preset's",
         "rig": spec.rig is not None and "places sensors on a robot",
         "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
+        "output.licence": spec.output.licence is not None and "states a licence",
         "render.allow_empty": spec.render.allow_empty and "is true",
         "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
     }  # fmt: skip
