@@ -2,8 +2,6 @@
 """`generate`: make the dataset that a preset describes."""
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,7 +54,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from ..pipeline.run import Run
     from .running import listener, machine_listener
-    from .workers import orders_for, run_workers, useful_jobs
+    from .workers import Workers, useful_jobs
 
     if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
         other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
@@ -73,9 +71,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         stop=stop,
         overwrite=options.overwrite,
         jobs=jobs,
-        workers=lambda pieces, listener: run_workers(
-            entry.command(["--worker"]), orders_for(plan, out, pieces), listener, stop
-        ),
+        workers=Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop).make,
     )
     report = run.make_dataset()
     for sequence in (item for item in plan.sequences if item.frames):
@@ -89,11 +85,12 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
 
 
 def work() -> int:
-    """Carry out a worker's order from standard input, for the process that started this one."""
+    """Make shards for the process that started this one, which names them on standard input."""
     from .running import stop_on_signal
-    from .workers import Order, Parent, carry_out
+    from .workers import Parent, Told, carry_out
 
-    return carry_out(Order(**json.load(sys.stdin)), Parent(), stop_on_signal(None))
+    stop = stop_on_signal(None)
+    return carry_out(Told(stop), Parent(), stop)
 
 
 def figures(report: "Report") -> str:
