@@ -16,7 +16,7 @@ from ..core.datasets.layouts import LAYOUTS, Layout, Modality
 from ..core.datasets.provenance import cameras_of
 from ..core.datasets.records import FRAMES, FrameRecord, read_records
 from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_standing
-from ..core.datasets.storage import sha256_of_regular_file
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 
@@ -99,9 +99,13 @@ class Content:
     def file(self, name: str, sha256: str) -> bytes:
         """Return a file. Raises StorageError where it is not as the manifest says."""
         path = self.folder / name
-        if sha256_of_regular_file(path) != sha256:
-            raise StorageError(f"{path}: is missing or not as it was written; generate makes such files again")
-        return path.read_bytes()
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be read: {error.strerror}; generate makes such files again") from error
+        if sha256_of_bytes(data) != sha256:
+            raise StorageError(f"{path}: is not as it was written; generate makes such files again")
+        return data
 
     def frames(self, sequence: str) -> list[PackedFrame]:
         """Return a sequence's frames, in order. Raises StorageError, InputError where its text files are damaged."""
