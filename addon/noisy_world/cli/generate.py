@@ -2,11 +2,10 @@
 """`generate`: make the dataset that a preset describes."""
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import out_folder, parse_arguments
+from .arguments import out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
@@ -56,9 +55,8 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     from .running import listener, machine_listener
     from .workers import Workers, useful_jobs
 
-    if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
-        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
-        return fail(problem + other, options, entry)
+    if problem := lacking_blender(plan, entry):
+        return fail(problem, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
     jobs, told = useful_jobs(options.jobs, plan.frame_count)
@@ -82,6 +80,14 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     if options.progress == "json":
         machine_listener().tell({"result": figures(report)})
     return 0
+
+
+def lacking_blender(plan: "Plan", entry: Entry) -> str:
+    """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
+    problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
+    if not problem or plan.renders_anything:
+        return problem
+    return f"{problem}; or add --set render.backend=reference, which needs no Blender"
 
 
 def work() -> int:
@@ -109,21 +115,9 @@ def figures(report: "Report") -> str:
 
 def own_arguments(options: argparse.Namespace) -> list[str]:
     """Return the arguments that repeat this run."""
-    words = [pasteable_path(options.preset), "--out", pasteable_path(out_folder(options))]
-    if options.overrides:
-        words += ["--set", *options.overrides]
-    if options.frames is not None:
-        words += [
-            "--frames",
-            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
-        ]
+    words = preset_words(options)
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     return words
-
-
-def pasteable_path(path: Path) -> str:
-    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
-    return f"./{path}" if str(path).startswith("~") else str(path)
 
 
 def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:

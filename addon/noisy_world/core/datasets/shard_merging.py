@@ -86,7 +86,8 @@ def merge_shard(dataset: Receiver, folder: Path, record: ShardRecord | None = No
     """Move what is finished of a shard into a dataset, which is open, and remove the shard's folder.
 
     folder: on any file system. record: of the shard, where it has been read. A file that is not as its record says is
-    not merged. Raises BusyError where the shard is being made, ValueError where its record cannot be used, StorageError where the disk refuses.
+    not merged. Raises BusyError where the shard is being made, ValueError where its record cannot be used, StorageError
+    where the disk refuses.
     """
     lock = FolderLock(folder / WORK_FOLDER / "lock")
     try:
