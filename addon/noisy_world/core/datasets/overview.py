@@ -84,7 +84,6 @@ def looked_at(frames: Mapping[str, Sequence[int]]) -> dict[str, set[int]]:
     return needed
 
 
-
 def _first_of_scene(folders: Sequence[str]) -> dict[str, str]:
     """Return for each sequence (`setting/scene`) the first sequence of its scene."""
     first: dict[str, str] = {}
