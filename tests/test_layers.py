@@ -12,7 +12,9 @@ MODULES = sorted(
     ".".join(path.relative_to(ADDON).with_suffix("").parts).removesuffix(".__init__")
     for path in (ADDON / "noisy_world" / "core").rglob("*.py")
 )
-COMMAND = [f"noisy_world.cli.{name}" for name in ("command", "generate", "list_command", "export_mesh", "workers")]
+COMMAND = [
+    f"noisy_world.cli.{name}" for name in ("command", "generate", "list_command", "export_mesh", "workers", "status")
+]
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..core.errors import StorageError
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .part import add_part_options, part_words
 from .places import path, place
 from .shipped import found_preset
 
@@ -81,6 +82,7 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
     )
+    add_part_options(parser)
     parser.add_argument(
         "--frames",
         metavar="A:B",
@@ -149,6 +151,7 @@ def preset_words(options: argparse.Namespace, *, anywhere: bool = False) -> list
         words += ["--scratch", _pasteable(options.scratch, anywhere=anywhere)]
     if options.overrides:
         words += ["--set", *options.overrides]
+    words += part_words(options, anywhere=anywhere)
     if options.frames is not None:
         words += [
             "--frames",

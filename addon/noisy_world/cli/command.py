@@ -27,6 +27,7 @@ SUBCOMMANDS = {
     "plan": Subcommand("plan_command", "print what a preset comes to, or the commands that make it in shards"),
     "shard": Subcommand("shard_command", "make one shard of a dataset, on any machine that sees its folder"),
     "merge": Subcommand("merge_command", "merge the shards of a dataset, and complete it"),
+    "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
     "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),

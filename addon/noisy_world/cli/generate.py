@@ -9,6 +9,7 @@ from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .part import planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -34,14 +35,11 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
-
     if options.worker:
         return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:

@@ -11,6 +11,7 @@ from .command_lines import shard_lines
 from .entry import INTERRUPTED, Entry, say
 from .generate import fail, figures
 from .missing import missing_package
+from .part import planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -55,12 +56,10 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 
 def do(options: argparse.Namespace) -> int:
     """Merge, and print the outcome."""
-    from ..core.presets.preset import read_preset
     from ..pipeline.run import Run
-    from ..planning import make_plan
     from .running import listener, machine_listener
 
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     address = out_address(options)
     out = address or str(out_folder(options))
     progress, stop = listener(options.progress)

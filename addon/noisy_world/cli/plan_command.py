@@ -13,6 +13,7 @@ from .entry import Entry
 from .generate import fail
 from .listing import duration, print_plan
 from .missing import missing_package
+from .part import planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -24,11 +25,9 @@ def main(arguments: list[str], entry: Entry) -> int:
     if problem := missing_package(NEEDED, entry):
         return fail(problem, options, entry)
     from ..core.errors import NoisyWorldError
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
 
     try:
-        plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+        plan = planned(options)
     except NoisyWorldError as error:
         return fail(str(error), options, entry)
     return (

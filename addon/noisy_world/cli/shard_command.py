@@ -9,6 +9,9 @@ from .arguments import add_preset_options, out_address, out_folder, positive, pr
 from .entry import INTERRUPTED, Entry, say
 from .generate import fail, figures, lacking_blender
 from .missing import missing_package
+from .part import planned
+
+BUSY = 75  # sysexits.h, EX_TEMPFAIL: another process makes the shard, so it may be worth trying again later
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -20,7 +23,7 @@ def main(arguments: list[str], entry: Entry) -> int:
     options = parse(arguments, entry)
     if problem := missing_package(NEEDED, entry):
         return fail(problem, options, entry)
-    from ..core.errors import InterruptedRunError, NoisyWorldError
+    from ..core.errors import BusyError, InterruptedRunError, NoisyWorldError
 
     try:
         return do(options, entry)
@@ -28,6 +31,9 @@ def main(arguments: list[str], entry: Entry) -> int:
         again = entry.pasteable([*preset_words(options), "--shard", options.shard])
         say(f"stopped; finished frames stay, and the same command continues from there:\n  {again}")
         return INTERRUPTED
+    except BusyError as error:
+        fail(str(error), options, entry)
+        return BUSY
     except NoisyWorldError as error:
         return fail(str(error), options, entry)
 
@@ -65,10 +71,8 @@ def shard_name(text: str) -> str:
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Make the shard, and print the outcome."""
     from ..core.planning.shards import Shard, render_of
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
 
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     shard = Shard.parse(options.shard)
     render_of(plan, shard)
     if problem := lacking_blender(plan.only(render_of(plan, shard)), entry):
@@ -89,7 +93,7 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     there = Dataset(out_folder(options), plan.format)
     with ShardMaker(plan, progress=progress, stop=stop, threads=options.threads) as maker:
         maker.check_dataset(there, shard)
-        report = maker.make(folder, shard, there, overwrite=options.overwrite, bar=True)
+        report = maker.make(folder, shard, there, overwrite=options.overwrite)
     print(f"wrote {folder}")
     print(figures(report))
     if options.progress == "json":

@@ -73,7 +73,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
         "format": FORMAT,
-        "preset": plan.preset.document,
+        "preset": plan.preset.described,
         "preset_sha256": plan.preset.sha256,
         "seed": spec.seed,
         "near_m": spec.mesh_camera.near_m if rendered else None,

@@ -36,7 +36,7 @@ def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
 
 def size_text(count: int) -> str:
     """Return a number of bytes in words: "3.2 GB", "17 MB", "1.4 MB", "600 bytes"."""
-    for size, unit in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
+    for size, unit in ((10**12, "TB"), (10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
         if count >= size:
             return f"{count / size:.1f} {unit}" if count < 10 * size else f"{count / size:.0f} {unit}"
     return f"{count} bytes"

@@ -16,6 +16,7 @@ from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.preset import Preset, SensorSpec
+from ..presets.selection import selected
 from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from ..trajectories.sensor_paths import SensorPaths
@@ -110,12 +111,15 @@ class Plan:
 
 
 def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
-    """Read the settings of a preset. registry: the perturbations that they may name.
+    """Read the settings of a preset that are wanted. registry: the perturbations that they may name.
 
     Raises InputError where they are wrong or cannot be carried out.
     """
     spec = preset.spec
-    settings = parse_settings(spec.settings, preset.place("settings"), registry, spec.render.backend)
+    settings = parse_settings(spec.settings, preset.setting_places, registry, spec.render.backend)
+    names = [setting.name for setting in settings]
+    wanted = set(selected(names, spec.only.settings, preset.place("only.settings")))
+    settings = tuple(setting for setting in settings if setting.name in wanted)
     _check_sensors(settings, preset)
     _check_executions(settings, preset)
     return settings
