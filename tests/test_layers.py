@@ -60,6 +60,8 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "addon/noisy_world/core/planning/plan.py": "from ...sources import find_scenes\n",
         "addon/noisy_world/perturbations/fog.py": "from ..cli.entry import Entry\n",
         "addon/noisy_world/ui/runs.py": "from ..cli import generate\n",
+        "addon/noisy_world/storage/packing.py": "from ..pipeline.run import Run\n",
+        "addon/noisy_world/storage/address.py": "import fsspec\n",
         "addon/noisy_world/cli/missing.py": "import bpy\n",
         "addon/noisy_world/cli/running.py": "from ..ui import runs\n",
     }

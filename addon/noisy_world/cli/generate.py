@@ -5,7 +5,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import out_folder, parse_arguments, preset_words
+from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
@@ -43,7 +43,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
-        return print_plan(plan, out_folder(options))
+        return print_plan(plan, out_address(options) or out_folder(options))
     return generate(plan, options, entry)
 
 
@@ -55,6 +55,8 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
 
     if problem := lacking_blender(plan, entry):
         return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
     jobs, told = useful_jobs(options.jobs, plan.frame_count)
@@ -78,6 +80,23 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     if options.progress == "json":
         machine_listener().tell({"result": figures(report)})
     return 0
+
+
+def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset at an address, and print the outcome."""
+    from .at_address import run_at, told_of
+    from .running import listener
+    from .workers import Workers, useful_jobs
+
+    if options.overwrite:
+        return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
+    progress, stop = listener(options.progress)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    run = run_at(plan, options, progress, stop, jobs)
+    workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
+    return told_of(run.make_dataset(workers.make), options)
 
 
 def lacking_blender(plan: "Plan", entry: Entry) -> str:

@@ -7,7 +7,7 @@ import shlex
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, settled
+from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import merge_words, shard_words
 from .entry import Entry
 from .generate import fail
@@ -30,7 +30,11 @@ def main(arguments: list[str], entry: Entry) -> int:
         plan = planned(options)
     except NoisyWorldError as error:
         return fail(str(error), options, entry)
-    return print_plan(plan, out_folder(options)) if options.shards is None else print_shards(plan, options)
+    return (
+        print_plan(plan, out_address(options) or out_folder(options))
+        if options.shards is None
+        else print_shards(plan, options)
+    )
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

@@ -5,7 +5,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, preset_words, settled
+from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
 from .entry import INTERRUPTED, Entry, say
 from .generate import fail, figures, lacking_blender
 from .missing import missing_package
@@ -77,6 +77,8 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     render_of(plan, shard)
     if problem := lacking_blender(plan.only(render_of(plan, shard)), entry):
         return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return make_there(plan, shard, options, entry)
     return make(plan, shard, options)
 
 
@@ -97,3 +99,15 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     if options.progress == "json":
         machine_listener().tell({"result": figures(report)})
     return 0
+
+
+def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the shard in the scratch folder, and put it to the address."""
+    from .at_address import run_at, told_of
+    from .running import listener
+
+    if options.overwrite:
+        return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
+    progress, stop = listener(options.progress)
+    run = run_at(plan, options, progress, stop)
+    return told_of(run.make_shard(shard, threads=options.threads), options)
