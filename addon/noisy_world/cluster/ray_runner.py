@@ -5,8 +5,10 @@ Ray knows of no image: a command reads and writes the dataset's folder, or its a
 an exit status and a line.
 """
 
+import importlib
 import logging
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -55,15 +57,19 @@ class RayOptions:
     retries: int = 3
 
 
+def module(name: str) -> Any:
+    """Return a module of Ray. Raises MissingDependencyError where it is not installed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        remedy = "install it with pip install 'noisy-world[cluster]'"
+        raise MissingDependencyError(f"ray: missing in this Python, {sys.executable}; {remedy}") from error
+
+
 @contextmanager
 def connected(options: RayOptions) -> Iterator[None]:
     """Be connected to a cluster. Raises MissingDependencyError without Ray, NoisyWorldError where there is none."""
-    try:
-        import ray
-    except ImportError as error:
-        raise MissingDependencyError(
-            "ray is not installed; install it with pip install 'noisy-world[cluster]'"
-        ) from error
+    ray = module("ray")
     if ray.is_initialized():  # by whoever calls this from Python
         yield
         return
@@ -101,14 +107,14 @@ def run_tasks(
     hear: is given the messages of the commands. ended: is told of each task that has ended. Both are called in this
     thread. Returns whether it was stopped.
     """
-    import ray
-    from ray.util.queue import Queue
-    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
-
-    ray.cloudpickle.register_pickle_by_value(remote)
-    here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=True)
-    messages = Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
+    ray = module("ray")
+    module("ray.cloudpickle").register_pickle_by_value(remote)
+    affinity = module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy
+    here = affinity(ray.get_runtime_context().get_node_id(), soft=True)
+    messages = module("ray.util.queue").Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
     task = ray.remote(num_cpus=options.cpus, max_retries=options.retries, max_calls=1)(remote.carry_out)
+    if not any(node["Resources"].get("CPU", 0) >= options.cpus for node in ray.nodes() if node["Alive"]):
+        hear({"note": f"no node has {options.cpus} processors, as each shard is to have; waiting for one that does"})
     running = {task.remote(order, messages.put): (order, 1) for order in orders}
     stopping = False
     try:
@@ -137,18 +143,16 @@ def run_tasks(
 
 def _outcome(reference: Any, order: Order) -> Outcome | None:
     """Return how a task ended; None where it was stopped."""
-    import ray
-    from ray.exceptions import RayError, RayTaskError, TaskCancelledError
-
+    exceptions = module("ray.exceptions")
     try:
-        told = ray.get(reference)
-    except TaskCancelledError:
+        told = module("ray").get(reference)
+    except exceptions.TaskCancelledError:
         return None
-    except RayTaskError as error:
+    except exceptions.RayTaskError as error:
         if isinstance(error.cause, KeyboardInterrupt):
             return None
         raise  # a bug
-    except RayError as error:  # its worker or its node was lost, each time that it was tried
+    except exceptions.RayError as error:  # its worker or its node was lost, each time that it was tried
         return Outcome(order.name, done=False, line=str(error).strip().split("\n")[0])
     if told["status"] == INTERRUPTED:
         return None
