@@ -146,7 +146,7 @@ def _recorded(
     return found
 
 
-# A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times as long.
+# A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times longer.
 _LINE = re.compile(r'\{"frame": (\d{1,9}), "time_s": [^{"]+(?:"depth_time_s": [^{"]+)?"sha256": \{([^{}\\]*)\}[,}]')
 _FILE = re.compile(r'"([^"]+)": "([0-9a-f]{64})"')
 
