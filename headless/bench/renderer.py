@@ -33,14 +33,15 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     imported_s = time.perf_counter()
     from noisy_world.blender.session import Session  # noqa: PLC0415
     from noisy_world.pipeline.clean_frame import CleanFrame  # noqa: PLC0415
+    from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline.run import render_options  # noqa: PLC0415
+    from noisy_world.pipeline.stock import Finished, Holding  # noqa: PLC0415
     from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s
     mesh = load_mesh(Path(render.scene.source.location))
     paths = source_paths(plan, render)
-    options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
+    options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
     dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path, "sequences": {}}, lambda _: None, overwrite=True)
     with Session(mesh, "bench", paths, render.camera, options) as session:
@@ -54,7 +55,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> float:
             """Render and write; return seconds a frame."""
             start_s = time.perf_counter()
-            with FrameWriter(dataset, render, 0) as writer:
+            with FrameWriter(dataset, render, Finished([Holding(dataset, render)])) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.moment(shown))), {})

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh in Blender, ready to be rendered from any pose; the generator renders from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
@@ -51,6 +51,7 @@ class Session:
     ) -> None:
         """Build the scene. paths: of the sensors; the scene is recentred so that what is near them is precise."""
         self._scene = scene = empty_scene()
+        self._served = _served(paths, options)
         self._engine = ENGINES[options.engine]
         self._options = options
         self.origin_m = recentring_m(paths.rgb)
@@ -88,6 +89,10 @@ class Session:
             encoded_colours=not linear_light,
         )
 
+    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
+        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
+        return self._served == _served(paths, options)
+
     def _plan_shots(self, *, two_places: bool) -> list["Shot"]:
         """Plan one render for colour and depth if they share a pose and the engine's depth allows it, else two."""
         options = self._options
@@ -117,3 +122,9 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _served(paths: SensorPaths, options: RenderOptions) -> tuple[object, ...]:
+    """Return what a session is built for: of the paths nothing but the point around which they lie, and the sensors."""
+    origin_m = tuple(recentring_m(paths.rgb).tolist())
+    return origin_m, paths.depth is not None, replace(options, first_frames=())

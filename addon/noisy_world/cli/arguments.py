@@ -2,6 +2,7 @@
 """The command line of `generate`."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from ..core.home import with_home
@@ -18,31 +19,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
         "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
     )
-    parser.add_argument(
-        "preset",
-        metavar="PRESET",
-        nargs="?",
-        type=path,
-        help="the preset, a YAML file, or one of those that --list presets names",
-    )
-    parser.add_argument(
-        "--out", metavar="DIR", type=path, help="the dataset's folder (default: out/<name of the preset>)"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY.PATH=VALUE",
-        action="append",
-        default=[],
-        nargs="+",
-        dest="overrides",
-        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
-    )
-    parser.add_argument(
-        "--frames",
-        metavar="A:B",
-        type=frame_slice,
-        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
-    )
+    add_preset_options(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
     parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
     parser.add_argument(
@@ -69,14 +46,54 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "JSON on standard output, each after '@noisy-world '",
     )
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    options = parser.parse_args(arguments)
+    return settled(parser, parser.parse_args(arguments), known=lambda options: options.list in KNOWN or options.worker)
+
+
+def add_preset_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says which dataset is meant: the preset, changes of it, the frames, and the folder."""
+    parser.add_argument(
+        "preset",
+        metavar="PRESET",
+        nargs="?",
+        type=path,
+        help="the preset, a YAML file, or one of those that --list presets names",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", type=path, help="the dataset's folder (default: out/<name of the preset>)"
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        action="append",
+        default=[],
+        nargs="+",
+        dest="overrides",
+        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
+    )
+    parser.add_argument(
+        "--frames",
+        metavar="A:B",
+        type=frame_slice,
+        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
+    )
+
+
+def settled(
+    parser: argparse.ArgumentParser,
+    options: argparse.Namespace,
+    known: Callable[[argparse.Namespace], bool] = lambda _: False,
+) -> argparse.Namespace:
+    """Return the options with the overrides in one list and the preset's file found.
+
+    known: tells whether no preset is needed. Exits with a usage line where one is needed and none is named.
+    """
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
         try:
             options.preset = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
-    if options.preset is None and options.list not in KNOWN and not options.worker:
+    if options.preset is None and not known(options):
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
         options.preset = found_preset(options.preset)
@@ -109,3 +126,26 @@ def positive(text: str) -> int:
 def out_folder(options: argparse.Namespace) -> Path:
     """Return the dataset's folder."""
     return options.out if options.out is not None else Path("out") / options.preset.stem
+
+
+def preset_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:
+    """Return the words that name the same dataset again.
+
+    anywhere: whether they are read in another folder, or on another machine that sees the same disks.
+    """
+    preset, out = options.preset, out_folder(options)
+    words = [pasteable_path(preset.resolve() if anywhere else preset)]
+    words += ["--out", pasteable_path(out.resolve() if anywhere else out)]
+    if options.overrides:
+        words += ["--set", *options.overrides]
+    if options.frames is not None:
+        words += [
+            "--frames",
+            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
+        ]
+    return words
+
+
+def pasteable_path(path: Path) -> str:
+    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
+    return f"./{path}" if str(path).startswith("~") else str(path)

@@ -25,6 +25,9 @@ class Subcommand:
 SUBCOMMANDS = {
     "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
     "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
+    "plan": Subcommand("plan_command", "print what a preset comes to, or the commands that make it in shards"),
+    "shard": Subcommand("shard_command", "make one shard of a dataset, on any machine that sees its folder"),
+    "merge": Subcommand("merge_command", "merge the shards of a dataset, and complete it"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }

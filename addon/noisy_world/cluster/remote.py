@@ -8,6 +8,7 @@ Hence it imports nothing but the standard library, and Ray where Ray runs it.
 import contextlib
 import ctypes
 import hashlib
+import importlib
 import json
 import os
 import platform
@@ -76,8 +77,7 @@ class Ended:
 
 def in_ray(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """Run a task's command on a node of Ray; see `carry_out`. The result has the node's identifier too."""
-    import ray  # pyright: ignore[reportMissingImports] - an optional extra
-
+    ray: Any = importlib.import_module("ray")
     return {**carry_out(order, tell), "node_id": ray.get_runtime_context().get_node_id()}
 
 

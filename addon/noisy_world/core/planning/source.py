@@ -72,10 +72,21 @@ class RenderOptions:
 
 
 class OpenSource(Protocol):
-    """A source that is ready to give frames."""
+    """A source that is ready to give frames along the paths of one render."""
 
     def frame(self, moment: Moment) -> SourceFrame:
         """Return the frame of a moment."""
+        ...
+
+
+class PreparedSource(Protocol):
+    """A source that is in memory, for all the renders of its scene, one after another."""
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> OpenSource:
+        """Return what gives frames along the paths, until the next is opened.
+
+        note: called with sentences that the user should see.
+        """
         ...
 
 
@@ -123,10 +134,12 @@ class Source(Protocol):
         """Return what decides the frames' bytes: names as the preset gives them, and the SHA-256 of the files."""
         ...
 
-    def open(
-        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
-    ) -> AbstractContextManager[OpenSource]:
-        """Prepare to give frames along the paths. note: called with sentences that the user should see."""
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> AbstractContextManager[PreparedSource]:
+        """Prepare to give frames through a camera, along one path after another.
+
+        What is large is loaded once, and is free when the context ends. note: called with sentences that the user
+        should see.
+        """
         ...
 
 
