@@ -62,9 +62,14 @@ def data_folder(options: argparse.Namespace) -> Path | None:
         raise NoisyWorldError(f"--data: {error}") from error
 
 
-def part_words(options: argparse.Namespace) -> list[str]:
-    """Return the words of a command line that repeat --data, --scenes and --settings."""
-    words = [] if options.data is None else [f"--data={options.data}"]
+def part_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:
+    """Return the words of a command line that repeat --data, --scenes and --settings.
+
+    anywhere: whether they are read in another folder, or on another machine that sees the same disks.
+    """
+    words: list[str] = []
+    if options.data is not None:
+        words.append(f"--data={with_home(options.data).resolve() if anywhere else options.data}")
     for what in ("scenes", "settings"):
         words += [f"--{what}={text}" for text in getattr(options, what)]
     return words

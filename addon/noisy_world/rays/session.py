@@ -22,7 +22,10 @@ RAYS_AT_ONCE = 96_000  # chosen: as fast as any number from 48,000 on, and 15 MB
 
 
 class RaySession:
-    """One mesh in Embree, from its first frame to its last."""
+    """One mesh in Embree, from its first frame to its last.
+
+    origin_m: (3,) float64, around which it is seen. triangles: the mesh as rays meet it, moved by that.
+    """
 
     def __init__(self, mesh: Mesh, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions) -> None:
         """Copy the mesh. paths: of the sensors; the scene is recentred so that what is near them is precise.
@@ -34,7 +37,7 @@ class RaySession:
         self._options = options
         vertices_m = (mesh.vertices_m - self.origin_m).astype(np.float32)
         corners = triangle_corners(mesh, vertices_m)
-        self._triangles = TracedTriangles(vertices_m, mesh.corner_vertices[corners])
+        self.triangles = TracedTriangles(vertices_m, mesh.corner_vertices[corners])
         self._colours = colours_of(mesh, corners) if options.rgb else None
         self._width, self._height = intrinsics.width_px, intrinsics.height_px
         self._right = (np.arange(self._width) - intrinsics.cx_px) / intrinsics.fx_px
@@ -95,11 +98,11 @@ class RaySession:
         Rays that meet something before the near plane are cast again, from there.
         """
         near_m, far_m = self._options.near_m, self._options.far_m
-        hits = self._triangles.first(origins_m, directions)
+        hits = self.triangles.first(origins_m, directions)
         near = np.flatnonzero(hits.lengths < near_m)
         if near.size:
             onward = directions[near]
-            again = self._triangles.first((origin_m + near_m * onward).astype(np.float32), onward)
+            again = self.triangles.first((origin_m + near_m * onward).astype(np.float32), onward)
             hits.triangles[near], hits.lengths[near] = again.triangles, again.lengths + np.float32(near_m)
             hits.second[near], hits.third[near] = again.second, again.third
         hits.triangles[hits.lengths > far_m] = -1

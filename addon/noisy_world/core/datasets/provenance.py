@@ -6,6 +6,7 @@ grows by scenes, settings and frames, and each keeps what it was made from.
 """
 
 import hashlib
+import json
 import platform
 import re
 import sys
@@ -22,6 +23,7 @@ from ..machine import processor_features
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
+from ..presets.preset import canonical
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -85,6 +87,11 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "versions": {**_perturbation_packages(plan), **renderer, **base_versions()},
         "processor": processor(),
     }
+
+
+def plain_identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
+    """Return the identity as it is read back from a file: JSON turns tuples into lists, for instance."""
+    return json.loads(canonical(identity(plan, renderer, paths=paths)))
 
 
 def _sensor(sensor: Sensor | None) -> list[list[float]] | None:

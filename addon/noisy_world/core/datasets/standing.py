@@ -13,6 +13,7 @@ from .records import FRAMES, OUT_OF_RANGE, read_records
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
+MERGED = "merged.jsonl"  # in the working folder: a line for each shard that was merged
 MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"

@@ -104,6 +104,11 @@ class Plan:
         """Whether Blender renders anything, or its compositor perturbs it."""
         return self.renders_in_blender or self.composites
 
+    def only(self, render: Render) -> "Plan":
+        """Return the plan of one of the renders alone, with the settings of its sequences."""
+        settings = tuple(sequence.setting for sequence in render.sequences)
+        return replace(self, renders=(render,), settings=settings)
+
     @property
     def frame_count(self) -> int:
         """How many source frames are rendered or read."""
@@ -180,7 +185,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
 
 
 def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
-    return tuple(sorted(set().union(*(sequence.sources(modalities) for sequence in sequences))))
+    shown = [sequence.sources_shown(modality) for sequence in sequences for modality in modalities]
+    return tuple(np.unique(np.concatenate(shown)).tolist())
 
 
 # --- paths ---

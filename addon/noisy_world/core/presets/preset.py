@@ -173,6 +173,10 @@ class RenderSpec:
     )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
     allow_empty: bool = key("whether a path may begin with frames that see nothing, which is an error", default=False)
+    processors: Literal["same", "any"] = key(
+        "whether all frames have to come from one kind of processor; any: results differ by 1/255 between kinds",
+        default="same",
+    )
 
     @property
     def in_blender(self) -> bool:

@@ -11,11 +11,13 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InputError
 from ...geometry import Intrinsics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
+from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
 from ..stored import StoredSequence
@@ -86,6 +88,13 @@ class Layout(ABC):
     @abstractmethod
     def recognises(self, folder: Path) -> bool:
         """Tell whether a folder looks like a sequence of this layout."""
+
+    @abstractmethod
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the colour camera's poses (N, 4, 4), c2w, by the text files written beside a sequence's images.
+
+        time_s (N,): when the colour of its frames was taken. Raises InputError where the files do not tell them.
+        """
 
     @abstractmethod
     def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
@@ -228,6 +237,17 @@ class SequenceFacts:
 
 
 PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")
+
+
+def poses_at(path: Trajectory, time_s: NDArray[np.float64], file: Path) -> NDArray[np.float64]:
+    """Return the poses (N, 4, 4) of a path that belong to frames taken at time_s (N,), by their time stamps.
+
+    Raises InputError, which names the file, where a frame has none.
+    """
+    frames, rows = associate(time_s, path.stamps_s)
+    if len(frames) != len(time_s):
+        raise InputError(file, f"has poses for {len(frames)} of {len(time_s)} frames, by their time stamps")
+    return path.c2w[rows]
 
 
 def path_suffix(name: str) -> str:
