@@ -9,11 +9,11 @@ from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
-    from ..pipeline.report import Report
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -50,7 +50,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from ..pipeline.run import Run
-    from .running import listener, machine_listener
+    from .running import listener
     from .workers import Workers, useful_jobs
 
     if problem := lacking_blender(plan, entry):
@@ -76,9 +76,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
 
 
@@ -114,20 +112,6 @@ def work() -> int:
 
     stop = stop_on_signal(None)
     return carry_out(Told(stop), Parent(), stop)
-
-
-def figures(report: "Report") -> str:
-    """Return the figures of a run in one line."""
-    parts = [f"{report.frames_rendered} frames rendered"]
-    if report.frames_kept:
-        parts.append(f"{report.frames_kept} kept")
-    if report.frames_per_s is not None:
-        parts.append(f"{report.frames_per_s:.2f} frames/s")
-        parts.append(f"loading {report.loading_s:.1f} s")
-    parts.append(f"{report.total_s:.1f} s in all")
-    if report.peak_memory_bytes is not None:
-        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
-    return ", ".join(parts)
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:

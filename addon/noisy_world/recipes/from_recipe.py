@@ -25,8 +25,8 @@ from ..core.planning.source import OpenSource, PreparedSource, Scene, SourceFram
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.frame_maker import render_options
 from ..pipeline.made_frame import FrameMaker, MadeFrame
-from ..pipeline.run import render_options
 from ..sources import find_scenes
 from .clean_store import CleanStore, read_store
 from .frame_numbers import FrameNumbers
