@@ -152,22 +152,24 @@ def test_reading_changes_nothing(world, tmp_path, capsys):
 def test_the_time_left_weighs_what_frames_cost():
     # One sequence at 2 frames a second, of 0.5 s each by the estimate: the run goes at the estimate's speed. What is
     # left: 10 of them, and 10 frames of 4 s in another: 45 s.
-    written = [Written("a/box", tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False)]
+    written = [("a/box", Written(tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False))]
     pace = pace_of(written, {"a/box": 0.5, "b/box": 4.0}, {"a/box": 10, "b/box": 10}, now_s=1005.0)
     assert (pace.last_s, pace.window_s, pace.frames_per_s, pace.left_s) == (1.0, 4.0, 2.0, 45.0)
     assert not pace.silent
     assert pace_of(written, {"a/box": 0.5}, {"a/box": 10}, now_s=1100.0).silent
     assert pace_of(written, {"a/box": 0.5}, None, now_s=1005.0).left_s is None
     assert pace_of(written[:0], {}, {}, now_s=1005.0).last_s is None
-    one = [Written("a/box", (1000.0,), 1.0, cut=False)]
+    one = [("a/box", Written((1000.0,), 1.0, cut=False))]
     assert pace_of(one, {"a/box": 0.5}, {"a/box": 10}, now_s=1005.0).frames_per_s is None
 
 
 def test_journals_that_were_read_in_part_count_from_where_they_begin():
     # Two writers of 1 and 100 frames a second; of the quick one only the last second was read.
-    slow = Written("a/box", tuple(float(k) for k in range(101)), 1.0, cut=False)
-    quick = Written("b/box", tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
-    pace = pace_of([slow, quick], {"a/box": 1.0, "b/box": 1.0}, {"a/box": 0, "b/box": 202}, now_s=100.0)
+    slow = Written(tuple(float(k) for k in range(101)), 1.0, cut=False)
+    quick = Written(tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
+    pace = pace_of(
+        [("a/box", slow), ("b/box", quick)], {"a/box": 1.0, "b/box": 1.0}, {"a/box": 0, "b/box": 202}, now_s=100.0
+    )
     assert pace.frames_per_s == pytest.approx(101)
     assert pace.left_s == pytest.approx(2)
 

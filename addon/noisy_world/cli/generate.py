@@ -102,7 +102,7 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
 def lacking_blender(plan: "Plan", entry: Entry) -> str:
     """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
     problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
-    if not problem or plan.renders_anything:
+    if not problem or plan.renders_in_blender:
         return problem
     return f"{problem}; or add --set render.backend=reference, which needs no Blender"
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Working on an image in bands of rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 
 # 32 rows x any width x 3 codes of 16 bits fill whole 64-bit words of Philox, so bands draw what whole frames would.
 ROWS = 32
+
+
+def bands[T: np.generic](image: NDArray[T]) -> Iterator[NDArray[T]]:
+    """Yield bands of 32 rows from the top down, the last one of what is left."""
+    for top in range(0, len(image), ROWS):
+        yield image[top : top + ROWS]
 
 
 def by_bands[T: np.generic, U: np.generic](

@@ -5,13 +5,12 @@ Everything is read from the dataset's folder, while a run writes to it or after 
 """
 
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.standing import IDENTITY, RUN, WORK_FOLDER, Standing, read_standing
-from ..core.datasets.tally import Digests, Place, Tally, Written, counted, journals_of, tally, written_lately
+from ..core.datasets.tally import Digests, Place, Tally, counted, journals_of, tally
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
 from ..core.planning.described import Described, described_sequences
@@ -98,6 +97,7 @@ def read_status(
         damaged += [f"{folder}/{name}" for name in item.tally.damaged]
     costs = {item.folder: item.seconds_each for item in described}
     left = {f"{item.setting}/{item.scene}": item.of - item.tally.done for item in found if item.of is not None}
+    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.tally.written]
     known = len(left) == len(found)
     return Status(
         out,
@@ -106,7 +106,7 @@ def read_status(
         tuple(found),
         tuple(lost),
         tuple(damaged),
-        pace_of(reader.written(item.folder for item in described), costs, left if known else None, time.time()),
+        pace_of(written, costs, left if known else None, time.time()),
         _total_s(out) if ended else None,
         (standing.note,) if standing.note else (),
     )
@@ -152,15 +152,6 @@ class _Reader:
 
     def _places(self, folder: str) -> tuple[Place, ...]:
         return (Place(self._out / folder, journals_of(self._work / folder)),)
-
-    def written(self, folders: Iterable[str]) -> list[Written]:
-        """Return when the newest frames were written."""
-        return [
-            item
-            for folder in folders
-            for place in self._places(folder)
-            for item in written_lately(folder, place, self._images_each)
-        ]
 
     def texts(self) -> tuple[list[str], list[str]]:
         """Return the dataset's files other than images that are lost, and those that are damaged."""

@@ -151,10 +151,11 @@ def perturb_rgb(
         if (apply_bytes := step.perturbation.apply_bytes) is not None:
             return apply_bytes(rgb, step.parameters(severity), context), notes
     image = as_float(rgb)
-    for step, context, severity in active:
+    for number, (step, context, severity) in enumerate(active):
+        if number:
+            np.clip(image, 0.0, 1.0, out=image)
         image = perturb_colour(step, image, severity, context)
-        np.clip(image, 0.0, 1.0, out=image)
-    return rgb_bytes(image), notes
+    return rgb_bytes(image), notes  # which clips what the last step made
 
 
 def perturb_colour(

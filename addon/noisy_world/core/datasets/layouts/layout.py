@@ -153,6 +153,10 @@ class OutputFormat:
             return encode_colour(grey_bytes(rgb), self.image)
         return encode_colour(as_bytes(rgb), self.image)
 
+    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8]:
+        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel."""
+        return np.repeat(grey_bytes(rgb)[..., None], 3, axis=-1) if self.colour == "grey" else as_bytes(rgb)
+
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
         return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
