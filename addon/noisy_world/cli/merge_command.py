@@ -15,6 +15,7 @@ from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
+    from ..core.errors import StorageError
     from ..core.planning.plan import Plan
     from ..core.planning.shards import Shard
     from ..pipeline.run import Work
@@ -65,7 +66,7 @@ def do(options: argparse.Namespace) -> int:
     out = address or str(out_folder(options))
     progress, stop = listener(options.progress)
 
-    def missing(work: "Work", left: list[Path]) -> Exception:
+    def missing(work: "Work", left: list[Path]) -> "StorageError":
         shards = missing_shards(plan, work, options.shards)
         for line in shard_lines(options, shards):
             print(line)
@@ -101,7 +102,7 @@ def missing_shards(plan: "Plan", work: "Work", count: int | None) -> tuple["Shar
     return tuple(shards)
 
 
-def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], left: list[Path]) -> Exception:
+def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], left: list[Path]) -> "StorageError":
     from ..core.errors import StorageError
 
     count = sum(map(len, work.values()))
