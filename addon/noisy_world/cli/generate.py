@@ -2,16 +2,14 @@
 """`generate`: make the dataset that a preset describes."""
 
 import argparse
-import json
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import out_folder, parse_arguments
+from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .part import planned
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -37,18 +35,15 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
-
     if options.worker:
         return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
-        return print_plan(plan, out_folder(options))
+        return print_plan(plan, out_address(options) or out_folder(options))
     return generate(plan, options, entry)
 
 
@@ -56,11 +51,12 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from ..pipeline.run import Run
     from .running import listener, machine_listener
-    from .workers import orders_for, run_workers, useful_jobs
+    from .workers import Workers, useful_jobs
 
-    if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
-        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
-        return fail(problem + other, options, entry)
+    if problem := lacking_blender(plan, entry):
+        return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
     jobs, told = useful_jobs(options.jobs, plan.frame_count)
@@ -73,9 +69,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         stop=stop,
         overwrite=options.overwrite,
         jobs=jobs,
-        workers=lambda pieces, listener: run_workers(
-            entry.command(["--worker"]), orders_for(plan, out, pieces), listener, stop
-        ),
+        workers=Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop).make,
     )
     report = run.make_dataset()
     for sequence in (item for item in plan.sequences if item.frames):
@@ -88,12 +82,38 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
-def work() -> int:
-    """Carry out a worker's order from standard input, for the process that started this one."""
-    from .running import stop_on_signal
-    from .workers import Order, Parent, carry_out
+def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset at an address, and print the outcome."""
+    from .at_address import run_at, told_of
+    from .running import listener
+    from .workers import Workers, useful_jobs
 
-    return carry_out(Order(**json.load(sys.stdin)), Parent(), stop_on_signal(None))
+    if options.overwrite:
+        return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
+    progress, stop = listener(options.progress)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    run = run_at(plan, options, progress, stop, jobs)
+    workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
+    return told_of(run.make_dataset(workers.make), options)
+
+
+def lacking_blender(plan: "Plan", entry: Entry) -> str:
+    """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
+    problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
+    if not problem or plan.renders_in_blender:
+        return problem
+    return f"{problem}; or add --set render.backend=reference, which needs no Blender"
+
+
+def work() -> int:
+    """Make shards for the process that started this one, which names them on standard input."""
+    from .running import stop_on_signal
+    from .workers import Parent, Told, carry_out
+
+    stop = stop_on_signal(None)
+    return carry_out(Told(stop), Parent(), stop)
 
 
 def figures(report: "Report") -> str:
@@ -112,21 +132,9 @@ def figures(report: "Report") -> str:
 
 def own_arguments(options: argparse.Namespace) -> list[str]:
     """Return the arguments that repeat this run."""
-    words = [pasteable_path(options.preset), "--out", pasteable_path(out_folder(options))]
-    if options.overrides:
-        words += ["--set", *options.overrides]
-    if options.frames is not None:
-        words += [
-            "--frames",
-            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
-        ]
+    words = preset_words(options)
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     return words
-
-
-def pasteable_path(path: Path) -> str:
-    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
-    return f"./{path}" if str(path).startswith("~") else str(path)
 
 
 def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:

@@ -45,5 +45,9 @@ class StorageError(NoisyWorldError):
     """The dataset cannot be written or continued in its folder: disk full, no permission, or another run's data."""
 
 
+class BusyError(StorageError):
+    """Another process is writing there."""
+
+
 class InterruptedRunError(NoisyWorldError):
     """The user stopped the run; the message says how to continue it."""

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.dataset import Dataset, Journal
+from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
+from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_file, sha256_of_regular_file
+from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth
 from ..core.planning.plan import Render
@@ -58,18 +59,18 @@ class FrameWriter:
     written whose depth 16 bits do not hold, None while there is none.
     """
 
-    def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
-        """Open the journals."""
+    def __init__(self, dataset: Dataset, render: Render, finished: Finished) -> None:
+        """Open the journals. finished: what is not to be written again."""
         self._dataset = dataset
         self._stamps = render.scene.source.frame_stamps
         self._camera = Camera(render.camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
-        self._finished = Finished(dataset, self._sequences, self._names)
+        self._finished = finished
         self._journals: list[Journal] = []
         with contextlib.ExitStack() as opened:
             for sequence in self._sequences:
-                self._journals.append(dataset.journal(sequence.folder, worker))
+                self._journals.append(dataset.journal(sequence.folder))
                 opened.callback(self._journals[-1].close)
             opened.pop_all()  # all of them could be opened
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
@@ -204,22 +205,25 @@ class FrameFiles:
 
     def give(self, modality: Modality, folder: str, name: str) -> Written:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
-        if modality not in self._written and (path := self._clean.file_as(modality, self._dataset.format)):
-            digest = sha256_of_file(path)
-            if digest is None:
-                raise InputError(path, "is gone")
-            self._written[modality] = Written(path, digest)
-        if modality not in self._written:
-            for path in self._finished.clean_files(modality, self._clean.source):
-                if digest := sha256_of_regular_file(path):
-                    lost = self._finished.out_of_range(self._clean.source) if modality == "depth" else None
-                    self._written[modality] = Written(path, digest, out_of_range=lost)
-                    break
-        if modality in self._written:
+        if modality not in self._written and (there := self._existing(modality)) is not None:
+            self._dataset.link_file(there.path, folder, name)
+            # From now on this name is linked: where the existing file is on another disk, it is copied once.
+            self._written[modality] = replace(there, path=self._dataset.out / folder / name)
+        elif modality in self._written:
             self._dataset.link_file(self._written[modality].path, folder, name)
         else:
             self._written[modality] = self._write(modality, folder, name)
         return self._written[modality]
+
+    def _existing(self, modality: Modality) -> Written | None:
+        """Return the source's own file that holds the image, or one that is finished; None where there is none."""
+        if path := self._clean.file_as(modality, self._dataset.format):
+            digest = sha256_of_file(path)
+            if digest is None:
+                raise InputError(path, "is gone")
+            return Written(path, digest)
+        found = self._finished.clean_image(modality, self._clean.source)
+        return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 
     def _write(self, modality: Modality, folder: str, name: str) -> Written:
         format_ = self._dataset.format

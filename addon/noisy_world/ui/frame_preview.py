@@ -11,7 +11,6 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
@@ -22,6 +21,7 @@ from ..core.perturbing.execution import perturb_depth
 from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
+from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
