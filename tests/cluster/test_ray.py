@@ -47,7 +47,7 @@ if "--worker" in sys.orig_argv:
 
 @pytest.fixture
 def cluster(tmp_path, monkeypatch):
-    """Two nodes on 127.0.0.1, of one processor each."""
+    """Two nodes of one processor each; the second has another address, so that the driver belongs to the first."""
     folder = tmp_path / "mishaps"
     folder.mkdir()
     (folder / "sitecustomize.py").write_text(MISHAPS)
@@ -56,10 +56,12 @@ def cluster(tmp_path, monkeypatch):
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
     monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # else Ray replaces 127.0.0.1 by an outer address
     cluster_utils = pytest.importorskip("ray.cluster_utils", reason="ray is not installed")
-    node = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "node_ip_address": "127.0.0.1"}
-    made = cluster_utils.Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
+    node = {"num_cpus": 1, "object_store_memory": 80 * 2**20}
+    made = cluster_utils.Cluster(
+        initialize_head=True, head_node_args={**node, "node_ip_address": "127.0.0.1", "include_dashboard": False}
+    )
     try:
-        made.victim = made.add_node(**node)
+        made.victim = made.add_node(**node, node_ip_address="127.0.0.2")
         yield made
     finally:
         made.shutdown()

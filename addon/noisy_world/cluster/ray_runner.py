@@ -162,11 +162,12 @@ class _Tasks:
         self._hear = hear
         self._ended = ended
         self._stop = stop
+        # An actor on the driver's own machine, so it is not lost with another node; if it is, it begins anew.
         here = module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy(
             self._ray.get_runtime_context().get_node_id(), soft=True
         )
-        # An actor on the driver's own machine: it is not lost with another node.
-        self._messages = module("ray.util.queue").Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
+        actor = {"num_cpus": 0, "scheduling_strategy": here, "max_restarts": -1, "max_task_retries": -1}
+        self._messages = module("ray.util.queue").Queue(actor_options=actor)
         # A task's own processes and memory end with it: max_calls=1.
         self._task = self._ray.remote(num_cpus=options.cpus, max_retries=options.retries, max_calls=1)(remote.in_ray)
         self._running: dict[Any, tuple[Order, int]] = {}  # by the reference to the result: a task and its tries
