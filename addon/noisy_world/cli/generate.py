@@ -13,7 +13,11 @@ from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from ..core.planning.plan import Plan
+    from ..core.progress import Progress
+    from ..pipeline.report import Report
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -49,9 +53,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
-    from ..pipeline.run import Run
     from .running import listener
-    from .workers import Workers, useful_jobs
 
     if problem := lacking_blender(plan, entry):
         return fail(problem, options, entry)
@@ -59,19 +61,12 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
-    jobs, told = useful_jobs(options.jobs, plan.frame_count)
-    if told:
-        progress.note(told)
-    run = Run(
-        plan,
-        out,
-        progress=progress,
-        stop=stop,
-        overwrite=options.overwrite,
-        jobs=jobs,
-        workers=Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop).make,
-    )
-    report = run.make_dataset()
+    if options.ray is None:
+        report = make_here(plan, options, entry, progress, stop)
+    else:
+        from .ray_workers import make_on_ray
+
+        report = make_on_ray(plan, options, progress, stop)
     for sequence in (item for item in plan.sequences if item.frames):
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
@@ -86,6 +81,8 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
     from .running import listener
     from .workers import Workers, useful_jobs
 
+    if options.ray is not None:
+        return fail("--ray makes datasets in folders so far; use plan --shards for an address", options, entry)
     if options.overwrite:
         return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
     progress, stop = listener(options.progress)
@@ -95,6 +92,20 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
     run = run_at(plan, options, progress, stop, jobs)
     workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
     return told_of(run.make_dataset(workers.make), options)
+
+
+def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event") -> "Report":
+    """Make the dataset on this machine."""
+    from ..pipeline.run import Run
+    from .workers import Workers, useful_jobs
+
+    out = out_folder(options)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    workers = Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop)
+    run = Run(plan, out, progress=progress, stop=stop, overwrite=options.overwrite, jobs=jobs, workers=workers.make)
+    return run.make_dataset()
 
 
 def lacking_blender(plan: "Plan", entry: Entry) -> str:
@@ -118,6 +129,9 @@ def own_arguments(options: argparse.Namespace) -> list[str]:
     """Return the arguments that repeat this run."""
     words = preset_words(options)
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
+    if options.ray is not None:
+        words += ["--ray", options.ray, "--cpus", str(options.cpus)]
+        words += ["--shards", str(options.shards)] if options.shards is not None else []
     return words
 
 
