@@ -2,6 +2,7 @@
 """A small dataset of recordings, which need no Blender, and addresses to pack it to."""
 
 import json
+import os
 import sys
 import threading
 
@@ -55,3 +56,21 @@ def pack_to(dataset, address):
     from noisy_world.storage.publishing import publish
 
     return publish(dataset, open_address(address), PlainProgress(sys.stderr), threading.Event())
+
+
+def run_there(preset, address, scratch, environment):
+    """Make a dataset at an address, in many small shards."""
+    from noisy_world.core.presets.preset import read_preset
+    from noisy_world.pipeline import address_run
+    from noisy_world.planning import make_plan
+    from noisy_world.storage.address import open_address
+
+    os.environ.update(environment)
+    address_run.SHARD_BYTES = 2000
+    address_run.AddressRun(
+        make_plan(read_preset(preset)),
+        open_address(address),
+        progress=PlainProgress(sys.stderr),
+        stop=threading.Event(),
+        scratch=scratch,
+    ).make_dataset()

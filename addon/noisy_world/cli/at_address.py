@@ -29,11 +29,8 @@ def run_at(
 
 def told_of(report: "Report", options: argparse.Namespace) -> int:
     """Print the outcome; return the exit status."""
-    from .generate import figures
-    from .running import machine_listener
+    from .outcome import tell_outcome
 
     print(f"wrote {out_address(options)}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
