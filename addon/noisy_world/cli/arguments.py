@@ -5,9 +5,11 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from ..core.home import with_home
+from ..core.errors import StorageError
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .part import add_part_options, part_words
+from .places import path, place
 from .shipped import found_preset
 
 
@@ -60,7 +62,17 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         help="the preset, a YAML file, or one of those that --list presets names",
     )
     parser.add_argument(
-        "--out", metavar="DIR", type=path, help="the dataset's folder (default: out/<name of the preset>)"
+        "--out",
+        metavar="DIR",
+        type=place,
+        help="the dataset's folder (default: out/<name of the preset>), or an address such as s3://bucket/name, where "
+        "it is packed",
+    )
+    parser.add_argument(
+        "--scratch",
+        metavar="DIR",
+        type=path,
+        help="where shards are made that go to an address (default: the system's folder of temporary files)",
     )
     parser.add_argument(
         "--set",
@@ -71,6 +83,7 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
     )
+    add_part_options(parser)
     parser.add_argument(
         "--frames",
         metavar="A:B",
@@ -124,14 +137,6 @@ def settled(
     return options
 
 
-def path(text: str) -> Path:
-    """Parse a path, in which ~ and ~user are home folders."""
-    try:
-        return with_home(text)
-    except LookupError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
-
-
 def frame_slice(text: str) -> slice:
     """Parse A:B."""
     start, colon, stop = text.partition(":")
@@ -148,8 +153,15 @@ def positive(text: str) -> int:
 
 
 def out_folder(options: argparse.Namespace) -> Path:
-    """Return the dataset's folder."""
+    """Return the dataset's folder. Raises StorageError where it is an address, for what works in folders only."""
+    if isinstance(options.out, str):
+        raise StorageError(f"{options.out}: is an address, and this needs a folder; name one with --out")
     return options.out if options.out is not None else Path("out") / options.preset.stem
+
+
+def out_address(options: argparse.Namespace) -> str | None:
+    """Return the address of the dataset; None where it is a folder."""
+    return options.out if isinstance(options.out, str) else None
 
 
 def preset_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:
@@ -157,17 +169,23 @@ def preset_words(options: argparse.Namespace, *, anywhere: bool = False) -> list
 
     anywhere: whether they are read in another folder, or on another machine that sees the same disks.
     """
-    preset, out = options.preset, out_folder(options)
-    words = [pasteable_path(preset.resolve() if anywhere else preset)]
-    words += ["--out", pasteable_path(out.resolve() if anywhere else out)]
+    words = [_pasteable(options.preset, anywhere=anywhere)]
+    words += ["--out", out_address(options) or _pasteable(out_folder(options), anywhere=anywhere)]
+    if options.scratch is not None:
+        words += ["--scratch", _pasteable(options.scratch, anywhere=anywhere)]
     if options.overrides:
         words += ["--set", *options.overrides]
+    words += part_words(options, anywhere=anywhere)
     if options.frames is not None:
         words += [
             "--frames",
             f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
         ]
     return words
+
+
+def _pasteable(path: Path, *, anywhere: bool) -> str:
+    return pasteable_path(path.resolve() if anywhere else path)
 
 
 def pasteable_path(path: Path) -> str:

@@ -5,10 +5,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import out_folder, parse_arguments, preset_words
+from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .outcome import tell_outcome
+from .part import planned
 
 if TYPE_CHECKING:
     from threading import Event
@@ -37,27 +39,26 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
-
     if options.worker:
         return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
-        return print_plan(plan, out_folder(options))
+        return print_plan(plan, out_address(options) or out_folder(options))
     return generate(plan, options, entry)
 
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
-    from .running import listener, machine_listener
+    from .running import listener
 
     if problem := lacking_blender(plan, entry):
         return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
     if options.ray is None:
@@ -70,10 +71,27 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
+
+
+def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset at an address, and print the outcome."""
+    from .at_address import run_at, told_of
+    from .running import listener
+    from .workers import Workers, useful_jobs
+
+    if options.ray is not None:
+        return fail("--ray makes datasets in folders so far; use plan --shards for an address", options, entry)
+    if options.overwrite:
+        return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
+    progress, stop = listener(options.progress)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    run = run_at(plan, options, progress, stop, jobs)
+    workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
+    return told_of(run.make_dataset(workers.make), options)
 
 
 def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event") -> "Report":
@@ -93,7 +111,7 @@ def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress:
 def lacking_blender(plan: "Plan", entry: Entry) -> str:
     """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
     problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
-    if not problem or plan.renders_anything:
+    if not problem or plan.renders_in_blender:
         return problem
     return f"{problem}; or add --set render.backend=reference, which needs no Blender"
 
@@ -105,20 +123,6 @@ def work() -> int:
 
     stop = stop_on_signal(None)
     return carry_out(Told(stop), Parent(), stop)
-
-
-def figures(report: "Report") -> str:
-    """Return the figures of a run in one line."""
-    parts = [f"{report.frames_rendered} frames rendered"]
-    if report.frames_kept:
-        parts.append(f"{report.frames_kept} kept")
-    if report.frames_per_s is not None:
-        parts.append(f"{report.frames_per_s:.2f} frames/s")
-        parts.append(f"loading {report.loading_s:.1f} s")
-    parts.append(f"{report.total_s:.1f} s in all")
-    if report.peak_memory_bytes is not None:
-        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
-    return ", ".join(parts)
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:

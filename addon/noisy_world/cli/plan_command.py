@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, settled
+from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import merge_words, shard_beginning_on, shard_words
 from .entry import Entry
 from .generate import fail
 from .listing import duration, print_plan
 from .missing import missing_package
+from .part import planned
 
 MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
 
@@ -27,14 +28,16 @@ def main(arguments: list[str], entry: Entry) -> int:
     if problem := missing_package(NEEDED, entry):
         return fail(problem, options, entry)
     from ..core.errors import NoisyWorldError
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
 
     try:
-        plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+        plan = planned(options)
     except NoisyWorldError as error:
         return fail(str(error), options, entry)
-    return print_plan(plan, out_folder(options)) if options.shards is None else print_shards(plan, options)
+    return (
+        print_plan(plan, out_address(options) or out_folder(options))
+        if options.shards is None
+        else print_shards(plan, options)
+    )
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

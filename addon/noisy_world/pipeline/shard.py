@@ -2,6 +2,7 @@
 """Making shards: each is made in a folder of its own, which may be anywhere, and is finished by its `shard.json`."""
 
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -9,6 +10,7 @@ from typing import Any, Self
 
 from ..core.datasets.agreement import disagreement
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import merge_shard, remove_shard, take_up, tidy
 from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard, shard_folder
@@ -80,19 +82,31 @@ class ShardMaker:
         identity = self._identity(render)
         if there is not None and joining:
             there.join(identity, any_processor=self._any_processor)
-        self._frames.report = Report()
+        start_s = time.perf_counter()
+        self._frames.report = report = Report()
         if (folder / SHARD).exists() and self._is_whole(folder, identity, overwrite=overwrite):
-            self._frames.report.frames_kept = len(shard.frames_of(render.frames))
-            return self._frames.report
+            report.frames_kept = len(shard.frames_of(render.frames))
+            report.total_s = time.perf_counter() - start_s
+            return report
         holding = None if there is None else self._holding(there, render, shard, joining=joining)
         made = Dataset(folder, self._plan.format)
         made.open(identity, lambda other: self._why_not(other, identity), overwrite=overwrite)
         try:
             self._make_missing(made, render, shard, holding)
+            report.total_s = time.perf_counter() - start_s
             made.finish_as_shard(self._record(made, render, shard, identity))
         finally:
             made.close()
-        return self._frames.report
+        return report
+
+    def check_dataset(self, there: Dataset, shard: Shard) -> None:
+        """See whether a shard can become part of a dataset, which others may be writing to.
+
+        Raises StorageError where the folder holds something else.
+        """
+        part = self._plan.only(render_of(self._plan, shard))
+        identity = self._identity(part.renders[0])
+        there.check(lambda other: why_not(other, identity, part))
 
     @property
     def _any_processor(self) -> bool:
@@ -149,8 +163,12 @@ class ShardMaker:
         wanted = shard.frames_of(render.frames)
         lacking = finished.lacking(render, self._plan.format.modalities, wanted)
         self._frames.report.frames_kept = len(wanted) - len(lacking)
-        if lacking:
-            self._frames.make(render, lacking, made, finished)
+        self._progress.start(shard.name, len(wanted), len(wanted) - len(lacking))
+        try:
+            if lacking:
+                self._frames.make(render, lacking, made, finished)
+        finally:
+            self._progress.finish()
 
     def _holding(self, there: Dataset, render: Render, shard: Shard, *, joining: bool) -> Holding:
         """Return what the dataset has of a render. Its journals are read once: others add no frames of this process."""

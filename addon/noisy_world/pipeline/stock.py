@@ -145,7 +145,9 @@ class Finished:
 
     def lacking(self, render: Render, modalities: Iterable[Modality], sources: Iterable[int]) -> list[int]:
         """Return those of some source frames that a sequence of a render needs for a missing image."""
-        pairs = [(sequence, modality) for sequence in render.sequences if sequence.frames for modality in modalities]
+        pairs: list[tuple[Sequence, Modality]] = [
+            (sequence, modality) for sequence in render.sequences if sequence.frames for modality in modalities
+        ]
         return [source for source in sources if any(self.missing(item, kind, source) for item, kind in pairs)]
 
     def clean_image(self, modality: Modality, source: int) -> tuple[Path, str, OutOfRange | None] | None:

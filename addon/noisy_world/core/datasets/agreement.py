@@ -4,10 +4,8 @@
 from typing import Any
 
 from ..presets.preset import canonical
-from .differences import first_difference
+from .differences import PROCESSORS, first_difference
 from .storage import sha256_of_bytes
-
-PROCESSORS = "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough"
 
 
 def decisive(identity: dict[str, Any]) -> dict[str, Any]:

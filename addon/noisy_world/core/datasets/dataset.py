@@ -22,6 +22,7 @@ from .differences import ANOTHER_FOLDER
 from .journal import Journal
 from .layouts import FrameNames, OutputFormat
 from .merging import kept_notes, merged_identity, merged_manifest
+from .place import check_folders, check_place
 from .plausible import plausible_records
 from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
@@ -47,7 +48,6 @@ from .standing import (
 from .storage import (
     FolderLock,
     Hasher,
-    link_on_the_way,
     link_or_copy,
     sha256_of_bytes,
     sha256_of_regular_file,
@@ -95,14 +95,7 @@ class Dataset:
 
         Raises StorageError where the folder holds something else, or another run writes to it.
         """
-        if self.out.exists() and not self.out.is_dir():
-            raise StorageError(f"{self.out}: is a file, not a folder; choose another with --out")
-        if self._work.is_symlink() or (self._work.exists() and not self._work.is_dir()):
-            raise StorageError(f"{self._work}: is not the folder that a run works in; remove it")
-        if read_standing(self.out) is None and self._holds_other_things():
-            raise StorageError(
-                f"{self.out}: is not empty and holds no dataset of Noisy World; choose another folder with --out"
-            )
+        check_place(self.out)
         self._lock = FolderLock(self._work / "lock")
         try:
             self._begin(identity, why_not, shards, overwrite=overwrite)
@@ -113,6 +106,17 @@ class Dataset:
             self._lock = None
             raise
 
+    def check(self, why_not: Callable[[dict[str, Any]], str | None]) -> None:
+        """See whether the folder could be opened, as far as that can be told while others may be writing to it.
+
+        Raises StorageError where it could not, because it holds something else.
+        """
+        check_place(self.out)
+        there = read_standing(self.out) or NOTHING
+        problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
+        if problem and there.holds_frames:
+            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
+
     def _begin(
         self,
         identity: dict[str, Any],
@@ -121,14 +125,13 @@ class Dataset:
         *,
         overwrite: bool,
     ) -> None:
-        self._check_folders(identity["sequences"])
+        check_folders(self.out, identity["sequences"], self.format.folders)
         there = read_standing(self.out) or NOTHING
         problem = there.problem
         if not problem and there.identity is not None:
             problem = why_not(there.identity) or ""
         if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
-            remedy = "" if "--overwrite" in problem else f"; {ANOTHER_FOLDER}"
-            raise StorageError(f"{self.out}: holds another dataset: {problem}{remedy}")
+            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
         if problem or overwrite:
             remove_dataset(self.out, self._work, {*there.sequences, *identity["sequences"]})
             remove_shards(self.out)
@@ -171,13 +174,6 @@ class Dataset:
                 count, first = len(merged.damaged), merged.damaged[0]
                 self.notes.append(f"{count} files of a shard are not as they were made, {first} the first; not merged")
         return found
-
-    def _check_folders(self, sequences: Iterable[str]) -> None:
-        """Refuse links in place of folders: what is written or removed has to be the dataset's own."""
-        for folder in sequences:
-            for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
-                if link := link_on_the_way(self.out, place):
-                    raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
 
     def _forget_undescribed(self) -> None:
         """Remove the records of frames that only an identity described which cannot be read."""
@@ -235,9 +231,6 @@ class Dataset:
         """Tell whether a run has finished a frame."""
         there = read_standing(self.out)
         return (there is not None and there.holds_frames) or shards_hold_frames(self.out)
-
-    def _holds_other_things(self) -> bool:
-        return self.out.is_dir() and any(item.name != WORK_FOLDER for item in self.out.iterdir())
 
     def _write(self, path: Path, text: str) -> str:
         """Write a text file, unless it has this content already; return its SHA-256."""
@@ -388,3 +381,7 @@ class Dataset:
         finish_shard(self.out, record)
         self._opened = {}  # what is here is no dataset, and stays
         self.close()
+
+
+def _with_remedy(problem: str) -> str:
+    return problem if "--overwrite" in problem else f"{problem}; {ANOTHER_FOLDER}"
