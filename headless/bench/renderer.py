@@ -32,8 +32,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
+    from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline.run import render_options  # noqa: PLC0415
+    from noisy_world.pipeline.stock import Finished, Holding  # noqa: PLC0415
     from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
     from noisy_world.sources.rendering import open_session  # noqa: PLC0415
 
@@ -42,7 +43,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
 
     mesh = load_mesh(Path(render.scene.source.location))
     paths = source_paths(plan, render)
-    options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
+    options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
     dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path, "sequences": {}}, lambda _: None, overwrite=True)
     with open_session(mesh, "bench", paths, render.camera, options) as session:
@@ -56,7 +57,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> dict[str, float]:
             """Render and write; return seconds a frame, and those of all processors together."""
             start_s, start_core_s = time.perf_counter(), time.process_time()
-            with FrameWriter(dataset, render, 0) as writer:
+            with FrameWriter(dataset, render, Finished([Holding(dataset, render)])) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.moment(shown))), {})

@@ -114,6 +114,7 @@ class MeshSource:
                 rate_hz=spec.rate_hz,
                 speed_m_s=spec.speed_m_s,
                 clearance_m=spec.clearance_m,
+                revisit=spec.revisit,
             )
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error
