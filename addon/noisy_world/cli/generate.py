@@ -96,7 +96,7 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
         progress.note(told)
     run = run_at(plan, options, progress, stop, jobs)
     workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
-    return told_of(run.make_dataset(workers.make), options)
+    return told_of(figures(run.make_dataset(workers.make)), options)
 
 
 def lacking_blender(plan: "Plan", entry: Entry) -> str:

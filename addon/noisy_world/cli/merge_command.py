@@ -74,7 +74,7 @@ def do(options: argparse.Namespace) -> int:
     if address is not None:
         from .at_address import run_at, told_of
 
-        return told_of(run_at(plan, options, progress, stop).merge(missing), options)
+        return told_of(figures(run_at(plan, options, progress, stop).merge(missing)), options)
     report = Run(plan, out_folder(options), progress=progress, stop=stop).merge(missing)
     print(f"wrote {out}")
     print(figures(report))

@@ -110,4 +110,4 @@ def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry:
         return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
     progress, stop = listener(options.progress)
     run = run_at(plan, options, progress, stop)
-    return told_of(run.make_shard(shard, threads=options.threads), options)
+    return told_of(figures(run.make_shard(shard, threads=options.threads)), options)
