@@ -6,6 +6,7 @@ import json
 import pickle
 import random
 import shutil
+import sys
 import threading
 
 import cv2
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from cases import cases
 from recipes_made import COUNT, SETTINGS, make, progress, refused
+from worlds import ROOT
 from written import RIG, stored
 
 import noisy_world
@@ -145,6 +147,21 @@ def test_another_recording_is_refused(made, tmp_path):
         noisy_world.open(recipe)["clean/box"]
 
 
+def test_rays_are_cast_on_the_spot(tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: the extra `embree`")
+    settings = [item for item in SETTINGS if item.get("name") in ("clean", "late", "shaky_mixed", "drift")]
+    render = {"engine": "embree", "samples": 1, "backend": "reference"}
+    made = make(tmp_path, clean=False, settings=settings, frames=5, render=render)
+    opened = noisy_world.open(made.recipe)
+    order = [(name, frame) for frame in (3, 1) for name in ("clean/box", "shaky_mixed/box", "late/box", "drift/box")]
+    for name, index in order[::-1]:
+        if index in opened[name]:
+            check(opened[name][index], made.out, records(made.out, name)[index])
+    again = pickle.loads(pickle.dumps(opened))
+    assert again["shaky_mixed/box"][1].rgb_bytes() == opened["shaky_mixed/box"][1].rgb_bytes()
+    opened.close()
+
+
 # --- access ---
 
 
@@ -234,3 +251,13 @@ def test_what_is_opened_can_be_pickled(made):
         ):
             assert again.rgb_bytes() == frame.rgb_bytes()
             assert again.done == frame.done
+
+
+def test_the_pages_example(made):
+    sys.path.append(str(ROOT / "docs/examples"))
+    import from_a_recipe
+
+    found = from_a_recipe.brightness(made.recipe, made.clean, "clean")
+    files = sorted((made.out / "clean/box/results").glob("frame*.jpg"))
+    (value,) = found.values()
+    assert abs(value - np.mean([cv2.imread(str(file)).mean() for file in files])) < 0.5, "up to JPEG's loss"

@@ -40,6 +40,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         default=1,
         help="processes that render (default: 1); no more than there are processors and frames",
     )
+    add_ray_options(parser)
     parser.add_argument(
         "--progress",
         choices=["text", "json"],
@@ -91,6 +92,27 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_ray_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says whether a Ray cluster makes the dataset, and how."""
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="auto",
+        help="make the dataset in shards on a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
+        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs pip install 'noisy-world[cluster]'",
+    )
+    parser.add_argument(
+        "--shards",
+        metavar="N",
+        type=positive,
+        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
+    )
+    parser.add_argument(
+        "--cpus", metavar="N", type=positive, default=2, help="with --ray: processors for each shard (default: 2)"
+    )
+
+
 def settled(
     parser: argparse.ArgumentParser,
     options: argparse.Namespace,
@@ -106,6 +128,8 @@ def settled(
             options.preset = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
+    if options.preset is None and getattr(options, "ray", None) not in (None, "auto"):
+        options.preset, options.ray = path(options.ray), "auto"  # --ray PRESET: the word after it is the preset
     if options.preset is None and not known(options):
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:

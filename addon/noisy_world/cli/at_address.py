@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ..core.planning.plan import Plan
     from ..core.progress import Progress
     from ..pipeline.address_run import AddressRun
+    from ..pipeline.report import Report
 
 
 def run_at(
@@ -26,12 +27,10 @@ def run_at(
     return AddressRun(plan, address, progress=progress, stop=stop, scratch=options.scratch, jobs=jobs)
 
 
-def told_of(figures: str, options: argparse.Namespace) -> int:
-    """Print the outcome; return the exit status. figures: of the run, in a line."""
-    from .running import machine_listener
+def told_of(report: "Report", options: argparse.Namespace) -> int:
+    """Print the outcome; return the exit status."""
+    from .outcome import tell_outcome
 
     print(f"wrote {out_address(options)}")
-    print(figures)
-    if options.progress == "json":
-        machine_listener().tell({"result": figures})
+    tell_outcome(report, options)
     return 0

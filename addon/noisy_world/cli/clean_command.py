@@ -39,7 +39,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         if not plan.renders_anything:
             entry.complain(f"{options.recipe}: its scenes are recordings, which noisy_world.open reads as they are")
             return 1
-        if problem := missing_package(["bpy"], entry) or blender_problem():
+        if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
             entry.complain(problem)
             return 1
         progress, stop = listener("text")

@@ -9,8 +9,9 @@ from ..core.requirements import NEEDED
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import shard_lines
 from .entry import INTERRUPTED, Entry, say
-from .generate import fail, figures
+from .generate import fail
 from .missing import missing_package
+from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 def do(options: argparse.Namespace) -> int:
     """Merge, and print the outcome."""
     from ..pipeline.run import Run
-    from .running import listener, machine_listener
+    from .running import listener
 
     plan = planned(options)
     address = out_address(options)
@@ -74,12 +75,10 @@ def do(options: argparse.Namespace) -> int:
     if address is not None:
         from .at_address import run_at, told_of
 
-        return told_of(figures(run_at(plan, options, progress, stop).merge(missing)), options)
+        return told_of(run_at(plan, options, progress, stop).merge(missing), options)
     report = Run(plan, out_folder(options), progress=progress, stop=stop).merge(missing)
     print(f"wrote {out}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
 
 

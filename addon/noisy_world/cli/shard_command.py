@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from ..core.requirements import NEEDED
 from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
 from .entry import INTERRUPTED, Entry, say
-from .generate import fail, figures, lacking_blender
+from .generate import fail, lacking_blender
 from .missing import missing_package
+from .outcome import tell_outcome
 from .part import planned
 
 BUSY = 75  # sysexits.h, EX_TEMPFAIL: another process makes the shard, so it may be worth trying again later
@@ -86,7 +87,7 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     """Make the shard in its folder in the dataset."""
     from ..core.datasets.dataset import Dataset
     from ..pipeline.shard import ShardMaker, shard_folder
-    from .running import listener, machine_listener
+    from .running import listener
 
     progress, stop = listener(options.progress)
     folder = shard_folder(out_folder(options), shard)
@@ -95,9 +96,7 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
         maker.check_dataset(there, shard)
         report = maker.make(folder, shard, there, overwrite=options.overwrite)
     print(f"wrote {folder}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
 
 
@@ -110,4 +109,4 @@ def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry:
         return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
     progress, stop = listener(options.progress)
     run = run_at(plan, options, progress, stop)
-    return told_of(figures(run.make_shard(shard, threads=options.threads)), options)
+    return told_of(run.make_shard(shard, threads=options.threads), options)

@@ -8,6 +8,7 @@ an exit status and a line.
 import importlib
 import logging
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
@@ -18,6 +19,8 @@ from typing import Any
 from ..core.errors import MissingDependencyError, NoisyWorldError
 from . import remote
 from .remote import DONE, INTERRUPTED, REFUSED, USERS_ERROR, Order
+
+ANSWER_S = 10.0  # for a cluster to answer; chosen
 
 HERE = "local"
 """The address that starts a Ray of this machine's own, for as long as the run takes."""
@@ -83,6 +86,7 @@ def connected(options: RayOptions) -> Iterator[None]:
     if ray.is_initialized():  # by whoever calls this from Python
         yield
         return
+    _check_address(options.address)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     local = options.address == HERE
     try:
@@ -94,15 +98,35 @@ def connected(options: RayOptions) -> Iterator[None]:
             **({"include_dashboard": False} if local else {}),
         )
     except (ConnectionError, RuntimeError, ValueError) as error:
-        reason = str(error).strip().split("\n")[0]
-        remedy = "start one with 'ray start --head', name its address, or use --ray local"
-        raise NoisyWorldError(f"--ray {options.address}: no Ray cluster answers: {reason}; {remedy}") from error
+        raise _no_cluster(options.address, str(error).strip().split("\n")[0]) from error
     for number, handler in handlers.items():
         signal.signal(number, handler)  # Ray puts its own in their place
     try:
         yield
     finally:
         ray.shutdown()
+
+
+def _check_address(address: str) -> None:
+    """Raise NoisyWorldError where nothing listens at HOST:PORT: Ray would try for minutes."""
+    host, colon, port = address.rpartition("://")[2].rpartition(":")
+    if not colon:
+        return  # auto, local
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWER_S).close()
+    except (OSError, ValueError) as error:
+        raise _no_cluster(address, str(error)) from error
+
+
+def _no_cluster(address: str, reason: str) -> NoisyWorldError:
+    remedy = "start one with 'ray start --head', name its address, or use --ray local"
+    return NoisyWorldError(f"--ray {address}: no Ray cluster answers: {reason}; {remedy}")
+
+
+def slots(options: RayOptions) -> int:
+    """Return how many tasks run at once on the cluster that this process is connected to, as it is now."""
+    nodes = [node for node in module("ray").nodes() if node["Alive"]]
+    return sum(int(node["Resources"].get("CPU", 0) // options.cpus) for node in nodes)
 
 
 def run_tasks(
@@ -138,11 +162,12 @@ class _Tasks:
         self._hear = hear
         self._ended = ended
         self._stop = stop
+        # An actor on the driver's own machine, so it is not lost with another node; if it is, it begins anew.
         here = module("ray.util.scheduling_strategies").NodeAffinitySchedulingStrategy(
             self._ray.get_runtime_context().get_node_id(), soft=True
         )
-        # An actor on the driver's own machine: it is not lost with another node.
-        self._messages = module("ray.util.queue").Queue(actor_options={"num_cpus": 0, "scheduling_strategy": here})
+        actor = {"num_cpus": 0, "scheduling_strategy": here, "max_restarts": -1, "max_task_retries": -1}
+        self._messages = module("ray.util.queue").Queue(actor_options=actor)
         # A task's own processes and memory end with it: max_calls=1.
         self._task = self._ray.remote(num_cpus=options.cpus, max_retries=options.retries, max_calls=1)(remote.in_ray)
         self._running: dict[Any, tuple[Order, int]] = {}  # by the reference to the result: a task and its tries

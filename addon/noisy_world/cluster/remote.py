@@ -38,14 +38,16 @@ class Order:
     """A task.
 
     name: the shard's. words: the command, after the Python that the node has. told: what it reads on standard input,
-    which stays open until it ends. environment: variables that it gets. search_path: a folder that has the package and
-    goes before what is installed, where the node sees it; "" for none. version: of the package, which has to be the
-    same here. seen, sha256: a file that has to be visible here, with its hash; "" for none.
+    which stays open while it runs. then: what it reads there when it has made the shard. environment: variables that it
+    gets. search_path: a folder that has the package and goes before what is installed, where the node sees it; "" for
+    none. version: of the package, which has to be the same here. seen, sha256: a file that has to be visible here, with
+    its hash; "" for none.
     """
 
     name: str
     words: tuple[str, ...]
     told: str = ""
+    then: str = ""
     environment: dict[str, str] = field(default_factory=dict)
     search_path: str = ""
     version: str = ""
@@ -147,9 +149,7 @@ def _run(order: Order, environment: dict[str, str], tell: Callable[[dict[str, An
     ended = Ended()
     told = _Told(tell, ended)
     try:
-        with contextlib.suppress(BrokenPipeError):  # it has ended already; its exit status is heard
-            process.stdin.write(order.told)
-            process.stdin.flush()
+        _say(process.stdin, order.told)
         while streams:
             told.what_is_due()
             # In turns: Ray ends a cancelled task by KeyboardInterrupt, which nothing hears that waits for long.
@@ -159,14 +159,20 @@ def _run(order: Order, environment: dict[str, str], tell: Callable[[dict[str, An
                     streams = [item for item in streams if item is not stream]
                 elif stream is process.stderr:
                     ended.said = [*ended.said, line.strip()][-LAST_WORDS:]
-                else:
-                    told.line(line)
+                elif told.made_by(line):
+                    _say(process.stdin, order.then)
         told.rest()
         ended.status = process.wait()
     except BaseException:
         _end(process)
         raise
     return ended
+
+
+def _say(stream: IO[str], text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):  # the command has ended already; its exit status is heard
+        stream.write(text)
+        stream.flush()
 
 
 def _listen(stream: IO[str], heard: "queue.Queue[tuple[IO[str] | None, str]]") -> None:
@@ -186,13 +192,13 @@ class _Told:
         self._waiting = 0
         self._told_s = time.monotonic()
 
-    def line(self, line: str) -> None:
-        """Hand on a line's message, or keep what it says of the command's end."""
+    def made_by(self, line: str) -> bool:
+        """Hand on a line's message, or keep what it says of the command's end; tell whether the shard is made."""
         _, mark, text = line.partition(MARK)
         try:
             message = json.loads(text) if mark else None
         except ValueError:  # cut off, as the command was ended
-            return
+            return False
         match message:
             case {"note": _}:
                 self._tell(message)
@@ -202,6 +208,9 @@ class _Told:
                 self._ended.error = error
             case {"report": dict(report)}:
                 self._ended.report = report
+            case {"made": _}:
+                return True
+        return False
 
     def what_is_due(self) -> None:
         """Tell what has not been told for long."""

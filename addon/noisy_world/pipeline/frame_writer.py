@@ -4,7 +4,7 @@
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,12 +21,13 @@ from ..core.perturbing.execution import perturb_depth
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
-from .colour import Colours
+from .colour import ColourImage, Colours
 from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
 ENCODERS = 2
+CLEAN = ColourImage((), [], lambda: None)
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class FrameWriter:
     def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
         """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
         lost = None
-        files = CleanFiles(self._dataset, clean, self._finished)
+        files = FrameFiles(self._dataset, clean, self._finished)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
             with self._lock:
@@ -122,19 +123,15 @@ class FrameWriter:
         return lost
 
     def _write_rgb(
-        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours
+        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
     ) -> Iterator[FrameRecord]:
-        format_ = self._dataset.format
         for frame in self._finished.missing(sequence, "rgb", clean.source):
-            pixels, notes = colours[sequence.folder, frame]() if sequence.setting.rgb else (None, [])
+            image = colours[sequence.folder, frame]() if sequence.setting.rgb else CLEAN
             name = self._names.rgb(frame)
-            if pixels is None:
-                digest = files.give("rgb", sequence.folder, name).sha256
-            else:
-                digest = self._dataset.write_file(sequence.folder, name, format_.encode_rgb(pixels))
-            yield self._record(frame, {name: digest}, {"rgb": notes} if notes else {})
+            digest = files.give_colour(image, sequence.folder, name).sha256
+            yield self._record(frame, {name: digest}, {"rgb": image.notes} if image.notes else {})
 
-    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles") -> Iterator[FrameRecord]:
+    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles") -> Iterator[FrameRecord]:
         taken_already: dict[int, Written] = {}  # by the frame that the depth belongs to
         for frame in self._finished.missing(sequence, "depth", clean.source):
             name = self._names.depth(frame)
@@ -150,7 +147,7 @@ class FrameWriter:
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
 
     def _write_one_depth(
-        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", taken: int, name: str
+        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", taken: int, name: str
     ) -> Written:
         """Write the depth that was taken with a frame, perturbed."""
         depth_m, notes = None, []
@@ -180,10 +177,10 @@ class FrameWriter:
             journal.close()
 
 
-class CleanFiles:
-    """The clean images of one frame, each encoded when it is first needed and linked afterwards.
+class FrameFiles:
+    """The images of one frame that several sequences may show, each written when it is first needed and linked later.
 
-    One that a sequence of the dataset has already is linked too.
+    A clean one that a sequence of the dataset has already is linked too.
     """
 
     def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished) -> None:
@@ -191,6 +188,20 @@ class CleanFiles:
         self._clean = clean
         self._finished = finished
         self._written: dict[Modality, Written] = {}
+        self._perturbed: dict[Hashable, Written] = {}  # by what was done to the clean image
+
+    def give_colour(self, image: ColourImage, folder: str, name: str) -> Written:
+        """Put a colour image under a name into a sequence; return the file that it was first written to."""
+        if image.key is not None and (there := self._perturbed.get(image.key)) is not None:
+            self._dataset.link_file(there.path, folder, name)
+            return there
+        pixels = image.pixels()
+        if pixels is None:
+            return self.give("rgb", folder, name)
+        written = self._put(folder, name, self._dataset.format.encode_rgb(pixels))
+        if image.key is not None:
+            self._perturbed[image.key] = written
+        return written
 
     def give(self, modality: Modality, folder: str, name: str) -> Written:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
@@ -215,9 +226,12 @@ class CleanFiles:
         return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 
     def _write(self, modality: Modality, folder: str, name: str) -> Written:
-        format_, path = self._dataset.format, self._dataset.out / folder / name
+        format_ = self._dataset.format
         if modality == "rgb":
-            return Written(path, self._dataset.write_file(folder, name, format_.encode_rgb(self._clean.rgb)))
+            return self._put(folder, name, format_.encode_rgb(self._clean.rgb))
         depth_m = self._clean.depth_m
-        digest = self._dataset.write_file(folder, name, format_.encode_depth(depth_m))
-        return Written(path, digest, out_of_range=format_.out_of_range(depth_m))
+        written = self._put(folder, name, format_.encode_depth(depth_m))
+        return replace(written, out_of_range=format_.out_of_range(depth_m))
+
+    def _put(self, folder: str, name: str, data: bytes) -> Written:
+        return Written(self._dataset.out / folder / name, self._dataset.write_file(folder, name, data))

@@ -14,7 +14,7 @@ from ..core.datasets.layouts import OutputFormat
 from ..core.errors import InputError
 from ..core.perturbing.execution import Notes, perturb_depth, perturb_rgb
 from ..core.planning.sequence import Sequence
-from .clean_frame import Camera, CleanFrame, Perturbed
+from .clean_frame import Camera, CleanFrame
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class MadeFrame:
         self._clean_depth = depth
 
     @cached_property
-    def _rgb(self) -> Perturbed:
+    def _rgb(self) -> tuple[NDArray[np.uint8] | None, Notes]:
         maker, clean = self._maker, self._clean_rgb
         steps = maker.sequence.setting.rgb
         return perturb_rgb(steps, clean.rgb, maker.colour.context(maker.sequence, self._index, clean))

@@ -31,7 +31,8 @@ from ..core.planning.plan import Plan, Render, source_paths
 from ..core.planning.source import PreparedSource, RenderOptions
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
-from ..pipeline.run import render_options, versions_of
+from ..pipeline.frame_maker import render_options
+from ..pipeline.versions import versions_of
 from .clean_store import CLEAN, FORMAT, KIND, PATH, CleanStore, image_name, read_store
 
 CHANNELS: Mapping[Modality, int] = {"rgb": 3, "depth": 1}
@@ -130,7 +131,7 @@ class _Making:
     # --- frames ---
 
     def _options(self, render: Render, frames: list[int]) -> RenderOptions:
-        return render_options(self._plan, render, frames)
+        return render_options(self._plan, render, judging=render.frames[0] in frames)
 
     def _modalities(self, render: Render) -> list[Modality]:
         options = self._options(render, [])

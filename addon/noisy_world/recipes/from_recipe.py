@@ -25,8 +25,9 @@ from ..core.planning.source import OpenSource, PreparedSource, Scene, SourceFram
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.frame_maker import render_options
 from ..pipeline.made_frame import FrameMaker, MadeFrame
-from ..pipeline.run import render_options
+from ..pipeline.versions import versions_of
 from ..sources import find_scenes
 from .clean_store import CleanStore, read_store
 from .frame_numbers import FrameNumbers
@@ -145,15 +146,26 @@ class OpenedRecipe(Opened):
         name, source = self._live.get(scene, ("", None))
         if source is not None and name == render.name:
             return source
+        if self._preset.spec.render.in_blender and self._store is not None and self._store.has_scene(scene):
+            raise self._lacking(sequence)  # before the inputs are looked for, which nobody needs who has a store
         real = self._scene(scene, real=True)
-        if real.source.gives.rendered:
+        plan = self.plan(sequence.sequence.setting, real)
+        if plan.renders_in_blender:
             raise self._lacking(sequence)
         if scene not in self._prepared:
+            self._check_renderer(plan)
             prepared = real.source.prepare(render.camera, _ignore)
             self._prepared[scene] = self._closing.enter_context(prepared)
         options = replace(render_options(sequence.plan, render), rgb=True, depth=True, first_frames=())
         self._live[scene] = render.name, self._prepared[scene].open(sequence.paths, options, _ignore)
         return self._live[scene][1]
+
+    def _check_renderer(self, plan: Plan) -> None:
+        """Say where what renders here is of another version than the recipe's. Raises MissingDependencyError."""
+        if plan.renders_anything:
+            here = {**made_here(), "versions": versions_of(plan)}
+            if other := made_otherwise({**here, "versions": self.recipe.identity["versions"]}, here):
+                warnings.warn(f"{self.place}: {other}", stacklevel=2)
 
     def _lacking(self, sequence: "SequenceOfRecipe") -> InputError:
         setting, scene = sequence.name.split("/")

@@ -9,7 +9,7 @@ from bisect import bisect_right
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, TypedDict
+from typing import Any, Self, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,15 @@ class Opened(Mapping[str, OpenedSequence]):
         if name not in self._names:
             raise self._unknown(name)
         return self._sequence(name)
+
+    def close(self) -> None:
+        """Let go of what is in memory; a `with` does it too."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return a sequence, or the default where there is no such sequence."""

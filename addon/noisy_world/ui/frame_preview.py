@@ -90,7 +90,8 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
         height, width = before.shape[:2]
         only = replace(sequence, frames=(index,))
         with colour_of([only], _camera(scene), (width, height)) as colour:
-            made, notes = colour.of(clean)[only.folder, index]()
+            image = colour.of(clean)[only.folder, index]()
+            made, notes = image.pixels(), image.notes
         picture = before if made is None else _as_stored(made, stored)
     edge = round(panel_of(scene).preview_split * picture.shape[1])
     if edge and picture is not before:
