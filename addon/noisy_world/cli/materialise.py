@@ -76,5 +76,5 @@ def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Ent
 
 def _generate_options(options: argparse.Namespace) -> argparse.Namespace:
     """Return the options that `generate` has for this."""
-    own = {"preset": options.recipe, "overrides": [], "overwrite": False, "progress": "text"}
+    own = {"preset": options.recipe, "overrides": [], "overwrite": False, "progress": "text", "ray": None}
     return argparse.Namespace(**{**vars(options), **own})
