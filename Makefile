@@ -80,6 +80,7 @@ fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with e
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env
 	$(PY) headless/bench/report.py --out out/bench
+	$(PY) headless/bench/cost.py --out out/bench
 
 $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<

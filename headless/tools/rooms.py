@@ -21,7 +21,7 @@ from noisy_world.core.scenes.embedded import ROOMS, room_mesh
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.room import build_room
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.run import render_options
+from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 type Image = NDArray[np.uint8]

@@ -16,7 +16,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.run import render_options
+from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"

@@ -13,7 +13,8 @@ from noisy_world.blender import session as blender_session
 from noisy_world.core.planning.plan import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run, render_options
+from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
 CLEAN = {"name": "clean", "perturb": [{"fog": {"severity": 3}}]}
@@ -61,7 +62,7 @@ def test_what_another_session_is_needed_for(tmp_path):
     plan = make_plan(read_preset(world))
     planned, moved = plan.renders
     paths = source_paths(plan, planned)
-    options = render_options(plan, planned, planned.frames)
+    options = render_options(plan, planned, judging=True)
     source = planned.scene.source
     told = []
     with source.prepare(planned.camera, told.append) as prepared:

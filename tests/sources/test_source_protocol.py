@@ -12,10 +12,12 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
+from shard_workers import workers_here
 from worlds import path_poses, write_world
 
 from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
+from noisy_world.core.planning.shards import Shard
 from noisy_world.core.planning.source import Gives, Scene
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
@@ -119,7 +121,7 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     path = write_world(tmp_path / "world", frames=4, size=(8, 6))
     out = tmp_path / "out"
 
-    def workers(pieces, progress):
+    def change():
         if changed == "preset.yaml":
             path.write_text(path.read_text().replace("seed: 3", "seed: 4"))
         elif changed:
@@ -127,10 +129,8 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
             file.write_text(
                 file.read_text().replace("200", "201") if changed == "mesh.ply" else file.read_text() + "\n"
             )
-        for number, piece in enumerate(pieces):
-            report = run_of(make_plan(read_preset(path)), out, jobs=2).take_part(piece, number)
-        return report
 
+    workers = workers_here(path, out, before=change)
     run = run_of(make_plan(read_preset(path)), out, jobs=2, workers=workers)
     if changed is None:
         run.make_dataset()
@@ -142,11 +142,11 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     assert not out.exists(), "nothing was made, so nothing stays"
 
 
-def test_a_worker_without_a_run_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    plan = make_plan(read_preset(write_world(tmp_path / "world", frames=1, size=(8, 6))))
+@pytest.mark.usefixtures("_fake_blender")
+def test_a_worker_without_a_run_is_refused(tmp_path):
+    path = write_world(tmp_path / "world", frames=1, size=(8, 6))
     with pytest.raises(StorageError, match="no run is open here"):
-        run_of(plan, tmp_path / "out").take_part({"box": [0]}, 0)
+        workers_here(path, tmp_path / "out")([Shard("box", 0, 1)], print, PlainProgress(sys.stderr))
 
 
 def test_a_recordings_hash_follows_every_file(tmp_path):
