@@ -36,8 +36,8 @@ class Work:
     start_s: what each takes before its first frame: a process, Blender, a scene from the shared disk.
     """
 
-    core_s: float = 25 * 3600.0
-    files: float = 3.1e6
+    core_s: float = 40 * 3600.0
+    files: float = 4e6
     size_bytes: float = 0.6e12
     shards: int = 0
     spread: float = 0.15
@@ -61,8 +61,8 @@ class Cluster:
     disk_bytes_per_s: float = 5e9
     disk_files_per_s: float = 20_000.0
     losses_per_hour: float = 0.02
-    merge_bytes_per_s: float = 1.2e9
-    merge_file_s: float = 3e-4
+    merge_bytes_per_s: float = 1.5e9
+    merge_file_s: float = 4.7e-4
     end_s: float = 60.0
     mergers: int = 1
 

@@ -14,8 +14,13 @@ from noisy_world.cli import command
 from noisy_world.cli.status_table import cell, family_of
 from noisy_world.core.datasets.tally import Tally, Written
 from noisy_world.core.errors import InterruptedRunError
+from noisy_world.core.planning.shards import shards_of
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.pace import pace_of
+from noisy_world.pipeline.shard import make_shard, shard_folder
 from noisy_world.pipeline.status import SequenceStatus
+from noisy_world.planning import make_plan
 
 FRAMES = {"early": 7, "fast": 3, "mixed": 4}  # of 8: one is dropped at the edge; every third; every second
 
@@ -182,3 +187,36 @@ def test_severities_share_a_row_in_a_long_table():
         "done", "14/20 !1", "", "-",
     ]  # fmt: skip
     assert cell([SequenceStatus("f", "a", None, Tally(3))]) == "3/?"
+
+
+def test_a_dataset_made_in_shards(world, tmp_path, capsys):
+    out = tmp_path / "out"
+    plan = make_plan(read_preset(world))
+    names = [shard for shard in shards_of(plan, 4) if shard.render == "box"]
+    stop = threading.Event()
+    for shard in names[:2]:
+        make_shard(plan, shard_folder(out, shard), shard, progress=PlainProgress(sys.stderr), stop=stop)
+    _, found = as_json(capsys, out, "--check")
+    finished = found["shards"]["finished"]
+    assert finished == [shard.name for shard in names[:2]]
+    assert "only the shards that were begun are known" in found["notes"][0]
+    by_hand = sum(len(list(out.rglob(f".noisy_world/shards/*/{name}/results/frame*"))) for name in found["sequences"])
+    done = sum(item["frames_done"] for item in found["sequences"].values())
+    assert 0 < done <= by_hand  # under desynchronisation, colour and depth of a frame may be in different shards
+    assert found["sequences"]["noise/box"] == {"frames_done": names[1].stop, "frames": COUNT}
+    _, said = status(capsys, out)
+    assert "shards   2 finished and to be merged\n" in said.out
+
+    image = next(out.rglob("noise/box/results/frame000000.png"))
+    image.write_bytes(b"")
+    code, found = as_json(capsys, out, "--check")
+    assert (code, found["damaged"]) == (1, ["noise/box/results/frame000000.png"])
+    image.unlink()
+    (image.parents[3] / "shard.json").rename(tmp_path / "record")
+    (image.parents[3] / ".noisy_world").mkdir()
+    _, found = as_json(capsys, out)  # a shard that was begun, and of which nothing is recorded
+    assert list(found["shards"]["unfinished"]) == [names[0].name]
+    (tmp_path / "record").rename(image.parents[3] / "shard.json")
+    run(world, out)
+    code, found = as_json(capsys, out, "--check")
+    assert (code, found["whole"], found["shards"]) == (0, True, {"merged": [], "finished": [], "unfinished": {}})

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..machine import available_threads
-from .records import FRAMES, read_record
+from .records import FRAMES, FrameRecord, read_record
 from .standing import JOURNALS
 from .storage import sha256_of_regular_file
 
@@ -54,10 +54,14 @@ class Tally:
 
 @dataclass(frozen=True)
 class Place:
-    """A folder with a sequence's images, and the journals that tell of them: the dataset's, or a shard's."""
+    """A folder with a sequence's images, and what tells of them: the dataset's, or a shard's.
+
+    journals: files of records. records: those of a finished shard, which has no journals.
+    """
 
     images: Path
-    journals: tuple[Path, ...]
+    journals: tuple[Path, ...] = ()
+    records: tuple[FrameRecord, ...] = ()
 
 
 class Digests:
@@ -135,13 +139,15 @@ def _recorded(
     Add to `written` when the newest of each journal were written.
     """
     found: dict[str, tuple[int, str]] = {}
-    for path in (place.images / FRAMES, *place.journals):
+    sources = [(_lines(path), path.name != FRAMES) for path in (place.images / FRAMES, *place.journals)]
+    sources += [(((record.frame, record.files) for record in place.records), True)] if place.records else []
+    for lines, by_run in sources:
         newest: deque[dict[str, str]] = deque(maxlen=RECENT)
-        for frame, files in _lines(path):
+        for frame, files in lines:
             newest.append(files)
             if frames is None or frame in frames:
                 found |= {name: (frame, digest) for name, digest in files.items()}
-        if path.name != FRAMES and (lately := _written(place.images, newest, images_each)):
+        if by_run and (lately := _written(place.images, newest, images_each)):
             written.append(lately)
     return found
 
