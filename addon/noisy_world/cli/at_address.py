@@ -15,16 +15,32 @@ if TYPE_CHECKING:
 
 
 def run_at(
-    plan: "Plan", options: argparse.Namespace, progress: "Progress", stop: threading.Event, jobs: int = 1
+    plan: "Plan",
+    options: argparse.Namespace,
+    progress: "Progress",
+    stop: threading.Event,
+    jobs: int = 1,
+    *,
+    shards: int | None = None,
+    workers_put: bool = False,
 ) -> "AddressRun":
-    """Return the run of a plan at the address that the options name."""
+    """Return the run of a plan at the address that the options name; see `AddressRun` for what else is given."""
     from ..pipeline.address_run import AddressRun
     from ..storage.address import open_address
 
     text = out_address(options)
     assert text is not None, "the dataset is at an address"
     address = open_address(text)
-    return AddressRun(plan, address, progress=progress, stop=stop, scratch=options.scratch, jobs=jobs)
+    return AddressRun(
+        plan,
+        address,
+        progress=progress,
+        stop=stop,
+        scratch=options.scratch,
+        jobs=jobs,
+        shards=shards,
+        workers_put=workers_put,
+    )
 
 
 def told_of(report: "Report", options: argparse.Namespace) -> int:

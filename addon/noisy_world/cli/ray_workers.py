@@ -5,7 +5,8 @@ import argparse
 import json
 import math
 import threading
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ from ..core.planning.shards import Shard
 from ..core.progress import Progress
 from ..pipeline.report import Report
 from ..pipeline.run import Made, Run
-from .arguments import out_folder
+from .arguments import out_address, out_folder, preset_words
+from .at_address import run_at
 from .workers import END, Order, hear
 
 SHARD_S = (
@@ -34,19 +36,21 @@ def make_on_ray(plan: Plan, options: argparse.Namespace, progress: Progress, sto
 
     Raises MissingDependencyError without Ray, NoisyWorldError where no cluster answers and where shards cannot be made.
     """
-    out = out_folder(options)
     on_ray = RayOptions(options.ray, options.cpus)
     with connected(on_ray):
-        workers = RayWorkers(plan, out, on_ray, stop)
+        workers = RayWorkers(plan, options, on_ray, stop).make
+        jobs, shards = max(1, slots(on_ray)), options.shards or math.ceil(estimate(plan).seconds / SHARD_S)
+        if out_address(options) is not None:
+            return run_at(plan, options, progress, stop, jobs, shards=shards, workers_put=True).make_dataset(workers)
         run = Run(
             plan,
-            out,
+            out_folder(options),
             progress=progress,
             stop=stop,
             overwrite=options.overwrite,
-            jobs=max(1, slots(on_ray)),
-            workers=workers.make,
-            shards=options.shards or math.ceil(estimate(plan).seconds / SHARD_S),
+            jobs=jobs,
+            workers=workers,
+            shards=shards,
         )
         return run.make_dataset()
 
@@ -54,10 +58,10 @@ def make_on_ray(plan: Plan, options: argparse.Namespace, progress: Progress, sto
 class RayWorkers:
     """The nodes of a cluster as makers of shards."""
 
-    def __init__(self, plan: Plan, out: Path, options: RayOptions, stop: threading.Event) -> None:
-        """Prepare. stop: when set, commands end after their current frames."""
+    def __init__(self, plan: Plan, dataset: argparse.Namespace, options: RayOptions, stop: threading.Event) -> None:
+        """Prepare. dataset: what names it, and its place. stop: when set, commands end after their current frames."""
         self._plan = plan
-        self._out = out.resolve()
+        self._dataset = dataset
         self._options = options
         self._stop = stop
         self._total = Report()
@@ -76,7 +80,8 @@ class RayWorkers:
 
         def ended(outcome: Outcome) -> None:
             if outcome.done:
-                self._total.add(outcome.report or {})
+                if outcome.report is not None:
+                    self._total.add(outcome.report)
                 made(Shard.parse(outcome.name))
             else:
                 self._failed.append(outcome)
@@ -97,24 +102,37 @@ class RayWorkers:
         return self._total
 
     def _tasks(self, shards: tuple[Shard, ...]) -> list[Task]:
-        """Return a task for each shard: a worker's, as `generate --jobs` starts it."""
-        order = json.dumps(asdict(Order.of(self._plan, self._out, threads=self._options.cpus)))
-        opened = self._out / WORK_FOLDER / IDENTITY
+        """Return a task for each shard."""
         count = str(self._options.cpus)
-        return [
-            Task(
-                name=shard.name,
-                words=("-m", "noisy_world", "generate", "--worker"),
-                told=f"{order}\n{shard.name}\n",
-                then=f"{END}\n",
-                environment={"PYTHON_CPU_COUNT": count, "OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count},
-                search_path=_checkout(),
-                version=package_version(),
-                seen=str(opened),
-                sha256=sha256_of_file(opened) or "",
-            )
-            for shard in shards
-        ]
+        common = Task(
+            name="",
+            words=(),
+            environment={"PYTHON_CPU_COUNT": count, "OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count},
+            search_path=_checkout(),
+            version=package_version(),
+        )
+        make = self._in_folder if out_address(self._dataset) is None else self._at_address
+        return list(make(common, shards))
+
+    def _in_folder(self, common: Task, shards: tuple[Shard, ...]) -> Iterator[Task]:
+        """Yield tasks that take part in the run that this process has opened, as the workers of `--jobs` do."""
+        out = out_folder(self._dataset).resolve()
+        order = json.dumps(asdict(Order.of(self._plan, out, threads=self._options.cpus)))
+        opened = out / WORK_FOLDER / IDENTITY
+        common = replace(common, seen=str(opened), sha256=sha256_of_file(opened) or "")
+        for shard in shards:
+            told = f"{order}\n{shard.name}\n"
+            words = ("-m", "noisy_world", "generate", "--worker")
+            yield replace(common, name=shard.name, words=words, told=told, then=f"{END}\n")
+
+    def _at_address(self, common: Task, shards: tuple[Shard, ...]) -> Iterator[Task]:
+        """Yield tasks that make a shard and put it to the address, as `shard` does; they read the preset's file."""
+        preset = self._dataset.preset.resolve()
+        common = replace(common, seen=str(preset), sha256=sha256_of_file(preset) or "")
+        words = ("-m", "noisy_world", "shard", *preset_words(self._dataset, anywhere=True))
+        words += ("--threads", str(self._options.cpus), "--progress", "json", "--shard")
+        for shard in shards:
+            yield replace(common, name=shard.name, words=(*words, shard.name))
 
 
 def _checkout() -> str:

@@ -57,13 +57,22 @@ class AddressRun:
         stop: threading.Event,
         scratch: Path | None = None,
         jobs: int = 1,
+        shards: int | None = None,
+        workers_put: bool = False,
     ) -> None:
-        """Prepare a run. scratch: where shards are made; None for the system's folder of temporary files."""
+        """Prepare a run.
+
+        scratch: where shards are made; None for the system's folder of temporary files. shards: how many there are, at
+        least; None for as many as the jobs and their size need. workers_put: whether the workers put the shards to the
+        address themselves, from other machines; else this process does, from the scratch folder.
+        """
         self._plan = plan
         self._address = address
         self._progress = progress
         self._stop = stop
         self._jobs = jobs
+        self._count = shards
+        self._workers_put = workers_put
         self._scratch = scratch_folder(address, scratch)
         self._dataset = Dataset(self.folder, plan.format)
         self._images = ShardImages(address)
@@ -244,12 +253,28 @@ class AddressRun:
             return
         share = sum(map(len, work.values())) / self._plan.frame_count
         bytes_to_make = int(estimate(self._plan).bytes_written * share)
-        least = SHARDS_PER_JOB * self._jobs if self._jobs > 1 else 1
+        least = self._count or (SHARDS_PER_JOB * self._jobs if self._jobs > 1 else 1)
         shards = shards_of(self._plan, max(least, math.ceil(bytes_to_make / SHARD_BYTES)), work)
-        self._check_space(bytes_to_make, len(shards))
+        if not self._workers_put:
+            self._check_space(bytes_to_make, len(shards))
         self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
         if self._plan.format.note:
             self._progress.note(self._plan.format.note)
+        if workers is not None and self._workers_put:
+            self.report.merge(workers(shards, self._put_by_worker, self._progress))
+        else:
+            self._make_and_put(shards, workers)
+        self._progress.finish()
+
+    def _put_by_worker(self, shard: Shard) -> None:
+        """Take note of a shard that a worker has put to the address."""
+        name = record_of_shard(shard)
+        stored = self._stored(name)
+        if stored is None:
+            raise StorageError(f"{self._address.of(name)}: is not there, but a worker has put it; look after the store")
+        self._add(stored)
+
+    def _make_and_put(self, shards: tuple[Shard, ...], workers: Workers | None) -> None:
         waiting: list[Future[StoredShard]] = []
         with ThreadPoolExecutor(UPLOADS, thread_name_prefix="upload") as pool:
 
@@ -264,7 +289,6 @@ class AddressRun:
                 self._make_here(shards, made)
             for future in waiting:
                 self._add(future.result())
-        self._progress.finish()
 
     def _make_here(self, shards: tuple[Shard, ...], made: Callable[[Shard], None]) -> None:
         with ShardMaker(self._plan, progress=self._progress, stop=self._stop) as maker:
