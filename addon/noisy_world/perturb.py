@@ -44,7 +44,7 @@ from .core.trajectories.sensor_paths import SensorPaths
 from .core.trajectories.trajectory import Trajectory
 from .perturbations import registry
 from .pipeline.clean_frame import Camera, CleanFrame
-from .pipeline.made_frame import FrameMaker
+from .pipeline.made_frame import SequenceMaker
 from .sources.recording import RecordedFrame, read_recording
 
 
@@ -207,7 +207,9 @@ def _perturbed_frames(
 ) -> Iterator[PerturbedFrame]:
     """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
     colour, depth = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
-    maker = FrameMaker(sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source))))
+    maker = SequenceMaker(
+        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)))
+    )
     for index in sequence.frames:
         made = maker.frame(index)
         yield PerturbedFrame(

@@ -207,6 +207,8 @@ def test_no_folder_and_no_recipe(tmp_path, made):
             noisy_world.open(path)
     with refused("is no folder of clean frames"):
         noisy_world.open(made.recipe, tmp_path)
+    with refused("s3://bucket/rooms: is an address, whose tars stream; see docs/storage.md"):
+        noisy_world.open("s3://bucket/rooms")
     with refused("clean goes with a recipe"):
         noisy_world.open(made.out, made.clean)
 

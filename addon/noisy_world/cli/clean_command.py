@@ -4,10 +4,11 @@
 import argparse
 
 from ..core.requirements import NEEDED
-from .arguments import frame_slice, path
+from .arguments import frame_slice
 from .entry import INTERRUPTED, Entry, say
 from .missing import blender_problem, missing_package
 from .part import add_part_options, recipe_part
+from .places import folder, path
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -19,7 +20,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         "have frames of their own. The same command again resumes, and other parts can be added.",
     )
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("--out", metavar="DIR", type=path, required=True, help="the folder of clean frames")
+    parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the folder of clean frames")
     add_part_options(parser)
     parser.add_argument(
         "--frames", metavar="A:B", type=frame_slice, help="only what frames A to B-1 of each sequence show"

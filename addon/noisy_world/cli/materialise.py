@@ -6,10 +6,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import frame_slice, path, positive
+from .arguments import frame_slice, positive
 from .entry import INTERRUPTED, Entry, say
 from .missing import missing_package
 from .part import add_part_options, recipe_part
+from .places import folder, path
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -47,7 +48,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "every file. The same command again resumes, and other parts can be added to the same folder.",
     )
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("--out", metavar="DIR", type=path, required=True, help="the dataset's folder")
+    parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the dataset's folder")
     add_part_options(parser)
     parser.add_argument(
         "--frames", metavar="A:B", type=frame_slice, help="only frames A to B-1; they keep their numbers"
@@ -75,5 +76,5 @@ def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Ent
 
 def _generate_options(options: argparse.Namespace) -> argparse.Namespace:
     """Return the options that `generate` has for this."""
-    own = {"preset": options.recipe, "overrides": [], "overwrite": False, "progress": "text"}
+    own = {"preset": options.recipe, "overrides": [], "overwrite": False, "progress": "text", "ray": None}
     return argparse.Namespace(**{**vars(options), **own})

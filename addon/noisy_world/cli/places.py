@@ -20,6 +20,13 @@ def place(text: str) -> Path | str:
     return text if "://" in text else path(text)
 
 
+def folder(text: str) -> Path:
+    """Parse a folder, where an address cannot be taken."""
+    if "://" in text:
+        raise argparse.ArgumentTypeError(f"{text} is an address, and a folder is needed; unpack its tars into one")
+    return path(text)
+
+
 def address_text(given: Path | str) -> str:
     """Return a place as an address: a folder's is file:// and its whole path."""
     return given if isinstance(given, str) else f"file://{given.resolve()}"

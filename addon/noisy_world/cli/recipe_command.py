@@ -5,9 +5,9 @@ import argparse
 import sys
 
 from ..core.requirements import NEEDED
-from .arguments import path
 from .entry import Entry, say
 from .missing import missing_package
+from .places import folder, path
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -17,7 +17,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
         "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
     )
-    parser.add_argument("dataset", metavar="DATASET", type=path, help="the dataset's folder")
+    parser.add_argument("dataset", metavar="DATASET", type=folder, help="the dataset's folder")
     parser.add_argument("--out", metavar="FILE", type=path, help="the file to write (default: standard output)")
     options = parser.parse_args(arguments)
     if problem := missing_package(NEEDED, entry):

@@ -18,7 +18,7 @@ from .clean_frame import Camera, CleanFrame
 
 
 @dataclass(frozen=True)
-class FrameMaker:
+class SequenceMaker:
     """Makes frames of a sequence.
 
     colour, depth: the cameras of both images. clean: returns a source frame by its number.
@@ -41,7 +41,7 @@ class FrameMaker:
 class MadeFrame:
     """A frame of a sequence, each of its images made when it is first needed."""
 
-    def __init__(self, maker: FrameMaker, index: int, depth_frame: int, rgb: CleanFrame, depth: CleanFrame) -> None:
+    def __init__(self, maker: SequenceMaker, index: int, depth_frame: int, rgb: CleanFrame, depth: CleanFrame) -> None:
         """Take the clean frames that its colour and its depth are of. depth_frame: to which the depth belongs."""
         self._maker = maker
         self._index = index

@@ -26,7 +26,7 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.frame_maker import render_options
-from ..pipeline.made_frame import FrameMaker, MadeFrame
+from ..pipeline.made_frame import MadeFrame, SequenceMaker
 from ..pipeline.versions import versions_of
 from ..sources import find_scenes
 from .clean_store import CleanStore, read_store
@@ -156,7 +156,7 @@ class OpenedRecipe(Opened):
             self._check_renderer(plan)
             prepared = real.source.prepare(render.camera, _ignore)
             self._prepared[scene] = self._closing.enter_context(prepared)
-        options = replace(render_options(sequence.plan, render), rgb=True, depth=True, first_frames=())
+        options = replace(render_options(sequence.plan, render), rgb=True, depth=True)
         self._live[scene] = render.name, self._prepared[scene].open(sequence.paths, options, _ignore)
         return self._live[scene][1]
 
@@ -211,7 +211,7 @@ class SequenceOfRecipe(OpenedSequence):
         self.stamps = scene.source.frame_stamps
         stamps_s = (scene.source.stamps_s, self.stamps.depth.seconds)
         colour, depth = (Camera(self.render.camera, part) for part in stamps_s)
-        self.maker = FrameMaker(self.sequence, colour, depth, partial(opened.clean, self))
+        self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _sequence_of, (self._opened, self.name)

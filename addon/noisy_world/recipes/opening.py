@@ -16,6 +16,8 @@ from .recipe import read_recipe
 
 def open_path(path: str | Path, clean: str | Path | None = None, data: str | Path | None = None) -> Opened:
     """Open what is at a path; see noisy_world.open."""
+    if "://" in str(path):
+        raise InputError(str(path), "is an address, whose tars stream", remedy="see docs/storage.md, or unpack them")
     place = _place(path)
     if place.is_dir():
         for name, given in (("clean", clean), ("data", data)):

@@ -319,10 +319,9 @@ class Dataset:
     def _journal_path(self, folder: str, name: str) -> Path:
         return self._work / folder / f"journal-{name}.jsonl"
 
-    def write_file(self, folder: str, name: str, data: bytes) -> str:
-        """Write a file of a sequence and return its SHA-256."""
+    def write_file(self, folder: str, name: str, data: bytes) -> None:
+        """Write a file of a sequence."""
         write_atomic(self.out / folder / name, data, self.scratch)
-        return sha256_of_bytes(data)
 
     def link_file(self, source: Path, folder: str, name: str) -> None:
         """Link an existing file, of this dataset or another, into a sequence."""
