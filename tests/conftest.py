@@ -9,7 +9,7 @@ import pytest
 pytest.register_assert_rewrite("ply_files")
 pytest.register_assert_rewrite("worlds")
 
-WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "sources")
+WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sources")
 
 
 @pytest.fixture(autouse=True)

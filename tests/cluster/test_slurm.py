@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from noisy_world.cli import command
 from noisy_world.cluster import slurm
 from noisy_world.cluster.slurm import SlurmJob, slurm_script
 
@@ -105,3 +106,18 @@ def test_the_time_asked_for(tmp_path, longest_s, count, time):
     names = [f"r.{k:06d}-{k + 1:06d}" for k in range(count)]
     script = slurm_script(SlurmJob("p", tmp_path, names, ("a",), ("b",), longest_s, 1.0))
     assert f"#SBATCH --time={time}\n" in script  # three times the estimate and ten minutes, for each shard of a job
+
+
+def test_the_command_prints_it(tmp_path, capsys, monkeypatch):
+    preset = str(Path(__file__).resolve().parents[2] / "presets/demo.yaml")
+    monkeypatch.chdir(tmp_path)
+    assert command.main(["plan", preset, "--out", "my out", "--shards", "3", "--slurm", "--cpus", "4"]) == 0
+    script = capsys.readouterr().out
+    subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+    assert "#SBATCH --array=1-3\n" in script
+    assert f"cd {tmp_path}\n" in script
+    assert f"--out '{tmp_path}/my out' --threads 4 --shard \"${{shards[number - 1]}}\"" in script
+    assert f"--out '{tmp_path}/my out' --shards 3\nfi" in script
+    with pytest.raises(SystemExit):
+        command.main(["plan", preset, "--slurm"])
+    assert "--slurm needs --shards N" in capsys.readouterr().err

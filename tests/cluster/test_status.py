@@ -14,8 +14,13 @@ from noisy_world.cli import command
 from noisy_world.cli.status_table import cell, family_of
 from noisy_world.core.datasets.tally import Tally, Written
 from noisy_world.core.errors import InterruptedRunError
+from noisy_world.core.planning.shards import shards_of
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.pace import pace_of
+from noisy_world.pipeline.shard import make_shard, shard_folder
 from noisy_world.pipeline.status import SequenceStatus
+from noisy_world.planning import make_plan
 
 FRAMES = {"early": 7, "fast": 3, "mixed": 4}  # of 8: one is dropped at the edge; every third; every second
 
@@ -152,22 +157,24 @@ def test_reading_changes_nothing(world, tmp_path, capsys):
 def test_the_time_left_weighs_what_frames_cost():
     # One sequence at 2 frames a second, of 0.5 s each by the estimate: the run goes at the estimate's speed. What is
     # left: 10 of them, and 10 frames of 4 s in another: 45 s.
-    written = [Written("a/box", tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False)]
+    written = [("a/box", Written(tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False))]
     pace = pace_of(written, {"a/box": 0.5, "b/box": 4.0}, {"a/box": 10, "b/box": 10}, now_s=1005.0)
     assert (pace.last_s, pace.window_s, pace.frames_per_s, pace.left_s) == (1.0, 4.0, 2.0, 45.0)
     assert not pace.silent
     assert pace_of(written, {"a/box": 0.5}, {"a/box": 10}, now_s=1100.0).silent
     assert pace_of(written, {"a/box": 0.5}, None, now_s=1005.0).left_s is None
     assert pace_of(written[:0], {}, {}, now_s=1005.0).last_s is None
-    one = [Written("a/box", (1000.0,), 1.0, cut=False)]
+    one = [("a/box", Written((1000.0,), 1.0, cut=False))]
     assert pace_of(one, {"a/box": 0.5}, {"a/box": 10}, now_s=1005.0).frames_per_s is None
 
 
 def test_journals_that_were_read_in_part_count_from_where_they_begin():
     # Two writers of 1 and 100 frames a second; of the quick one only the last second was read.
-    slow = Written("a/box", tuple(float(k) for k in range(101)), 1.0, cut=False)
-    quick = Written("b/box", tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
-    pace = pace_of([slow, quick], {"a/box": 1.0, "b/box": 1.0}, {"a/box": 0, "b/box": 202}, now_s=100.0)
+    slow = Written(tuple(float(k) for k in range(101)), 1.0, cut=False)
+    quick = Written(tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
+    pace = pace_of(
+        [("a/box", slow), ("b/box", quick)], {"a/box": 1.0, "b/box": 1.0}, {"a/box": 0, "b/box": 202}, now_s=100.0
+    )
     assert pace.frames_per_s == pytest.approx(101)
     assert pace.left_s == pytest.approx(2)
 
@@ -180,3 +187,36 @@ def test_severities_share_a_row_in_a_long_table():
         "done", "14/20 !1", "", "-",
     ]  # fmt: skip
     assert cell([SequenceStatus("f", "a", None, Tally(3))]) == "3/?"
+
+
+def test_a_dataset_made_in_shards(world, tmp_path, capsys):
+    out = tmp_path / "out"
+    plan = make_plan(read_preset(world))
+    names = [shard for shard in shards_of(plan, 4) if shard.render == "box"]
+    stop = threading.Event()
+    for shard in names[:2]:
+        make_shard(plan, shard_folder(out, shard), shard, progress=PlainProgress(sys.stderr), stop=stop)
+    _, found = as_json(capsys, out, "--check")
+    finished = found["shards"]["finished"]
+    assert finished == [shard.name for shard in names[:2]]
+    assert "only the shards that were begun are known" in found["notes"][0]
+    by_hand = sum(len(list(out.rglob(f".noisy_world/shards/*/{name}/results/frame*"))) for name in found["sequences"])
+    done = sum(item["frames_done"] for item in found["sequences"].values())
+    assert 0 < done <= by_hand  # under desynchronisation, colour and depth of a frame may be in different shards
+    assert found["sequences"]["noise/box"] == {"frames_done": names[1].stop, "frames": COUNT}
+    _, said = status(capsys, out)
+    assert "shards   2 finished and to be merged\n" in said.out
+
+    image = next(out.rglob("noise/box/results/frame000000.png"))
+    image.write_bytes(b"")
+    code, found = as_json(capsys, out, "--check")
+    assert (code, found["damaged"]) == (1, ["noise/box/results/frame000000.png"])
+    image.unlink()
+    (image.parents[3] / "shard.json").rename(tmp_path / "record")
+    (image.parents[3] / ".noisy_world").mkdir()
+    _, found = as_json(capsys, out)  # a shard that was begun, and of which nothing is recorded
+    assert list(found["shards"]["unfinished"]) == [names[0].name]
+    (tmp_path / "record").rename(image.parents[3] / "shard.json")
+    run(world, out)
+    code, found = as_json(capsys, out, "--check")
+    assert (code, found["whole"], found["shards"]) == (0, True, {"merged": [], "finished": [], "unfinished": {}})

@@ -4,8 +4,8 @@
     python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER [FINISHED [merge | SHARD]]
 
 FINISHED: a dataset that the run adds to; none of its images may be touched. merge: the dataset is one of finished
-shards, and they are merged. SHARD: this shard is made in it, and all are merged when that has come to its end. Prints the number of steps; fails with an
-AssertionError. Frames come from fake_session: the files are what is tried.
+shards, and they are merged. SHARD: this shard is made in it, and all are merged when that has come to its end. Prints
+the number of steps; fails with an AssertionError. Frames come from fake_session: the files are what is tried.
 """
 
 import hashlib

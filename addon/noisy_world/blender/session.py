@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 import bpy
 
 from ..core.geometry import Intrinsics
-from ..core.planning.source import RenderOptions
+from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
-from .render import FrameRenderer, RenderedFrame
+from .render import FrameRenderer
 from .scene import Decoding, add_mesh, empty_scene, set_origin
 
 
@@ -52,6 +52,7 @@ class Session:
         """Build the scene. paths: of the sensors; the scene is recentred so that what is near them is precise."""
         self._scene = scene = empty_scene()
         self._served = _served(paths, options)
+        assert options.engine != "embree", "which is not Blender's"
         self._engine = ENGINES[options.engine]
         self._options = options
         self.origin_m = recentring_m(paths.rgb)

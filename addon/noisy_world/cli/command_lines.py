@@ -18,7 +18,18 @@ COMMAND = "noisy-world"
 
 def shard_words(options: argparse.Namespace, shard: "Shard") -> list[str]:
     """Return the command that makes a shard. options: those that name the dataset."""
-    return [*_own_words(), "shard", *preset_words(options, anywhere=True), "--shard", shard.name]
+    return [*shard_beginning(options), shard.name]
+
+
+def shard_beginning(options: argparse.Namespace) -> list[str]:
+    """Return the command that makes a shard, whose name comes last."""
+    return [*_own_words(), "shard", *preset_words(options, anywhere=True), "--shard"]
+
+
+def shard_beginning_on(options: argparse.Namespace, threads: int) -> list[str]:
+    """Return the same command for some threads of the renderer."""
+    *words, last = shard_beginning(options)
+    return [*words, "--threads", str(threads), last]
 
 
 def merge_words(options: argparse.Namespace, count: int | None = None) -> list[str]:

@@ -82,7 +82,7 @@ def list_plan(plan: "Plan", what: str) -> int:
     return 0
 
 
-def print_plan(plan: "Plan", out: Path) -> int:
+def print_plan(plan: "Plan", out: Path | str) -> int:
     """Print what a run would do."""
     from ..core.planning.estimate import estimate, size_text
 

@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, settled
+from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import shard_lines
 from .entry import INTERRUPTED, Entry, say
-from .generate import fail, figures
+from .generate import fail
 from .missing import missing_package
+from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
+    from ..core.errors import StorageError
     from ..core.planning.plan import Plan
     from ..core.planning.shards import Shard
     from ..pipeline.run import Work
@@ -57,23 +59,26 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 def do(options: argparse.Namespace) -> int:
     """Merge, and print the outcome."""
     from ..pipeline.run import Run
-    from .running import listener, machine_listener
+    from .running import listener
 
     plan = planned(options)
-    out = out_folder(options)
+    address = out_address(options)
+    out = address or str(out_folder(options))
     progress, stop = listener(options.progress)
 
-    def missing(work: "Work", left: list[Path]) -> Exception:
+    def missing(work: "Work", left: list[Path]) -> "StorageError":
         shards = missing_shards(plan, work, options.shards)
         for line in shard_lines(options, shards):
             print(line)
         return _error(plan, out, work, shards, left)
 
-    report = Run(plan, out, progress=progress, stop=stop).merge(missing)
+    if address is not None:
+        from .at_address import run_at, told_of
+
+        return told_of(run_at(plan, options, progress, stop).merge(missing), options)
+    report = Run(plan, out_folder(options), progress=progress, stop=stop).merge(missing)
     print(f"wrote {out}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
 
 
@@ -97,7 +102,7 @@ def missing_shards(plan: "Plan", work: "Work", count: int | None) -> tuple["Shar
     return tuple(shards)
 
 
-def _error(plan: "Plan", out: Path, work: "Work", shards: tuple["Shard", ...], left: list[Path]) -> Exception:
+def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], left: list[Path]) -> "StorageError":
     from ..core.errors import StorageError
 
     count = sum(map(len, work.values()))

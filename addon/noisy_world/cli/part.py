@@ -2,12 +2,14 @@
 """The options that say where a preset's data lie and which part of it is meant: the same for every subcommand."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.home import with_home
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
+    from ..recipes.recipe import Recipe
 
 
 def add_part_options(parser: argparse.ArgumentParser) -> None:
@@ -32,16 +34,32 @@ def planned(options: argparse.Namespace) -> "Plan":
 
     Raises InputError for what is wrong in the preset or its files.
     """
-    from ..core.errors import NoisyWorldError
     from ..core.presets.preset import read_preset
     from ..planning import make_plan
 
-    try:
-        data = None if options.data is None else with_home(options.data)
-    except LookupError as error:
-        raise NoisyWorldError(f"--data: {error}") from error
+    data = data_folder(options)
     preset = read_preset(options.preset, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
     return make_plan(preset, options.frames)
+
+
+def recipe_part(recipe: "Recipe", options: argparse.Namespace) -> "Plan":
+    """Return the plan of the part of a recipe that the options name: with --frames too.
+
+    Raises InputError where an input is missing or is not the one that the recipe was made from.
+    """
+    from ..recipes.making import plan_of
+
+    return plan_of(recipe, data_folder(options), options.scenes, options.settings, options.frames)
+
+
+def data_folder(options: argparse.Namespace) -> Path | None:
+    """Return the folder that --data names, None without it."""
+    from ..core.errors import NoisyWorldError
+
+    try:
+        return None if options.data is None else with_home(options.data)
+    except LookupError as error:
+        raise NoisyWorldError(f"--data: {error}") from error
 
 
 def part_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:

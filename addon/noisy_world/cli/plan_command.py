@@ -4,16 +4,19 @@
 import argparse
 import json
 import shlex
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, settled
-from .command_lines import merge_words, shard_words
+from .arguments import add_preset_options, out_address, out_folder, positive, settled
+from .command_lines import merge_words, shard_beginning_on, shard_words
 from .entry import Entry
 from .generate import fail
 from .listing import duration, print_plan
 from .missing import missing_package
 from .part import planned
+
+MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -30,7 +33,11 @@ def main(arguments: list[str], entry: Entry) -> int:
         plan = planned(options)
     except NoisyWorldError as error:
         return fail(str(error), options, entry)
-    return print_plan(plan, out_folder(options)) if options.shards is None else print_shards(plan, options)
+    return (
+        print_plan(plan, out_address(options) or out_folder(options))
+        if options.shards is None
+        else print_shards(plan, options)
+    )
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
@@ -45,7 +52,17 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "--shards", metavar="N", type=positive, help="about how many shards, of equal cost; at least one a render"
     )
     parser.add_argument("--format", choices=["text", "json"], default="text", help="how shards are printed")
+    parser.add_argument(
+        "--slurm",
+        action="store_true",
+        help="print the shards as a bash script for Slurm instead, which submits them and a job that merges them",
+    )
+    parser.add_argument(
+        "--cpus", metavar="N", type=positive, default=2, help="with --slurm: processors for each shard (default: 2)"
+    )
     options = settled(parser, parser.parse_args(arguments))
+    if options.slurm and options.shards is None:
+        parser.error("--slurm needs --shards N")
     options.progress = "text"
     return options
 
@@ -57,6 +74,9 @@ def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
     shards = shards_of(plan, options.shards)
     seconds = seconds_of(plan, shards)
     merging = merge_words(options, options.shards)
+    if options.slurm:
+        print(_slurm(plan, options, [shard.name for shard in shards], max(seconds, default=0.0)), end="")
+        return 0
     if options.format == "json":
         listed = [
             {"name": shard.name, "command": shard_words(options, shard), "seconds": round(value, 1)}
@@ -70,3 +90,21 @@ def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
     print(f"# {len(shards)} shards, {longest} each at most on two cores (rough); when all have ended:")
     print(f"# {shlex.join(merging)}")
     return 0
+
+
+def _slurm(plan: "Plan", options: argparse.Namespace, names: list[str], longest_s: float) -> str:
+    """Return the script for Slurm. longest_s: what the longest shard takes on two cores."""
+    from ..cluster.slurm import SlurmJob, slurm_script
+    from ..core.planning.estimate import estimate
+
+    job = SlurmJob(
+        name=f"noisy-{options.preset.stem}",
+        folder=Path.cwd(),
+        shards=names,
+        shard=shard_beginning_on(options, options.cpus),
+        merge=merge_words(options, options.shards),
+        longest_s=longest_s * 2 / min(options.cpus, 2),
+        merge_s=estimate(plan).bytes_written / MERGED_BYTES_PER_S,
+        cpus=options.cpus,
+    )
+    return slurm_script(job)

@@ -5,10 +5,11 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import add_preset_options, out_folder, positive, preset_words, settled
+from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
 from .entry import INTERRUPTED, Entry, say
-from .generate import fail, figures, lacking_blender
+from .generate import fail, lacking_blender
 from .missing import missing_package
+from .outcome import tell_outcome
 from .part import planned
 
 BUSY = 75  # sysexits.h, EX_TEMPFAIL: another process makes the shard, so it may be worth trying again later
@@ -77,6 +78,8 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     render_of(plan, shard)
     if problem := lacking_blender(plan.only(render_of(plan, shard)), entry):
         return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return make_there(plan, shard, options, entry)
     return make(plan, shard, options)
 
 
@@ -84,7 +87,7 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     """Make the shard in its folder in the dataset."""
     from ..core.datasets.dataset import Dataset
     from ..pipeline.shard import ShardMaker, shard_folder
-    from .running import listener, machine_listener
+    from .running import listener
 
     progress, stop = listener(options.progress)
     folder = shard_folder(out_folder(options), shard)
@@ -93,7 +96,17 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
         maker.check_dataset(there, shard)
         report = maker.make(folder, shard, there, overwrite=options.overwrite)
     print(f"wrote {folder}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
+
+
+def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the shard in the scratch folder, and put it to the address."""
+    from .at_address import run_at, told_of
+    from .running import listener
+
+    if options.overwrite:
+        return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
+    progress, stop = listener(options.progress)
+    run = run_at(plan, options, progress, stop)
+    return told_of(run.make_shard(shard, threads=options.threads), options)

@@ -3,6 +3,7 @@
 
 import re
 import shutil
+import time
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,8 @@ def told(status: "Status", *, every_setting: bool = False) -> str:
             else "none that was finished is lost; --check reads them all"
         )
         lines.append(f"files    {checked}")
+    if shards := _shards(status):
+        lines.append(f"shards   {shards}")
     lines.append(f"time     {_time(status)}")
     return "\n".join(lines)
 
@@ -53,6 +56,11 @@ def content(status: "Status") -> dict[str, Any]:
         "damaged": list(status.damaged),
         "pace": asdict(status.pace) | {"silent": status.pace.silent},
         "total_s": status.total_s,
+        "shards": {
+            "merged": list(status.shards.merged),
+            "finished": status.shards.finished,
+            "unfinished": status.shards.unfinished,
+        },
         "notes": list(status.notes),
     }
 
@@ -132,6 +140,18 @@ def _laid_out(labels: dict[str, str], cells: dict[str, dict[str, str]]) -> list[
         for row, label in labels.items():
             lines.append("  ".join([f"{label:<{first}}", *(f"{cells[row][name]:>{widths[name]}}" for name in block)]))
     return lines
+
+
+def _shards(status: "Status") -> str:
+    """Return what becomes of the shards; "" where there are none."""
+    shards = status.shards
+    parts = [f"{len(shards.merged):,} merged"] if shards.merged else []
+    parts += [f"{len(shards.finished):,} finished and to be merged"] if shards.finished else []
+    if shards.unfinished:
+        name, last_s = max(shards.unfinished.items(), key=lambda item: item[1])
+        ago = duration(max(0.0, time.time() - last_s))
+        parts.append(f"{len(shards.unfinished):,} begun, of which {name} was written to {ago} ago")
+    return ", ".join(parts)
 
 
 # --- time ---

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.datasets.dataset import Dataset
-from ..core.errors import InterruptedRunError, NoisyWorldError
+from ..core.errors import BusyError, CannotJoinError, InterruptedRunError, NoisyWorldError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
@@ -29,7 +29,7 @@ from ..pipeline.report import Report
 from ..pipeline.run import Made, threads_of_each
 from ..pipeline.shard import ShardMaker, shard_folder
 from ..planning import make_plan
-from .entry import INTERRUPTED
+from .entry import BUSY, INTERRUPTED, REFUSED
 
 END = "end"  # what a worker is told when there is no shard left: no shard is called so
 
@@ -39,21 +39,21 @@ class Order:
     """What a worker has to do, but for the shards, which it is told one after another.
 
     preset, document: the preset's file and its content, overrides included. chosen: start and stop of the frames of
-    each sequence, if not all are made. out: the dataset's folder, which a run has opened. jobs: how many workers share
-    the machine.
+    each sequence, if not all are made. out: the dataset's folder, which a run has opened. threads: of the renderer;
+    0 for all.
     """
 
     preset: str
     document: dict[str, Any]
     chosen: tuple[int | None, int | None] | None
     out: str
-    jobs: int
+    threads: int
 
     @classmethod
-    def of(cls, plan: Plan, out: Path, jobs: int) -> "Order":
+    def of(cls, plan: Plan, out: Path, threads: int) -> "Order":
         """Return the order for the workers of a plan."""
         chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
-        return cls(str(plan.preset.path), plan.preset.document, chosen, str(out.resolve()), jobs)
+        return cls(str(plan.preset.path), plan.preset.document, chosen, str(out.resolve()), threads)
 
     def plan(self) -> Plan:
         """Return the plan. Raises InputError where files are missing or wrong."""
@@ -97,9 +97,10 @@ class Workers:
         Raises NoisyWorldError with the first worker's error, InterruptedRunError where `stop` was set.
         """
         waiting = ShardQueue(self._plan, shards)
-        order = Order.of(self._plan, self._out, min(self._jobs, len(shards)))
+        jobs = min(self._jobs, len(shards))
+        order = Order.of(self._plan, self._out, threads_of_each(jobs))
         try:
-            for number in range(order.jobs):
+            for number in range(jobs):
                 self._start(number, order)
                 self._give(number, waiting)
             self._attend(waiting, made, progress)
@@ -268,9 +269,12 @@ def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
     total = Report()
     try:
         plan = order.plan()
+    except NoisyWorldError as error:  # the parent could make it, so it is this machine that lacks something
+        parent.tell({"error": str(error)})
+        return REFUSED
+    try:
         there = Dataset(Path(order.out), plan.format)
-        threads = threads_of_each(order.jobs)
-        with ShardMaker(plan, progress=parent, stop=stop, threads=threads) as maker:
+        with ShardMaker(plan, progress=parent, stop=stop, threads=order.threads) as maker:
             while (name := told.next()) is not None:
                 shard = Shard.parse(name)
                 total.add(maker.make(shard_folder(there.out, shard), shard, there, joining=True).content())
@@ -279,7 +283,7 @@ def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
         return INTERRUPTED
     except NoisyWorldError as error:
         parent.tell({"error": str(error)})
-        return 1
+        return REFUSED if isinstance(error, CannotJoinError) else BUSY if isinstance(error, BusyError) else 1
     if stop.is_set():
         return INTERRUPTED
     total.peak_memory_bytes = peak_memory_bytes()

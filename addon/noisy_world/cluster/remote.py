@@ -2,12 +2,13 @@
 """What a node of a cluster does for a task: it runs one command in a process, and tells how that goes on.
 
 Ray carries this module to the nodes by its content, so it works where the package is missing, and says that in a line.
-Hence it imports nothing but the standard library.
+Hence it imports nothing but the standard library, and Ray where Ray runs it.
 """
 
 import contextlib
 import ctypes
 import hashlib
+import importlib
 import json
 import os
 import platform
@@ -23,7 +24,9 @@ from pathlib import Path
 from typing import IO, Any
 
 MARK = "@noisy-world "  # as `core.progress`; a test holds the two together
-DONE, USERS_ERROR, INTERRUPTED, BUSY = 0, 1, 130, 75  # exit statuses of a command
+DONE, USERS_ERROR, REFUSED, BUSY, INTERRUPTED = 0, 1, 3, 75, 130
+"""Exit statuses of a command: REFUSED where this machine cannot make any shard as the others do, BUSY where another
+process makes this one."""
 GRACE_S = 60.0  # for the command to end after its current frame
 TELL_EVERY_S = 1.0
 BUSY_FOR_S = 120.0  # how long a task waits for another process on the same shard to end: one whose node is lost
@@ -34,14 +37,17 @@ LAST_WORDS = 5  # lines of what a command that crashed has said
 class Order:
     """A task.
 
-    name: the shard's. words: the command, after the Python that the node has. environment: variables that it gets.
-    search_path: a folder that has the package and goes before what is installed, where the node sees it; "" for none.
-    version: of the package, which has to be the same here. seen, sha256: a file that has to be visible here, with its
-    hash; "" for none.
+    name: the shard's. words: the command, after the Python that the node has. told: what it reads on standard input,
+    which stays open while it runs. then: what it reads there when it has made the shard. environment: variables that it
+    gets. search_path: a folder that has the package and goes before what is installed, where the node sees it; "" for
+    none. version: of the package, which has to be the same here. seen, sha256: a file that has to be visible here, with
+    its hash; "" for none.
     """
 
     name: str
     words: tuple[str, ...]
+    told: str = ""
+    then: str = ""
     environment: dict[str, str] = field(default_factory=dict)
     search_path: str = ""
     version: str = ""
@@ -49,26 +55,50 @@ class Order:
     sha256: str = ""
 
 
+@dataclass
+class Ended:
+    """How a command ended: its exit status, its last lines on standard error, the error and the report that it told."""
+
+    status: int = DONE
+    said: list[str] = field(default_factory=list)
+    error: str = ""
+    report: dict[str, Any] | None = None
+
+    @property
+    def line(self) -> str:
+        """Why it did not do its work; "" where it did."""
+        if self.status == DONE:
+            return ""
+        if self.error:
+            return self.error
+        if self.status in (USERS_ERROR, REFUSED, BUSY, INTERRUPTED):
+            return self.said[-1] if self.said else ""
+        how = f"was ended by signal {-self.status}" if self.status < 0 else f"ended with status {self.status}"
+        return f"{how}: {' | '.join(self.said) or 'it said nothing'}"
+
+
+def in_ray(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    """Run a task's command on a node of Ray; see `carry_out`. The result has the node's identifier too."""
+    ray: Any = importlib.import_module("ray")
+    return {**carry_out(order, tell), "node_id": ray.get_runtime_context().get_node_id()}
+
+
 def carry_out(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """Run a task's command.
 
-    tell: sends a message to the driver, such as {"advance": 3}. Returns the node, the exit status and the line that the
-    command ended with; of a command that crashed, its last words.
+    tell: sends a message to the driver, such as {"advance": 3}. Returns the node, the exit status, the line that the
+    command ended with (of one that crashed, its last words) and its report.
     """
     node = platform.node()
     environment = _environment(order)
     if problem := _problem(order, environment):
-        return {"node": node, "status": USERS_ERROR, "line": problem}
+        return {"node": node, "status": REFUSED, "line": problem, "report": None}
     begun_s = time.monotonic()
     while True:
-        status, said, line = _run(order, environment, tell)
-        if status != BUSY or time.monotonic() - begun_s > BUSY_FOR_S:
-            break
+        ended = _run(order, environment, tell)
+        if ended.status != BUSY or time.monotonic() - begun_s > BUSY_FOR_S:
+            return {"node": node, "status": ended.status, "line": ended.line, "report": ended.report}
         time.sleep(TELL_EVERY_S)
-    if status in (DONE, USERS_ERROR, INTERRUPTED, BUSY):
-        return {"node": node, "status": status, "line": line or (said[-1] if status and said else "")}
-    how = f"was ended by signal {-status}" if status < 0 else f"ended with status {status}"
-    return {"node": node, "status": status, "line": f"{how}: {' | '.join(said) or 'it said nothing'}"}
 
 
 def _environment(order: Order) -> dict[str, str]:
@@ -99,13 +129,11 @@ def _problem(order: Order, environment: dict[str, str]) -> str:
     return ""
 
 
-def _run(
-    order: Order, environment: dict[str, str], tell: Callable[[dict[str, Any]], object]
-) -> tuple[int, list[str], str]:
-    """Run the command once; return its exit status, its last lines on standard error, and the error that it told."""
+def _run(order: Order, environment: dict[str, str], tell: Callable[[dict[str, Any]], object]) -> Ended:
+    """Run the command once."""
     process = subprocess.Popen(
         [sys.executable, *order.words],
-        stdin=subprocess.DEVNULL,
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -113,30 +141,38 @@ def _run(
         env=environment,
         preexec_fn=_dying_with_parent(),  # noqa: PLW1509 - a call in C and nothing else
     )
+    assert process.stdin is not None
     heard: queue.Queue[tuple[IO[str] | None, str]] = queue.Queue()
     streams = [stream for stream in (process.stdout, process.stderr) if stream is not None]
     for stream in streams:
         threading.Thread(target=_listen, args=(stream, heard), daemon=True).start()
-    said: list[str] = []
-    error = ""
-    told = _Told(tell)
+    ended = Ended()
+    told = _Told(tell, ended)
     try:
+        _say(process.stdin, order.told)
         while streams:
-            # In turns: Ray ends a cancelled task by KeyboardInterrupt, which nothing hears that waits for long.
             told.what_is_due()
+            # In turns: Ray ends a cancelled task by KeyboardInterrupt, which nothing hears that waits for long.
             with contextlib.suppress(queue.Empty):
                 stream, line = heard.get(timeout=0.2)
                 if not line:
                     streams = [item for item in streams if item is not stream]
                 elif stream is process.stderr:
-                    said = [*said, line.strip()][-LAST_WORDS:]
-                else:
-                    error = told.error_in(line) or error
+                    ended.said = [*ended.said, line.strip()][-LAST_WORDS:]
+                elif told.made_by(line):
+                    _say(process.stdin, order.then)
         told.rest()
-        return process.wait(), said, error
+        ended.status = process.wait()
     except BaseException:
         _end(process)
         raise
+    return ended
+
+
+def _say(stream: IO[str], text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):  # the command has ended already; its exit status is heard
+        stream.write(text)
+        stream.flush()
 
 
 def _listen(stream: IO[str], heard: "queue.Queue[tuple[IO[str] | None, str]]") -> None:
@@ -150,24 +186,31 @@ def _listen(stream: IO[str], heard: "queue.Queue[tuple[IO[str] | None, str]]") -
 class _Told:
     """What of a command's messages the driver is told: notes, and frames that are done, once in TELL_EVERY_S."""
 
-    def __init__(self, tell: Callable[[dict[str, Any]], object]) -> None:
+    def __init__(self, tell: Callable[[dict[str, Any]], object], ended: Ended) -> None:
         self._tell = tell
+        self._ended = ended
         self._waiting = 0
         self._told_s = time.monotonic()
 
-    def error_in(self, line: str) -> str:
-        """Hand on a line's message; return the error that it tells, or ""."""
+    def made_by(self, line: str) -> bool:
+        """Hand on a line's message, or keep what it says of the command's end; tell whether the shard is made."""
         _, mark, text = line.partition(MARK)
         try:
             message = json.loads(text) if mark else None
         except ValueError:  # cut off, as the command was ended
-            message = None
-        if not isinstance(message, dict):
-            return ""
-        if "note" in message:
-            self._tell(message)
-        self._waiting += message.get("advance", 0)
-        return message.get("error", "")
+            return False
+        match message:
+            case {"note": _}:
+                self._tell(message)
+            case {"advance": int(count)}:
+                self._waiting += count
+            case {"error": str(error)}:
+                self._ended.error = error
+            case {"report": dict(report)}:
+                self._ended.report = report
+            case {"made": _}:
+                return True
+        return False
 
     def what_is_due(self) -> None:
         """Tell what has not been told for long."""

@@ -49,5 +49,9 @@ class BusyError(StorageError):
     """Another process is writing there."""
 
 
+class CannotJoinError(StorageError):
+    """This process does not see the run that it is to take part in, or would make other bytes."""
+
+
 class InterruptedRunError(NoisyWorldError):
     """The user stopped the run; the message says how to continue it."""

@@ -21,6 +21,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
+from .spent import LOADING, RENDERING, Spent
 from .stock import Finished
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
@@ -51,11 +52,16 @@ class FrameMaker:
 
         Raises InterruptedRunError when stopped.
         """
-        start_s = time.perf_counter()
-        source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
+        start_s, spent = time.perf_counter(), Spent()
+        with spent.rest_on(LOADING):
+            source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
         loaded_s = time.perf_counter()
         self.report.loading_s += loaded_s - start_s
-        self._write(render, frames, target, finished, source)
+        with spent.rest_on(RENDERING):
+            colour = self._colour_of(render, frames, finished)
+            with FrameWriter(target, render, finished, spent) as writer:
+                self._write(render, frames, source, colour, writer)
+        self.report.add_processor_s(spent.seconds)
         self.report.rendering_s += time.perf_counter() - loaded_s
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
@@ -102,19 +108,18 @@ class FrameMaker:
         return self._colour.keep(key, colour_of(lacking, camera, size_px))
 
     def _write(
-        self, render: Render, frames: Many[int], target: Dataset, finished: Finished, source: OpenSource
+        self, render: Render, frames: Many[int], source: OpenSource, colour: Colour, writer: FrameWriter
     ) -> None:
-        paths, colour = self.paths_of(render), self._colour_of(render, frames, finished)
-        with FrameWriter(target, render, finished) as writer:
-            for frame in frames:
-                if self._stop.is_set():
-                    break
-                start_s = time.perf_counter()
-                clean = CleanFrame(frame, source.frame(paths.moment(frame)))
-                if self.report.first_frame_s is None:
-                    self.report.first_frame_s = time.perf_counter() - start_s
-                self._count(writer.submit(clean, colour.of(clean)), writer)
-            self._count(writer.drain(), writer)
+        paths = self.paths_of(render)
+        for frame in frames:
+            if self._stop.is_set():
+                break
+            start_s = time.perf_counter()
+            clean = CleanFrame(frame, source.frame(paths.moment(frame)))
+            if self.report.first_frame_s is None:
+                self.report.first_frame_s = time.perf_counter() - start_s
+            self._count(writer.submit(clean, colour.of(clean)), writer)
+        self._count(writer.drain(), writer)
 
     def _count(self, frames: int, writer: FrameWriter) -> None:
         self._tell_lost(writer.first_lost)

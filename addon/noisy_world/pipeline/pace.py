@@ -35,24 +35,28 @@ class Pace:
 
 
 def pace_of(
-    written: Sequence[Written], costs_s: Mapping[str, float], left: Mapping[str, float] | None, now_s: float
+    written: Sequence[tuple[str, Written]],
+    costs_s: Mapping[str, float],
+    left: Mapping[str, float] | None,
+    now_s: float,
 ) -> Pace:
     """Return the pace of a run.
 
-    written: when the newest frames of its journals were written. costs_s: what a frame of each sequence costs, by its
-    folder. left: how many frames of each sequence are missing; None where that is unknown. now_s: since the epoch.
+    written: when the newest frames of its journals were written, with the folder of the sequence. costs_s: what a frame
+    of each sequence costs, by its folder. left: how many frames of each sequence are missing; None where that is
+    unknown. now_s: since the epoch.
     """
-    times = [time_s for item in written for time_s in item.times_s]
+    times = [time_s for _, item in written for time_s in item.times_s]
     if not times:
         return Pace()
     last_s = max(times)
     # A journal of which only the end was read tells nothing of the time before that.
-    begun = [min(item.times_s) for item in written if item.cut and max(item.times_s) > last_s - WINDOW_S]
+    begun = [min(item.times_s) for _, item in written if item.cut and max(item.times_s) > last_s - WINDOW_S]
     first_s = max([min(times), last_s - WINDOW_S, *begun])
-    counts = {}
-    for item in written:
+    counts: dict[str, float] = {}
+    for folder, item in written:
         later = sum(time_s > first_s for time_s in item.times_s)
-        counts[item.folder] = counts.get(item.folder, 0.0) + later * item.frames_each
+        counts[folder] = counts.get(folder, 0.0) + later * item.frames_each
     window_s = last_s - first_s
     age_s = max(0.0, now_s - last_s)
     if window_s <= 0 or not any(counts.values()):

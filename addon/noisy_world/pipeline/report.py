@@ -10,7 +10,8 @@ from typing import Any
 class Report:
     """What a run did, for run.json and for the user.
 
-    processors: those that shards were made on, where they are unlike, each with its shards.
+    processor_s: seconds of processors by stage, over all threads and processes. processors: those that shards were made
+    on, where they are unlike, each with its shards.
     """
 
     frames_rendered: int = 0
@@ -22,6 +23,7 @@ class Report:
     peak_memory_bytes: int | None = None
     jobs: int = 1
     notes: list[str] = field(default_factory=list)
+    processor_s: dict[str, float] = field(default_factory=dict)
     processors: list[dict[str, Any]] = field(default_factory=list)
 
     @property
@@ -38,6 +40,7 @@ class Report:
         self.first_frame_s = min(first) if first else None
         self.peak_memory_bytes = (self.peak_memory_bytes or 0) + (other.peak_memory_bytes or 0) or None
         self.notes += [note for note in other.notes if note not in self.notes]
+        self.add_processor_s(other.processor_s)
 
     def add(self, content: Mapping[str, Any]) -> None:
         """Add what was done at another time, by the content of its report."""
@@ -48,6 +51,12 @@ class Report:
         peaks = [peak for peak in (self.peak_memory_bytes, content["peak_memory_bytes"]) if peak is not None]
         self.peak_memory_bytes = max(peaks, default=None)
         self.notes += [note for note in content["notes"] if note not in self.notes]
+        self.add_processor_s(content["processor_s"])
+
+    def add_processor_s(self, seconds: Mapping[str, float]) -> None:
+        """Add seconds of processors by stage."""
+        for stage, value in seconds.items():
+            self.processor_s[stage] = self.processor_s.get(stage, 0.0) + value
 
     def content(self) -> dict[str, object]:
         """Return the content of run.json."""
@@ -60,6 +69,7 @@ class Report:
             "first_frame_s": None if self.first_frame_s is None else round(self.first_frame_s, 3),
             "rendering_s": round(self.rendering_s, 3),
             "total_s": round(self.total_s, 3),
+            "processor_s": {stage: round(value, 3) for stage, value in sorted(self.processor_s.items())},
             "peak_memory_bytes": self.peak_memory_bytes,
             "jobs": self.jobs,
             "notes": self.notes,

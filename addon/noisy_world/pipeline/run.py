@@ -53,17 +53,19 @@ class Run:
         overwrite: bool = False,
         jobs: int = 1,
         workers: Workers | None = None,
+        shards: int | None = None,
     ) -> None:
         """Prepare a run.
 
         stop: when set, the run ends after the current frame. workers: what starts the processes where there are
-        several.
+        several. shards: about how many shards they make; by default some for each of the jobs, if there are several.
         """
         self._plan = plan
         self._progress = progress
         self._overwrite = overwrite
         self._jobs = jobs
         self._workers = workers
+        self._shards = shards if shards is not None or jobs == 1 else SHARDS_PER_JOB * jobs
         self._dataset = Dataset(out, plan.format)
         self._frames = FrameMaker(plan, progress=progress, stop=stop)
         self.report = Report(jobs=jobs)
@@ -82,9 +84,8 @@ class Run:
             self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
             if self._plan.format.note:
                 self._progress.note(self._plan.format.note)
-            if self._jobs > 1 and self._workers is not None and work:
-                shards = shards_of(self._plan, SHARDS_PER_JOB * self._jobs, work)
-                self._make_apart(shards, self._workers)
+            if self._shards is not None and self._workers is not None and work:
+                self._make_apart(shards_of(self._plan, self._shards, work), self._workers)
             else:
                 self._make_here(work)
             self._progress.finish()

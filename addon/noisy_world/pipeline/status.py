@@ -5,18 +5,19 @@ Everything is read from the dataset's folder, while a run writes to it or after 
 """
 
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core.datasets.json_text import read_json
+from ..core.datasets.merging import merged_identity
 from ..core.datasets.standing import IDENTITY, RUN, WORK_FOLDER, Standing, read_standing
-from ..core.datasets.tally import Digests, Place, Tally, Written, counted, journals_of, tally, written_lately
+from ..core.datasets.tally import Digests, Place, Tally, counted, journals_of, tally
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
 from ..core.planning.described import Described, described_sequences
 from ..core.progress import Progress
 from .pace import Pace, pace_of
+from .shard_status import Shards, read_shards
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Status:
 
     ended: whether the last run has come to its end. checked: whether every file was hashed. lost, damaged: files of the
     dataset that are not there, or are not as they were written, relative to its folder. total_s: how long the run took
-    that has ended, if it says so.
+    that has ended, if it says so. shards: those in its folder.
     """
 
     out: Path
@@ -51,6 +52,7 @@ class Status:
     damaged: tuple[str, ...]
     pace: Pace
     total_s: float | None
+    shards: Shards
     notes: tuple[str, ...]
 
     @property
@@ -80,11 +82,15 @@ def read_status(
 
     Raises StorageError where the folder holds no dataset, or one that cannot be understood.
     """
-    standing = _standing(out)
+    if not out.is_dir():
+        raise StorageError(f"{out}: {'is not a folder' if out.exists() else 'there is no such folder'}")
+    shards = read_shards(out)
+    standing = _standing(out, shards)
     assert standing.identity is not None
     described = described_sequences(standing.identity, registry, chosen)
-    ended = standing.manifest is not None and not (out / WORK_FOLDER / IDENTITY).exists()
-    reader = _Reader(out, standing, ended=ended, digest=Digests() if check else None)
+    begun = (out / WORK_FOLDER / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
+    ended = standing.manifest is not None and not begun
+    reader = _Reader(out, standing, shards, ended=ended, digest=Digests() if check else None)
     progress.start("checking", sum(len(item.frames or ()) for item in described))
     found: list[SequenceStatus] = []
     for item in described:
@@ -98,6 +104,7 @@ def read_status(
         damaged += [f"{folder}/{name}" for name in item.tally.damaged]
     costs = {item.folder: item.seconds_each for item in described}
     left = {f"{item.setting}/{item.scene}": item.of - item.tally.done for item in found if item.of is not None}
+    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.tally.written]
     known = len(left) == len(found)
     return Status(
         out,
@@ -106,16 +113,22 @@ def read_status(
         tuple(found),
         tuple(lost),
         tuple(damaged),
-        pace_of(reader.written(item.folder for item in described), costs, left if known else None, time.time()),
+        pace_of(written, costs, left if known else None, time.time()),
         _total_s(out) if ended else None,
-        (standing.note,) if standing.note else (),
+        shards,
+        (*((standing.note,) if standing.note else ()), *shards.notes),
     )
 
 
-def _standing(out: Path) -> Standing:
-    if not out.is_dir():
-        raise StorageError(f"{out}: {'is not a folder' if out.exists() else 'there is no such folder'}")
+def _standing(out: Path, shards: Shards) -> Standing:
+    """Return what the folder holds; where no run has begun to merge, what its shards say."""
     standing = read_standing(out)
+    if standing is None and shards.identities:
+        identity = shards.identities[0]
+        for other in shards.identities[1:]:
+            identity = merged_identity(other, identity, set(other["sequences"]) - set(identity["sequences"]))
+        note = "only the shards that were begun are known, as no run has begun to merge; the preset may have more"
+        return Standing(identity, None, frozenset(identity["sequences"]), holds_frames=True, note=note)
     if standing is None:
         raise StorageError(f"{out}: holds no dataset of Noisy World, nor one that was begun")
     if standing.problem:
@@ -126,10 +139,11 @@ def _standing(out: Path) -> Standing:
 class _Reader:
     """Looks at the files of a dataset."""
 
-    def __init__(self, out: Path, standing: Standing, *, ended: bool, digest: Digests | None) -> None:
+    def __init__(self, out: Path, standing: Standing, shards: Shards, *, ended: bool, digest: Digests | None) -> None:
         self._out = out
         self._work = out / WORK_FOLDER
         self._standing = standing
+        self._shards = shards
         self._ended = ended
         self._digest = digest
         assert standing.identity is not None
@@ -143,7 +157,8 @@ class _Reader:
         if self._ended and chosen is None and made is not None:
             count = made  # by --frames it may have fewer than its path
         places = self._places(item.folder)
-        quick = self._digest is None and chosen is None and made is not None and not any(p.journals for p in places)
+        quick = self._digest is None and chosen is None and made is not None
+        quick = quick and not any(place.journals or place.records for place in places)
         found = counted(self._out / item.folder, made or 0, self._images_each) if quick else None
         if found is None:
             asked = None if chosen is None or frames is None else frozenset(frames)
@@ -151,16 +166,8 @@ class _Reader:
         return SequenceStatus(item.setting, item.scene, count, found)
 
     def _places(self, folder: str) -> tuple[Place, ...]:
-        return (Place(self._out / folder, journals_of(self._work / folder)),)
-
-    def written(self, folders: Iterable[str]) -> list[Written]:
-        """Return when the newest frames were written."""
-        return [
-            item
-            for folder in folders
-            for place in self._places(folder)
-            for item in written_lately(folder, place, self._images_each)
-        ]
+        own = Place(self._out / folder, journals_of(self._work / folder))
+        return (*self._shards.places.get(folder, ()), own)
 
     def texts(self) -> tuple[list[str], list[str]]:
         """Return the dataset's files other than images that are lost, and those that are damaged."""

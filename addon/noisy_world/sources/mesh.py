@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a mesh and a path through it, whose frames Blender renders."""
+"""The source of a mesh and a path through it, whose frames are rendered."""
 
 import contextlib
 import hashlib
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,7 @@ from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
-
-if TYPE_CHECKING:
-    from ..blender.session import Session
+from .rendering import RenderSession, open_session
 
 
 @dataclass(frozen=True)
@@ -140,7 +138,7 @@ class MeshSource:
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["PreparedMesh"]:
-        """Prepare to render frames in Blender; the mesh is read when the first path is opened."""
+        """Prepare to render frames; the mesh is read when the first path is opened."""
         with contextlib.ExitStack() as closing:
             yield PreparedMesh(self, camera, note, closing)
 
@@ -166,7 +164,7 @@ class Beginning:
 
 
 class PreparedMesh:
-    """A mesh that is built in Blender once, for all paths through it that the same session can serve."""
+    """A mesh that a renderer takes in once, for all paths through it that the same session can serve."""
 
     def __init__(
         self, source: MeshSource, camera: Intrinsics, note: Callable[[str], None], closing: contextlib.ExitStack
@@ -177,7 +175,7 @@ class PreparedMesh:
         self._note = note
         self._told: set[str] = set()
         self._closing = closing
-        self._session: Session | None = None
+        self._session: RenderSession | None = None
         self._unchecked: list[Mesh] = []
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenMesh":
@@ -191,9 +189,7 @@ class PreparedMesh:
         beginning = self._source.beginning(paths, options.first_frames)
         return OpenMesh(session, self._unchecked, self._camera, note, beginning)
 
-    def _build(self, paths: SensorPaths, options: RenderOptions) -> "Session":
-        from ..blender.session import Session
-
+    def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
         self._closing.close()
         self._unchecked.clear()
         mesh = load_mesh(self._source.mesh_path, self._source.room)
@@ -201,7 +197,8 @@ class PreparedMesh:
             self._tell(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
             self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
-        session = self._closing.enter_context(Session(mesh, self._source.name, paths, self._camera, options))
+        opened = open_session(mesh, self._source.name, paths, self._camera, options)
+        session = self._closing.enter_context(opened)
         if session.origin_m.any():
             where = ", ".join(f"{value:g}" for value in session.origin_m)
             self._tell(f"far from the origin, so rendered around ({where}) m; poses stay as given")
@@ -217,14 +214,14 @@ class PreparedMesh:
 
 
 class OpenMesh:
-    """A mesh in Blender with the paths of a render.
+    """A mesh in a renderer with the paths of a render.
 
     The first frame that is rendered is checked against the mesh, which is then released.
     """
 
     def __init__(
         self,
-        session: "Session",
+        session: RenderSession,
         unchecked: list[Mesh],
         camera: Intrinsics,
         note: Callable[[str], None],

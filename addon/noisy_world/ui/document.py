@@ -298,6 +298,7 @@ def _refuse_unshown(preset: Preset) -> None:
         and trajectory.handheld.revisit and "is true",
         "rig": spec.rig is not None and "places sensors on a robot",
         "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
+        "output.licence": spec.output.licence is not None and "states a licence",
         "render.allow_empty": spec.render.allow_empty and "is true",
         "render.processors": spec.render.processors != "same" and f"is {spec.render.processors}",
         "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",

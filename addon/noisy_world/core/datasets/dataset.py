@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import StorageError
+from ..errors import CannotJoinError, StorageError
 from ..presets.preset import canonical
 from .agreement import disagreement
 from .differences import ANOTHER_FOLDER
@@ -202,14 +202,14 @@ class Dataset:
     def join(self, identity: dict[str, Any], *, any_processor: bool = False) -> None:
         """Take part in a run that another process has opened with the same `identity`, or with more than that.
 
-        any_processor: whether frames of another kind of processor are good enough. Raises StorageError where no run is
-        open, or where this process has another identity and would write other bytes.
+        any_processor: whether frames of another kind of processor are good enough. Raises CannotJoinError where no run
+        is open, or where this process has another identity and would write other bytes.
         """
         there = read_standing(self.out) if self.scratch.is_dir() else None
         if there is None or there.identity is None or there.problem:
-            raise StorageError(f"{self.out}: no run is open here")
+            raise CannotJoinError(f"{self.out}: no run is open here")
         if difference := disagreement(there.identity, identity, any_processor=any_processor):
-            raise StorageError(
+            raise CannotJoinError(
                 f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
                 "while it runs, and start it again"
             )
@@ -319,10 +319,9 @@ class Dataset:
     def _journal_path(self, folder: str, name: str) -> Path:
         return self._work / folder / f"journal-{name}.jsonl"
 
-    def write_file(self, folder: str, name: str, data: bytes) -> str:
-        """Write a file of a sequence and return its SHA-256."""
+    def write_file(self, folder: str, name: str, data: bytes) -> None:
+        """Write a file of a sequence."""
         write_atomic(self.out / folder / name, data, self.scratch)
-        return sha256_of_bytes(data)
 
     def link_file(self, source: Path, folder: str, name: str) -> None:
         """Link an existing file, of this dataset or another, into a sequence."""

@@ -76,11 +76,11 @@ def read_records(path: Path) -> Iterator[FrameRecord]:
         return
     with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
-            if record := _parse_record(line):
+            if record := read_record(line):
                 yield record
 
 
-def _parse_record(line: str) -> FrameRecord | None:
+def read_record(line: str) -> FrameRecord | None:
     """Read a line of a journal; None for a torn line and for what no run wrote."""
     try:
         return record_of(parse_json(line))

@@ -13,6 +13,7 @@ from .plan import Plan, Render
 # Measured on two cores at 1200 x 680, and rounded.
 SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
 SECONDS_PER_PIXEL = 1.0e-7  # reading a frame, encoding and writing: 0.08 s a frame
+SECONDS_PER_RAY = 1.7e-7  # engine embree, encoding and writing included: 0.14 s a frame
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 6e-8  # perturbing and encoding: 0.05 s a frame
@@ -55,7 +56,8 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
     pixels = render.camera.width_px * render.camera.height_px
     each_s = pixels * SECONDS_PER_PIXEL
     if render.scene.source.gives.rendered:
-        each_s += pixels * plan.preset.spec.render.samples * SECONDS_PER_SAMPLE
+        spec = plan.preset.spec.render
+        each_s = each_s + pixels * spec.samples * SECONDS_PER_SAMPLE if spec.in_blender else pixels * SECONDS_PER_RAY
     seconds = np.full(max(render.frames, default=-1) + 1, each_s)
     for sequence in render.sequences:
         for modality in plan.format.modalities:

@@ -90,14 +90,19 @@ class Plan:
         return any(scene.source.gives.rendered for scene in self.scenes)
 
     @property
+    def renders_in_blender(self) -> bool:
+        """Whether Blender renders anything."""
+        return self.renders_anything and self.preset.spec.render.in_blender
+
+    @property
     def composites(self) -> bool:
         """Whether anything is perturbed in Blender's compositor."""
         return "rgb" in self.format.modalities and any(setting.composited for setting in self.settings)
 
     @property
     def needs_blender(self) -> bool:
-        """Whether anything is rendered, or perturbed in the compositor."""
-        return self.renders_anything or self.composites
+        """Whether Blender renders anything, or its compositor perturbs it."""
+        return self.renders_in_blender or self.composites
 
     def only(self, render: Render) -> "Plan":
         """Return the plan of one of the renders alone, with the settings of its sequences."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
+from ..presets.preset import EngineName
 from ..schema import Place
 from ..trajectories.sensor_paths import Moment, SensorPaths
 from ..trajectories.stamps import FrameStamps
@@ -40,10 +41,25 @@ class SourceFrame(Protocol):
 
 
 @dataclass(frozen=True)
+class RenderedFrame:
+    """One rendered frame.
+
+    rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
+    depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
+    """
+
+    rgb: NDArray[np.float32] | None
+    depth_m: NDArray[np.float32] | None
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
+        """Return None: a rendered image is in no file yet."""
+
+
+@dataclass(frozen=True)
 class Gives:
     """What a source can give.
 
-    rendered: its frames come from a renderer, which takes time and Blender. any_pose: it gives frames from any pose,
+    rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded.
     """
 
@@ -63,7 +79,7 @@ class RenderOptions:
     far_m: float
     samples: int
     seed: int
-    engine: Literal["cycles", "eevee", "workbench"] = "cycles"
+    engine: EngineName = "cycles"
     device: Literal["cpu", "gpu"] = "cpu"
     rgb: bool = True
     depth: bool = True

@@ -22,6 +22,8 @@ from .overrides import override
 from .selection import OnlySpec, chosen_part
 from .settings import SettingSpec
 
+EngineName = Literal["cycles", "eevee", "workbench", "embree"]
+
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
 
 
@@ -157,8 +159,9 @@ class RigSpec:
 class RenderSpec:
     """How frames are rendered."""
 
-    engine: Literal["cycles", "eevee", "workbench"] = key(
-        "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
+    engine: EngineName = key(
+        "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
+        "ray a pixel without Blender, and needs noisy-world[embree]",
         default="cycles",
     )
     backend: Literal["compositor", "reference"] = key(
@@ -174,6 +177,11 @@ class RenderSpec:
         "whether all frames have to come from one kind of processor; any: results differ by 1/255 between kinds",
         default="same",
     )
+
+    @property
+    def in_blender(self) -> bool:
+        """Whether Blender renders."""
+        return self.engine != "embree"
 
 
 # Of the Replica sequences that iMAP and NICE-SLAM use.
@@ -307,23 +315,25 @@ def _check(spec: PresetSpec, place: Place) -> None:
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
     check_output(spec.output, place.at("output"))
-    if spec.render.device == "gpu" and spec.render.engine != "cycles":
-        raise (
-            place.at("render")
-            .at("device")
-            .error(
-                f"is gpu, but {spec.render.engine} renders with GL, on whatever GL finds", "leave it out, or use cycles"
-            )
-        )
-    if spec.render.engine == "workbench" and spec.render.samples not in WORKBENCH_SAMPLES:
-        known = ", ".join(map(str, WORKBENCH_SAMPLES))
-        raise place.at("render").at("samples").error(f"is {spec.render.samples}; Workbench knows {known}")
+    _check_render(spec.render, place.at("render"))
     for index, scene in enumerate(spec.scenes):
         _check_scene(scene, place.at("scenes").at(index))
     if spec.rig:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
+
+
+def _check_render(spec: RenderSpec, place: Place) -> None:
+    if spec.device == "gpu" and spec.engine != "cycles":
+        how = "casts its rays on the processor" if spec.engine == "embree" else "renders with GL, on whatever GL finds"
+        raise place.at("device").error(f"is gpu, but {spec.engine} {how}", "leave it out, or use cycles")
+    if spec.engine == "workbench" and spec.samples not in WORKBENCH_SAMPLES:
+        known = ", ".join(map(str, WORKBENCH_SAMPLES))
+        raise place.at("samples").error(f"is {spec.samples}; Workbench knows {known}")
+    if spec.engine == "embree" and spec.samples != 1:
+        problem = f"is {spec.samples}, but embree casts one ray through each pixel's centre"
+        raise place.at("samples").error(problem, "leave it out, or use cycles")
 
 
 def _check_scene(spec: SceneSpec, place: Place) -> None:

@@ -40,11 +40,11 @@ def selected(names: Sequence[str], globs: Sequence[str] | None, place: Place) ->
     for glob in globs:
         if not any(fnmatchcase(name, glob) for name in names):
             problem = f"{shown(glob)} matches none of {len(names)} {place.path.rpartition('.')[2]}"
-            raise place.error(problem, f"near it: {', '.join(_near(glob, names))}")
+            raise place.error(problem, f"near it: {', '.join(near_names(glob, names))}")
     return [name for name in names if any(fnmatchcase(name, glob) for glob in globs)]
 
 
-def _near(glob: str, names: Sequence[str]) -> list[str]:
+def near_names(glob: str, names: Sequence[str]) -> list[str]:
     """Return the names that begin most like a glob, one for each first word, or else the first ones."""
     text = re.sub(r"[*?\[\]!]", "", glob)[:100]
 
