@@ -16,6 +16,7 @@ COMMAND = [
     f"noisy_world.cli.{name}"
     for name in (
         *("command", "generate", "list_command", "export_mesh", "workers", "status"),
+        *("plan_command", "shard_command", "merge_command"),
         *("recipe_command", "verify_command", "materialise", "clean_command"),
     )
 ]

@@ -7,6 +7,7 @@ import sys
 
 import bpy
 import numpy as np
+import OpenEXR
 import pytest
 from group_tools import IDENTIFIERS, by_nodes, many_by_nodes, picture, step_of
 from shown import evaluate_scene, image_of
@@ -14,7 +15,9 @@ from worlds import ROOT
 
 from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
 from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.scratch_images import read_rows
 from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.errors import StorageError
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.schema import Place
@@ -173,6 +176,46 @@ def test_small_and_odd_frames(shape):
             assert image.max() <= 1, name
 
 
+def test_what_is_evaluated_is_what_the_groups_are(tmp_path):
+    """The generator evaluates the groups written out into one another; a person's Blender, as they are."""
+    rgb = picture(40, 64)
+    scene = scene_of((64, 40))
+    chains = {name: [step_of(name, severity=4)] for name in ("fog", "glass_blur", "pixelate", "shot_noise")}
+    (made,) = many_by_nodes(chains, [rgb])
+    scene.frame_set(0)
+    for name, steps in chains.items():
+        show_chain(scene, make_chain("NW one", steps, range(1), IDENTIFIERS), image=image_of(rgb), encoded=True)
+        assert np.array_equal(evaluate_scene(scene, tmp_path), made[name]), name
+
+
+def test_bytes_are_the_nearest_to_the_values():
+    """Ties go to the even byte, as IEEE 754 rounds: the values here are half way between two bytes, or near it."""
+    halves = (np.arange(255, dtype=np.float32) + np.float32(0.5)) / np.float32(255)
+    rows = [np.nextafter(halves, np.float32(0)), halves, np.nextafter(halves, np.float32(1)), 1 - halves]
+    rgb = np.stack([np.stack(rows), np.stack(rows[::-1]), np.stack(rows) ** 2], axis=-1)
+    steps = steps_of([{"contrast": {"factor": 1.0}}])
+    with Compositor((255, 4), {"x": steps}, 255) as compositor:
+        values = compositor.evaluate(rgb, {"x": (0, IDENTIFIERS)})[0]["x"]
+        made = compositor.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"][0]
+    assert np.array_equal(made, np.rint(values * np.float32(255)))
+    assert np.array_equal(made, rgb_bytes(values))
+    assert (np.mod(values * np.float32(255), 1) == 0.5).sum() > 100
+
+
+def test_a_scratch_file_that_is_cut_short_is_named(tmp_path):
+    path = tmp_path / "frame.exr"
+    values = np.arange(12, dtype=np.float32).reshape(3, 4)
+    channels = {"a.V": values, "b.V": values + 100}
+    with OpenEXR.File({"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}, channels) as file:
+        file.write(str(path))
+    assert np.array_equal(read_rows(path, (4, 3), 2), np.stack([values, values + 100], axis=1))
+    whole = path.read_bytes()
+    for count in (len(whole) - 1, len(whole) - 40, 20, 0):
+        path.write_bytes(whole[:count])
+        with pytest.raises(StorageError, match="cut short"):
+            read_rows(path, (4, 3), 2)
+
+
 def test_all_settings_in_one_call_are_those_alone():
     rgb = picture(40, 64)
     chains = {f"{name} {severity}": [step_of(name, severity=severity)] for name in NAMES for severity in (1, 5)}
@@ -193,10 +236,31 @@ def test_severity_zero_is_nothing_and_costs_nothing():
         made, notes = compositor.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"]
     assert made is None
     assert notes[0]["severity"] == 0
+    # Nor is it seen in the chains that are written into one file with it.
+    chains = {"x": steps_of([{"fog": {"severity": 0}}]), "y": steps_of([{"contrast": {"factor": 1.0}}])}
+    with Compositor((24, 16), chains, 24) as compositor:
+        made = compositor.perturb(rgb, dict.fromkeys(chains, (0, IDENTIFIERS)))
+    assert made["x"][0] is None
+    assert np.array_equal(made["y"][0], rgb)
     # Beside a step that does something it passes the frame bit for bit.
     with Compositor((24, 16), {"x": steps_of([{"fog": {"severity": 0}}, {"contrast": {"factor": 1.0}}])}, 24) as both:
         made, _ = both.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"]
     assert np.array_equal(made, rgb)
+
+
+def test_what_several_settings_do_alike_is_done_once():
+    """Blur draws nothing, so a severity that is drawn for a frame is that of another setting; noise is never shared."""
+    rgb = rgb_bytes(picture(16, 24))
+    chains = {f"{name} {k}": [step_of(name, severity=3)] for name in ("gaussian_blur", "gaussian_noise") for k in "ab"}
+    chains["drawn"] = steps_of([{"gaussian_blur": {"levels": [1, 3], "mode": "dynamic"}}])
+    with Compositor((24, 16), chains, 24) as compositor:
+        for index in range(6):
+            made = compositor.perturb(rgb, {name: (index, (7, "room", name)) for name in chains})
+            images = {name: image for name, (image, _) in made.items()}
+            assert images["gaussian_blur a"] is images["gaussian_blur b"]
+            drawn = made["drawn"][1][0]["severity"]
+            assert np.array_equal(images["drawn"], images["gaussian_blur a"]) == (drawn == 3)
+            assert not np.array_equal(images["gaussian_noise a"], images["gaussian_noise b"])
 
 
 def test_two_processes_make_the_same_bytes():

@@ -113,3 +113,9 @@ def test_a_cluster_that_loses_a_command_a_worker_and_a_node(tmp_path, cluster, p
     assert "ended with status 7: it said nothing; it is run again" in said
     assert content(out) == content(tmp_path / "here")
     assert not (out / ".noisy_world").exists()
+
+    pytest.importorskip("fsspec", reason="fsspec is not installed")
+    here, packed = (f"file://{tmp_path}/{place}/packed" for place in ("local", "ray"))
+    generate_here(preset, "--out", here)
+    generate_here(preset, "--out", packed, "--ray", cluster.address, "--shards", "2", "--cpus", "1")
+    assert content(tmp_path / "ray/packed") == content(tmp_path / "local/packed")

@@ -96,7 +96,7 @@ def test_what_keeps_a_node_from_taking_part(tmp_path):
     file = tmp_path / "identity.json"
     digest = hashlib.sha256(b"{}").hexdigest()
     assert done("", seen=str(file), sha256=digest)[:2] == (
-        3, f"sees nothing at {file}; the dataset's folder has to be shared by all nodes, under one path",
+        3, f"sees nothing at {file}, which all nodes have to share, under one path",
     )  # fmt: skip
     file.write_bytes(b"[]")
     assert done("", seen=str(file), sha256=digest)[1].startswith("sees another file at")

@@ -7,6 +7,7 @@ import json
 import os
 import random
 import shutil
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -14,8 +15,9 @@ from pathlib import Path
 import fake_session
 import pytest
 from cases import cases
-from worlds import content
+from worlds import content, write_world
 
+from noisy_world.cli.merge_command import missing_shards
 from noisy_world.core.datasets.dataset import Dataset
 from noisy_world.core.datasets.shard_record import read_shard, shard_folder
 from noisy_world.core.errors import BusyError, StorageError
@@ -241,3 +243,59 @@ def test_a_shard_that_fails_before_its_first_frame_leaves_nothing(world, tmp_pat
     with pytest.raises(Exception, match="see nothing"):
         make(plan_of(world), tmp_path / "deep/apart", Shard("box", 2, 4))
     assert not (tmp_path / "deep/apart").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("step", ["merge", "box.000001-000002"])
+def test_a_crash_at_every_step_costs_nothing(tmp_path, step):
+    late = {"name": "late", "perturb": [{"gaussian_noise": None}, {"desync": {"offset": 1}}]}
+    world = write_world(tmp_path / "crash", frames=2, size=(8, 6), settings=[late])
+    plan = plan_of(world)
+    Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    for shard in shards_of(plan, 2):
+        if shard.name != step:
+            make(plan, shard_folder(tmp_path / "shards", shard), shard)
+    # In a process of its own, which has no threads yet and can be forked.
+    script = Path(__file__).with_name("crash_every_step.py")
+    command = [sys.executable, script, world, tmp_path / "whole", tmp_path, tmp_path / "shards", step]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert result.returncode == 0, result.stderr
+    assert int(result.stdout) > 50, "the steps were not counted"
+
+
+def test_a_merge_says_what_is_missing(world, tmp_path):
+    plan = plan_of(world)
+    first, *others = shards_of(plan, 4)
+    for shard in others:
+        make(plan, shard_folder(tmp_path / "made", shard), shard)
+    assert merge(plan, tmp_path / "made") == {first.render: list(range(first.start, first.stop))}
+    assert missing_shards(plan, {first.render: [0, 1, 5]}, None) == (
+        Shard(first.render, 0, 2),
+        Shard(first.render, 5, 6),
+    )
+    assert missing_shards(plan, {first.render: [first.stop - 1]}, 4) == (first,)
+
+
+@cases("processors", ["same", "any"])
+def test_unlike_processors(world, tmp_path, processors):
+    shards, made = shards_of(plan_of(world), 2), tmp_path / processors
+    for number, shard in enumerate(shards):
+        with pytest.MonkeyPatch.context() as patched:
+            features = ["SSE2", "AVX2"][: 2 - number]
+            patched.setattr("noisy_world.core.datasets.provenance.processor_features", lambda these=features: these)
+            plan = plan_of(world, overrides=[f"render.processors={processors}"])
+            make(plan, shard_folder(made, shard), shard)
+            if shard is shards[-1] and processors == "same":
+                with pytest.raises(
+                    StorageError, match=r"made on another processor: .*render\.processors: any"
+                ) as error:
+                    merge(plan, made)
+                assert "\n" not in str(error.value)
+                assert (shard_folder(made, shards[0]) / "shard.json").exists()
+            elif shard is shards[-1]:
+                assert merge(plan, made) == {}
+                found = json.loads((made / "run.json").read_text())["processors"]
+                assert {item["shards"][0]: item["processor"]["features"] for item in found} == {
+                    shards[0].name: ["SSE2", "AVX2"],
+                    shards[1].name: ["SSE2"],
+                }

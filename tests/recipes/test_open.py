@@ -224,6 +224,12 @@ def test_sequences_in_a_plain_layout_are_opened(made, tmp_path):
         assert (frame.stamp_s, frame.done, len(opened[name])) == (5 / 20, {}, COUNT)
 
 
+def test_sequences_copied_out_of_a_dataset_say_enough(made, tmp_path):
+    shutil.copytree(made.out / "early", tmp_path / "some/early")
+    frame = noisy_world.open(tmp_path / "some")["early/box"][5]
+    check(frame, made.out, records(made.out, "early/box")[5])
+
+
 def test_the_compositors_colour_is_not_made_here(made, tmp_path):
     text = made.recipe.read_text().replace('"backend":"reference"', '"backend":"compositor"')
     (tmp_path / "recipe.json").write_text(text)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs at an address against the same dataset made in a folder and published: cuttings, damage, refusals."""
 
+import dataclasses
 import json
 import shutil
 import sys
@@ -9,12 +10,14 @@ import threading
 import pytest
 from packed import pack_to, write_preset
 
+from noisy_world.cli.workers import Order, carry_out
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
 from noisy_world.core.planning.shards import Shard
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline import address_run
 from noisy_world.pipeline.address_run import AddressRun
+from noisy_world.pipeline.report import Report
 from noisy_world.planning import make_plan
 from noisy_world.storage.address import open_address
 
@@ -99,6 +102,45 @@ def test_a_run_goes_on_from_shards_and_overview_is_the_folder_s(tmp_path, place)
     assert_same(folder, tmp_path / "packed/noisy")
     assert json.loads((folder / "croissant.json").read_text())["license"] == "cc-by-4.0"
     assert "license: cc-by-4.0\n" in (folder / "README.md").read_text()
+
+
+def test_workers_elsewhere_put_shards_themselves(preset, packed, place):
+    # As a node of a cluster does it: an order with the address, then a shard's name.
+    folder, address, scratch = place
+    plan = make_plan(read_preset(preset))
+    order, heard = json.dumps(dataclasses.asdict(Order.of(plan, address, 1, scratch))), []
+
+    def workers(shards, made, progress):
+        for shard in shards:
+            assert carry_out(Lines(order, shard.name), Heard(heard), threading.Event()) == 0
+            made(shard)
+        return Report()
+
+    run_of(preset, address, scratch).make_apart(workers, 5)
+    made = [Shard.parse(message["made"]) for message in heard if "made" in message]
+    assert len(made) == 5
+    for scene in ("attic", "hall"):
+        assert [k for shard in made if shard.render == scene for k in range(shard.start, shard.stop)] == list(range(6))
+    assert_same(folder, packed)
+    assert not list(scratch.iterdir())
+
+
+class Lines:
+    """What a worker is told, in place of its standard input."""
+
+    def __init__(self, *lines):
+        self.lines = iter(lines)
+
+    def next(self):
+        return next(self.lines, None)
+
+
+class Heard(PlainProgress):
+    """What a worker tells, in place of its standard output."""
+
+    def __init__(self, messages):
+        super().__init__(sys.stderr)
+        self.tell = messages.append
 
 
 def test_a_damaged_shard_is_made_again(preset, packed, place):

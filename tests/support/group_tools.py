@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
+from noisy_world.core.node_graphs.chain import build_written
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -39,11 +40,18 @@ def keep_group(name):
     ensure_group(build_group(registry()[name])).use_fake_user = True
 
 
+def keep_written(chains):
+    """Make what the generator evaluates for these chains stay in the file, for the same reason."""
+    for steps in chains.values():
+        ensure_group(build_written(steps)).use_fake_user = True
+
+
 def by_nodes(name, image, frames=(0,), *, reference_width=None, identifiers=IDENTIFIERS, depth_m=None, **values):
     """What the node group makes of the frames: a list of (H, W, 3) float32, encoded; the image itself at severity 0."""
     size = image.shape[1], image.shape[0]
-    keep_group(name)
-    with Compositor(size, {"x": [step_of(name, **values)]}, reference_width or size[0]) as compositor:
+    chains = {"x": [step_of(name, **values)]}
+    keep_written(chains)
+    with Compositor(size, chains, reference_width or size[0]) as compositor:
         found = [compositor.evaluate(image, {"x": (k, identifiers)}, depth_m)[0]["x"] for k in frames]
     return [image if item is None else item for item in found]
 
@@ -51,8 +59,7 @@ def by_nodes(name, image, frames=(0,), *, reference_width=None, identifiers=IDEN
 def many_by_nodes(chains, images, indices=(0,), *, identifiers=IDENTIFIERS, depth_m=None):
     """What many chains, steps by name, make of the images, each at each index: a dictionary by name for every one."""
     size = images[0].shape[1], images[0].shape[0]
-    for name in {step.perturbation.name for steps in chains.values() for step in steps}:
-        keep_group(name)
+    keep_written(chains)
     with Compositor(size, chains, size[0]) as compositor:
         return [
             compositor.evaluate(image, dict.fromkeys(chains, (k, identifiers)), depth_m)[0]

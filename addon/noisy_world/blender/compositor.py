@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluating node groups on arrays: one upload of a frame, one evaluation, an image for each setting."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import batched
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +10,23 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.images import rgb_bytes
 from ..core.errors import StorageError
-from ..core.node_graphs.chain import build_chain, is_active, socket_values, step_node
+from ..core.node_graphs.chain import build_written, is_active, socket_of, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
 from .nodes import ensure_group, remove_group
 from .render import muted_output
+from .scratch_images import read_rows, write_plain_floats
 from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
 
 SCENE = "Noisy World compositor"
-FILES_PER_CALL = 16  # images of float colour; chosen, so that memory does not grow with the number of settings
-BYTES_PER_PIXEL = 12  # three channels of float32
-LAYER = "s"
+# Layers of a file, and so the images that one evaluation makes; chosen, so that memory does not grow with the number of
+# settings. A file of several costs less than several files, as writing a row costs more than its bytes.
+LAYERS = 16
+FLOATS = 4  # bytes of a float32
+type SocketValues = dict[str, dict[str, Any]]
+"""The values of sockets by name, by the step's node."""
 
 
 class Compositor:
@@ -48,8 +52,7 @@ class Compositor:
         self._size_px = size_px = (2, 1) if self._one_pixel else size_px
         self._chains = {name: tuple(steps) for name, steps in chains.items()}
         self._needs_depth = any(step.perturbation.needs_depth for steps in chains.values() for step in steps)
-        self._scratch = ScratchFolder(BYTES_PER_PIXEL * size_px[0] * size_px[1] * min(len(chains), FILES_PER_CALL))
-        self._folder = self._scratch.path
+        self._scratch = ScratchFolder(FLOATS * size_px[0] * size_px[1] * min(len(chains), LAYERS))
         self._scene = bpy.data.scenes.new(SCENE)
         self._tree = new_tree(SCENE)
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
@@ -57,8 +60,9 @@ class Compositor:
         self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
         self._configure()
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
-        self._files: dict[str, bpy.types.CompositorNodeOutputFile] = {}
         self._wire(reference_width_px)
+        self._bytes = _Layers(self._tree, self._scratch.path, self._nodes, "Bytes")
+        self._floats: _Layers | None = None
 
     def _configure(self) -> None:
         scene = self._scene
@@ -72,22 +76,18 @@ class Compositor:
         render.compositor_precision = "FULL"
 
     def _wire(self, reference_width_px: int) -> None:
-        """Link the frame through every chain to its own file output; a shared one would write unlinked layers too."""
+        """Link the frame to every chain; chains of the same perturbations share a group."""
         tree = self._tree
         frame = _image_node(tree, self._image)
         depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
-        for number, (name, steps) in enumerate(self._chains.items()):
+        for name, steps in self._chains.items():
             node = new_node(tree, bpy.types.CompositorNodeGroup)
-            node.node_tree = ensure_group(build_chain(f"NW chain {name}", steps))
+            node.node_tree = ensure_group(build_written(steps))
             set_value(node.inputs["Reference Width"], reference_width_px)
-            set_value(node.inputs["Encoded"], True)
             tree.links.new(frame.outputs["Image"], node.inputs["Image"])
             if depth is not None and "Depth" in node.inputs:
                 tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
-            file = _file_node(tree, self._folder, f"{number}")
-            tree.links.new(node.outputs["Image"], inputs(file)[0])
             self._nodes[name] = node
-            self._files[name] = file
 
     def perturb(
         self,
@@ -100,10 +100,14 @@ class Compositor:
         rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
         and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it.
 
-        Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done.
+        Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done. Chains that do the same
+        to the frame give one array.
         """
-        images, notes = self.evaluate(rgb, frames, depth_m)
-        return {name: (None if image is None else rgb_bytes(image), notes[name]) for name, image in images.items()}
+        active, notes = self._prepare(rgb, frames, depth_m)
+        images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
+        for name, layer in self._run(self._bytes, active):
+            images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
+        return {name: (image, notes[name]) for name, image in images.items()}
 
     def evaluate(
         self,
@@ -112,34 +116,59 @@ class Compositor:
         depth_m: NDArray[np.float32] | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
         """Do what `perturb` does, without rounding."""
+        active, notes = self._prepare(rgb, frames, depth_m)
+        if self._floats is None:
+            self._floats = _Layers(self._tree, self._scratch.path, self._nodes, "Image")
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
+        for name, layer in self._run(self._floats, active):
+            images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
+        return images, notes
+
+    def _own[T: np.generic](self, image: NDArray[T]) -> NDArray[T]:
+        return image[:, :1] if self._one_pixel else image
+
+    def _prepare(
+        self,
+        rgb: NDArray[Any],
+        frames: Mapping[str, tuple[int, Identifiers]],
+        depth_m: NDArray[np.float32] | None,
+    ) -> tuple[dict[str, list[str]], dict[str, list[dict[str, Any]]]]:
+        """Set all sockets and hand the frame over; return the chains to evaluate, and what each chain does.
+
+        A chain to evaluate stands for all that do the same: a severity that is drawn, and draws nothing itself, is
+        often that of another setting.
+        """
         notes: dict[str, list[dict[str, Any]]] = {}
-        active = []
+        active: dict[str, list[str]] = {}
+        first: dict[str, str] = {}
         for name, (index, identifiers) in frames.items():
-            works, notes[name] = self._set_sockets(name, index, identifiers)
-            if works:
-                active.append(name)
+            values, notes[name] = self._values(name, index, identifiers)
+            if not is_active(values):
+                continue
+            done = f"{group_of(self._nodes[name]).name}: {values!r}"
+            if done not in first:
+                self._set_sockets(name, values)
+            active.setdefault(first.setdefault(done, name), []).append(name)
         if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
             raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
         if active:
             self._upload(rgb, depth_m)
-        for first in range(0, len(active), FILES_PER_CALL):
-            images |= self._run(active[first : first + FILES_PER_CALL])
-        return images, notes
+        return active, notes
 
-    def _set_sockets(self, name: str, index: int, identifiers: Identifiers) -> tuple[bool, list[dict[str, Any]]]:
-        tree = group_of(self._nodes[name])
+    def _values(self, name: str, index: int, identifiers: Identifiers) -> tuple[SocketValues, list[dict[str, Any]]]:
         values, notes = {}, []
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
                 step, index, identifiers, scene_frame=self._scene.frame_current
             )
             notes.append(note)
-        for node_name, sockets in values.items():
-            sockets_of = tree.nodes[node_name].inputs
-            for socket_name, value in sockets.items():
-                set_value(sockets_of[socket_name], value)
-        return is_active(values), notes
+        return values, notes
+
+    def _set_sockets(self, name: str, values: SocketValues) -> None:
+        sockets_of = self._nodes[name].inputs
+        for step in self._chains[name]:
+            for socket_name, value in values[step_node(step)].items():
+                set_value(sockets_of[socket_of(step, socket_name)], value)
 
     def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
         values = rgb[::-1]
@@ -153,41 +182,30 @@ class Compositor:
             rgba[..., :3] = depth_m[::-1, :, None]
             set_pixels(self._depth_image, rgba)
 
-    def _run(self, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-        for name, file in self._files.items():
-            file.mute = name not in names
-        problem = ""
-        try:
-            # Not by the operator's own argument, which would set the scene to the active scene's frame.
-            with muted_output(), override(scene=self._scene):
-                bpy.ops.render.render()
-        except RuntimeError as error:  # Blender reports in this way that it could not write
-            problem = str(error).strip().splitlines()[-1]
-        return {name: self._take(self._folder / f"{self._files[name].file_name}.exr", problem) for name in names}
-
-    def _take(self, path: Path, problem: str) -> NDArray[np.float32]:
-        """Read an image and remove its file."""
-        import cv2
-        import OpenEXR
-
-        if problem or not path.exists():
-            raise StorageError(f"{path}: Blender could not write its scratch file: {problem or 'no file came'}")
-        with OpenEXR.File(str(path), separate_channels=True) as layers:
-            channels = layers.channels()
-            axes = [np.ascontiguousarray(channels[f"{LAYER}.{axis}"].pixels) for axis in "XYZ"]
-        path.unlink()
-        image = np.asarray(cv2.merge(axes), np.float32).reshape(*axes[0].shape, 3)
-        return image[:, :1] if self._one_pixel else image
+    def _run(self, layers: "_Layers", active: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """Evaluate the active chains; yield each with its layer (H, channels, W)."""
+        for other in (self._bytes, self._floats):
+            if other is not None:
+                other.mute()
+        for names in layers.batches(active):
+            problem = ""
+            try:
+                # Not by the operator's own argument, which would set the scene to the active scene's frame.
+                with muted_output(), override(scene=self._scene):
+                    bpy.ops.render.render()
+            except RuntimeError as error:  # Blender reports in this way that it could not write
+                problem = str(error).strip().splitlines()[-1]
+            yield from layers.take(names, self._size_px, problem)
 
     def close(self) -> None:
         """Remove everything that was added to the file."""
-        for node in self._nodes.values():
-            tree = group_of(node)
-            node.node_tree = None
-            remove_group(tree)
-        self._nodes.clear()
+        trees = {group_of(node).name: group_of(node) for node in self._nodes.values()}
         bpy.data.scenes.remove(self._scene)
         bpy.data.node_groups.remove(self._tree)
+        self._nodes.clear()
+        for tree in trees.values():
+            if tree.users == 0:
+                remove_group(tree)
         for image in (self._image, self._depth_image):
             if image is not None:
                 bpy.data.images.remove(image)
@@ -200,6 +218,70 @@ class Compositor:
         self.close()
 
 
+class _Layers:
+    """The files that one output of the chains is written to, each with a layer for several chains."""
+
+    def __init__(
+        self, tree: bpy.types.NodeTree, folder: Path, nodes: Mapping[str, bpy.types.CompositorNodeGroup], output: str
+    ) -> None:
+        """Add the nodes that write. output: the chains' output, Image or Bytes."""
+        self._folder = folder
+        self._nodes = nodes
+        self._channels = 3 if output == "Image" else 1
+        self._files: dict[tuple[str, ...], bpy.types.CompositorNodeOutputFile] = {}
+        for number, names in enumerate(batched(nodes, LAYERS, strict=False)):
+            file = new_node(tree, bpy.types.CompositorNodeOutputFile)
+            file.directory, file.file_name = str(folder), f"{output}-{number}"
+            file.save_as_render = False
+            assert file.format is not None
+            write_plain_floats(file.format)
+            for slot, name in enumerate(names):
+                file.file_output_items.new("VECTOR" if output == "Image" else "FLOAT", f"{slot:02}")
+                tree.links.new(nodes[name].outputs[output], inputs(file)[slot])
+            self._files[names] = file
+
+    def mute(self) -> None:
+        """Write nothing."""
+        for file in self._files.values():
+            file.mute = True
+
+    def batches(self, active: Iterable[str]) -> Iterator[tuple[str, ...]]:
+        """Unmute one file after the other, for those that have layers of active chains; yield the chains of each.
+
+        A chain beside them that is not active passes the frame on, as a file has all its layers always.
+        """
+        wanted = set(active)
+        for names, file in self._files.items():
+            if wanted.isdisjoint(names):
+                continue
+            for name in names:
+                self._nodes[name].mute = name not in wanted
+            file.mute = False
+            yield tuple(name if name in wanted else "" for name in names)
+            file.mute = True
+
+    def take(
+        self, names: Sequence[str], size_px: tuple[int, int], problem: str
+    ) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """Read a file and remove it; yield its layers by the chain's name, without those that have none."""
+        (path,) = {self._folder / f"{file.file_name}.exr" for file in self._files.values() if not file.mute}
+        if problem or not path.exists():
+            raise StorageError(f"{path}: Blender could not write its scratch file: {problem or 'no file came'}")
+        rows = read_rows(path, size_px, self._channels * len(names))
+        path.unlink()
+        for slot, name in enumerate(names):
+            if name:
+                yield name, rows[:, slot * self._channels : (slot + 1) * self._channels]
+
+
+def _bytes_of(number: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return the bytes (H, W, 3) that were put into one number (H, W) each."""
+    import cv2
+
+    four = number.astype("<i4").view(np.uint8).reshape(*number.shape, 4)
+    return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8).reshape(*number.shape, 3)
+
+
 def _float_image(name: str, size_px: tuple[int, int]) -> bpy.types.Image:
     image = bpy.data.images.new(name, *size_px, alpha=False, float_buffer=True)
     use_as_data(image)
@@ -210,20 +292,3 @@ def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.N
     node = new_node(tree, bpy.types.CompositorNodeImage)
     node.image = image
     return node
-
-
-def _file_node(tree: bpy.types.NodeTree, folder: Path, name: str) -> bpy.types.CompositorNodeOutputFile:
-    """Add a node that writes an image unchanged: float, without colour management or compression."""
-    file = new_node(tree, bpy.types.CompositorNodeOutputFile)
-    file.directory = str(folder)
-    file.file_name = name
-    file.save_as_render = False
-    file_format = file.format
-    assert file_format is not None
-    file_format.media_type = "MULTI_LAYER_IMAGE"
-    file_format.file_format = "OPEN_EXR_MULTILAYER"
-    file_format.color_depth = "32"
-    file_format.exr_codec = "NONE"
-    file_format.use_exr_interleave = True
-    file.file_output_items.new("VECTOR", LAYER)
-    return file

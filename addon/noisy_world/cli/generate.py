@@ -81,11 +81,13 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
     from .running import listener
     from .workers import Workers, useful_jobs
 
-    if options.ray is not None:
-        return fail("--ray makes datasets in folders so far; use plan --shards for an address", options, entry)
     if options.overwrite:
         return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
     progress, stop = listener(options.progress)
+    if options.ray is not None:
+        from .ray_workers import make_on_ray
+
+        return told_of(make_on_ray(plan, options, progress, stop), options)
     jobs, told = useful_jobs(options.jobs, plan.frame_count)
     if told:
         progress.note(told)

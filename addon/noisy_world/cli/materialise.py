@@ -64,7 +64,7 @@ def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Ent
     from .generate import generate
     from .running import listener
 
-    status = generate(plan, _generate_options(options), replace(entry, words=own_entry("generate").words))
+    status = generate(plan, _generate_options(options, entry), replace(entry, words=own_entry("generate").words))
     if status != 0:
         return status
     progress, stop = listener("text")
@@ -74,7 +74,9 @@ def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Ent
     return 0 if findings.sound else 1
 
 
-def _generate_options(options: argparse.Namespace) -> argparse.Namespace:
+def _generate_options(options: argparse.Namespace, entry: Entry) -> argparse.Namespace:
     """Return the options that `generate` has for this."""
-    own = {"preset": options.recipe, "overrides": [], "overwrite": False, "progress": "text", "ray": None}
-    return argparse.Namespace(**{**vars(options), **own})
+    from .arguments import parse_arguments as generates
+
+    words = [str(options.recipe.absolute()), "--out", str(options.out.absolute()), "--jobs", str(options.jobs)]
+    return argparse.Namespace(**{**vars(generates(words, entry)), **vars(options)})

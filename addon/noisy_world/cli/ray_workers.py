@@ -21,7 +21,8 @@ from ..core.planning.shards import Shard
 from ..core.progress import Progress
 from ..pipeline.report import Report
 from ..pipeline.run import Made, Run
-from .arguments import out_folder
+from .arguments import out_address, out_folder
+from .at_address import run_at
 from .workers import END, Order, hear
 
 SHARD_S = (
@@ -34,10 +35,14 @@ def make_on_ray(plan: Plan, options: argparse.Namespace, progress: Progress, sto
 
     Raises MissingDependencyError without Ray, NoisyWorldError where no cluster answers and where shards cannot be made.
     """
-    out = out_folder(options)
+    address = out_address(options)
+    out = out_folder(options) if address is None else address
     on_ray = RayOptions(options.ray, options.cpus)
     with connected(on_ray):
-        workers = RayWorkers(plan, out, on_ray, stop)
+        workers = RayWorkers(plan, out, on_ray, stop, scratch=options.scratch)
+        count = options.shards or math.ceil(estimate(plan).seconds / SHARD_S)
+        if isinstance(out, str):
+            return run_at(plan, options, progress, stop, max(1, slots(on_ray))).make_apart(workers.make, count)
         run = Run(
             plan,
             out,
@@ -46,7 +51,7 @@ def make_on_ray(plan: Plan, options: argparse.Namespace, progress: Progress, sto
             overwrite=options.overwrite,
             jobs=max(1, slots(on_ray)),
             workers=workers.make,
-            shards=options.shards or math.ceil(estimate(plan).seconds / SHARD_S),
+            shards=count,
         )
         return run.make_dataset()
 
@@ -54,10 +59,13 @@ def make_on_ray(plan: Plan, options: argparse.Namespace, progress: Progress, sto
 class RayWorkers:
     """The nodes of a cluster as makers of shards."""
 
-    def __init__(self, plan: Plan, out: Path, options: RayOptions, stop: threading.Event) -> None:
-        """Prepare. stop: when set, commands end after their current frames."""
+    def __init__(
+        self, plan: Plan, out: Path | str, options: RayOptions, stop: threading.Event, scratch: Path | None = None
+    ) -> None:
+        """Prepare. out: the dataset's folder or address. stop: when set, commands end after their current frames."""
         self._plan = plan
-        self._out = out.resolve()
+        self._out = out if isinstance(out, str) else out.resolve()
+        self._scratch = scratch
         self._options = options
         self._stop = stop
         self._total = Report()
@@ -98,8 +106,8 @@ class RayWorkers:
 
     def _tasks(self, shards: tuple[Shard, ...]) -> list[Task]:
         """Return a task for each shard: a worker's, as `generate --jobs` starts it."""
-        order = json.dumps(asdict(Order.of(self._plan, self._out, threads=self._options.cpus)))
-        opened = self._out / WORK_FOLDER / IDENTITY
+        order = json.dumps(asdict(Order.of(self._plan, self._out, self._options.cpus, self._scratch)))
+        opened = None if isinstance(self._out, str) else self._out / WORK_FOLDER / IDENTITY
         count = str(self._options.cpus)
         return [
             Task(
@@ -110,8 +118,8 @@ class RayWorkers:
                 environment={"PYTHON_CPU_COUNT": count, "OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count},
                 search_path=_checkout(),
                 version=package_version(),
-                seen=str(opened),
-                sha256=sha256_of_file(opened) or "",
+                seen="" if opened is None else str(opened),
+                sha256="" if opened is None else sha256_of_file(opened) or "",
             )
             for shard in shards
         ]

@@ -14,7 +14,9 @@ import queue
 import subprocess
 import threading
 from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +27,12 @@ from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
 from ..core.progress import JsonProgress, Progress, read_message
+from ..pipeline.address_run import AddressRun
 from ..pipeline.report import Report
 from ..pipeline.run import Made, threads_of_each
 from ..pipeline.shard import ShardMaker, shard_folder
 from ..planning import make_plan
+from ..storage.address import is_address, open_address
 from .entry import BUSY, INTERRUPTED, REFUSED
 
 END = "end"  # what a worker is told when there is no shard left: no shard is called so
@@ -39,8 +43,8 @@ class Order:
     """What a worker has to do, but for the shards, which it is told one after another.
 
     preset, document: the preset's file and its content, overrides included. chosen: start and stop of the frames of
-    each sequence, if not all are made. out: the dataset's folder, which a run has opened. threads: of the renderer;
-    0 for all.
+    each sequence, if not all are made. out: the dataset's folder, which a run has opened, or its address. threads: of
+    the renderer; 0 for all. scratch: where shards are made that go to an address; None for the system's own folder.
     """
 
     preset: str
@@ -48,12 +52,15 @@ class Order:
     chosen: tuple[int | None, int | None] | None
     out: str
     threads: int
+    scratch: str | None = None
 
     @classmethod
-    def of(cls, plan: Plan, out: Path, threads: int) -> "Order":
-        """Return the order for the workers of a plan."""
+    def of(cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None) -> "Order":
+        """Return the order for the workers of a plan. out: the dataset's folder or address."""
         chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
-        return cls(str(plan.preset.path), plan.preset.document, chosen, str(out.resolve()), threads)
+        place = out if isinstance(out, str) else str(out.resolve())
+        own = None if scratch is None else str(scratch.resolve())
+        return cls(str(plan.preset.path), plan.preset.document, chosen, place, threads, own)
 
     def plan(self) -> Plan:
         """Return the plan. Raises InputError where files are missing or wrong."""
@@ -260,6 +267,19 @@ class Told:
         return None
 
 
+@contextlib.contextmanager
+def _maker(order: Order, plan: Plan, progress: Progress, stop: threading.Event) -> Iterator[Callable[[Shard], Report]]:
+    """Return what makes a shard where an order says."""
+    if is_address(order.out):
+        scratch = None if order.scratch is None else Path(order.scratch)
+        run = AddressRun(plan, open_address(order.out), progress=progress, stop=stop, scratch=scratch)
+        yield partial(run.make_shard, threads=order.threads)
+        return
+    there = Dataset(Path(order.out), plan.format)
+    with ShardMaker(plan, progress=progress, stop=stop, threads=order.threads) as maker:
+        yield lambda shard: maker.make(shard_folder(there.out, shard), shard, there, joining=True)
+
+
 def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
     """Make the shards that the parent names, and report to it; return the exit status."""
     line = told.next()
@@ -273,11 +293,9 @@ def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
         parent.tell({"error": str(error)})
         return REFUSED
     try:
-        there = Dataset(Path(order.out), plan.format)
-        with ShardMaker(plan, progress=parent, stop=stop, threads=order.threads) as maker:
+        with _maker(order, plan, parent, stop) as make:
             while (name := told.next()) is not None:
-                shard = Shard.parse(name)
-                total.add(maker.make(shard_folder(there.out, shard), shard, there, joining=True).content())
+                total.add(make(Shard.parse(name)).content())
                 parent.tell({"made": name})
     except InterruptedRunError:
         return INTERRUPTED

@@ -125,7 +125,7 @@ def _problem(order: Order, environment: dict[str, str]) -> str:
             digest = ""
         if digest != order.sha256:
             state = "sees another file" if digest else "sees nothing"
-            return f"{state} at {order.seen}; the dataset's folder has to be shared by all nodes, under one path"
+            return f"{state} at {order.seen}, which all nodes have to share, under one path"
     return ""
 
 

@@ -84,6 +84,18 @@ class AddressRun:
         """
         return self._run(lambda work: self._make(work, workers))
 
+    def make_apart(self, workers: Workers, count: int) -> Report:
+        """Make the dataset as `make_dataset` does, in about `count` shards that the workers put to the address."""
+
+        def make(work: Work) -> None:
+            shards = shards_of(self._plan, count, work) if work else ()
+            if shards:
+                self._start()
+                self.report.merge(workers(shards, lambda shard: self._add(self._there(shard)), self._progress))
+                self._progress.finish()
+
+        return self._run(make)
+
     def merge(self, missing: Callable[[Work, list[Path]], StorageError]) -> Report:
         """Merge the shards at the address. missing: returns the error that says which frames are missing."""
 
@@ -247,9 +259,7 @@ class AddressRun:
         least = SHARDS_PER_JOB * self._jobs if self._jobs > 1 else 1
         shards = shards_of(self._plan, max(least, math.ceil(bytes_to_make / SHARD_BYTES)), work)
         self._check_space(bytes_to_make, len(shards))
-        self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
-        if self._plan.format.note:
-            self._progress.note(self._plan.format.note)
+        self._start()
         waiting: list[Future[StoredShard]] = []
         with ThreadPoolExecutor(UPLOADS, thread_name_prefix="upload") as pool:
 
@@ -265,6 +275,20 @@ class AddressRun:
             for future in waiting:
                 self._add(future.result())
         self._progress.finish()
+
+    def _start(self) -> None:
+        self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+        if self._plan.format.note:
+            self._progress.note(self._plan.format.note)
+
+    def _there(self, shard: Shard) -> StoredShard:
+        """Return a shard that another process has put to the address."""
+        stored = self._stored(record_of_shard(shard))
+        if stored is None:
+            raise StorageError(
+                f"{self._address.of(record_of_shard(shard))}: is gone or torn; run the same command again"
+            )
+        return stored
 
     def _make_here(self, shards: tuple[Shard, ...], made: Callable[[Shard], None]) -> None:
         with ShardMaker(self._plan, progress=self._progress, stop=self._stop) as maker:

@@ -12,7 +12,7 @@ from typing import Any
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
-from ..core.datasets.shard_merging import Merged, ShardRules, merge_shard, merged_shards
+from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
 from ..core.datasets.standing import RUN
 from ..core.errors import StorageError
@@ -109,6 +109,8 @@ class Run:
             work, _ = self._missing()
             if work:
                 raise missing(work, self._dataset.shards_left)
+            if self._plan.chosen is None:
+                drop_unfinished(self._dataset.shards_left)
             for summary in merged_shards(self._dataset.out):
                 self.report.add(summary["report"])
             self.report.frames_kept = max(0, self.report.frames_kept - self.report.frames_rendered)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.layouts import LAYOUTS, find_sequence
 from ..core.datasets.records import FRAMES
-from ..core.datasets.standing import Standing, read_standing
+from ..core.datasets.standing import MANIFEST, Standing, read_standing
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
@@ -60,8 +60,8 @@ class OpenedFolder(Opened):
 
 def _finished(folder: Path, standing: Standing) -> tuple[dict[str, Path], dict[str, int]]:
     """Return the folders of a dataset's sequences by name, and the number of frames of those that have all of them."""
-    if standing.problem:
-        raise InputError(folder, standing.problem)
+    if standing.problem and (folder / MANIFEST).exists():
+        raise InputError(folder, standing.problem)  # without one, somebody copied sequences, which say enough
     there = {name: folder / name for name in sorted(standing.sequences) if (folder / name / FRAMES).is_file()}
     if not there:
         problem = "holds no finished sequence"

@@ -7,6 +7,7 @@ again, and a file that is in its place already, as the record says, counts.
 
 import contextlib
 import json
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -22,6 +23,8 @@ from .removal import remove_dataset, remove_journals, remove_work_folder
 from .shard_record import SHARD, ShardRecord, read_shard, shard_folders
 from .standing import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_standing
 from .storage import FolderLock, Hasher, Mover, storage_errors, write_atomic
+
+PATIENCE_S = 2.0  # how long the lock of a process is waited for that may have been killed; chosen
 
 type Frames = dict[str, tuple[FrameRecord, ...]]
 """Records of frames by the sequence's folder."""
@@ -114,10 +117,11 @@ def merge_shards(dataset: Receiver, identity: dict[str, Any], rules: ShardRules)
         if reason:
             found.refused[folder] = reason
         elif rules.unfinished or record is not None:
-            try:
-                found.merged.append(merge_shard(dataset, folder, record))
-            except BusyError:
+            merged = _merge_when_free(dataset, folder, record)
+            if merged is None:
                 found.left.append(folder)
+            else:
+                found.merged.append(merged)
         else:
             found.left.append(folder)
     return found
@@ -152,6 +156,26 @@ def tidy(folder: Path) -> None:
     for sequence in journal_folders(work):
         remove_journals(work, sequence)
     remove_work_folder(work, work / "unfinished")
+
+
+def _merge_when_free(dataset: Receiver, folder: Path, record: ShardRecord | None) -> Merged | None:
+    """Merge a shard; None where another process is making it. A process that was just killed is waited for."""
+    end_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return merge_shard(dataset, folder, record)
+        except BusyError:
+            if time.monotonic() > end_s:
+                return None
+            time.sleep(0.05)
+
+
+def drop_unfinished(folders: Iterable[Path]) -> None:
+    """Remove shards that are unfinished and that nobody is making, when all their frames are in the dataset."""
+    for folder in folders:
+        with contextlib.suppress(BusyError):
+            if not (folder / SHARD).exists():
+                remove_shard(folder)
 
 
 def merged_shards(out: Path) -> list[dict[str, Any]]:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A setting's perturbations of colour as one node group of groups, in propagation order, and the sockets' values."""
+"""A setting's perturbations of colour as one node group, in propagation order, and the sockets' values."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from ..perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..perturbing.steps import Step
-from .graph import Graph
+from .flat import flat
+from .graph import Graph, Socket
 from .groups import (
     DEPTH_INPUT,
     ENCODED_INPUT,
@@ -20,6 +21,11 @@ from .groups import (
     socket_value,
     to_encoded,
 )
+
+# Added to a number from 0 to 255 and subtracted again, it rounds as the processor does, ties to the even number: of
+# float32's numbers from 2^23 on, only whole ones are left.
+ROUNDING = 1.5 * 2.0**23
+BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 
 
 def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
@@ -41,6 +47,44 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
     graph.output("Image", from_encoded(graph, result, image, encoded), description="The perturbed frame")
     return graph
+
+
+def build_written(steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+    """Describe what the generator evaluates: the same chain for an encoded frame, without groups inside it.
+
+    Inputs are Image, Depth where a step asks for it, Reference Width, and each step's, named by `socket_of`. Outputs
+    are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest.
+    """
+    names = [build_group(step.perturbation, capacity_of(step)).name for step in steps]
+    graph = Graph(f"NW written: {', '.join(names)}", "Perturbations of colour as the generator evaluates them")
+    image = graph.input(IMAGE_INPUT)
+    depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
+    shared: dict[str, Any] = {"Reference Width": graph.input(REFERENCE_INPUT), "Encoded": True, "Depth": depth_m}
+    result = image if steps else graph.clamp(image)
+    for step in steps:
+        group = build_group(step.perturbation, capacity_of(step))
+        inputs: dict[str, Any] = {"Image": result}
+        for item in group.inputs:
+            if item.name in shared:
+                inputs[item.name] = shared[item.name]
+            elif item.name not in inputs:
+                inputs[item.name] = graph.input(replace(item, name=socket_of(step, item.name)))
+        result = graph.group(group, inputs).out("Image", "color")
+    graph.output("Image", result, description="The perturbed frame, encoded")
+    graph.output("Bytes", _one_number(result), "float", "Its bytes in one number")
+    return flat(graph)
+
+
+def _one_number(image: Socket) -> Socket:
+    """Round a frame in [0, 1] to bytes, and put a pixel's three into one number, which float32 holds exactly."""
+    graph = image.graph
+    levels = (image * 255.0 + ROUNDING) - ROUNDING
+    return graph.math("DOT_PRODUCT", levels, BYTE_PLACES)
+
+
+def socket_of(step: Step[ColourPerturbation], name: str) -> str:
+    """Return the name that an input of a step's group has in what `build_written` describes."""
+    return f"{step_node(step)}: {name}"
 
 
 def step_node(step: Step[ColourPerturbation]) -> str:

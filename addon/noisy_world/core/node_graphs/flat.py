@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A group's description without groups inside it: the same arithmetic, which Blender evaluates in fewer passes.
+
+Whatever a group takes or gives is a whole image in memory; between nodes of one group Blender goes on with a piece at a
+time, in the processor's cache. People read groups inside groups; the generator needs none.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from .graph import INTERFACE, Graph, GroupInput, Kind, Node, Socket
+
+REPEATED = (
+    4  # times that a group stands in another at most, to be written out; chosen: Blender makes large groups slowly
+)
+_SWITCH = "GeometryNodeSwitch"
+# From narrow to wide: a link to a wider socket loses nothing, so a group's socket in between changes nothing.
+_WIDTH: Mapping[Kind, int] = {"bool": 0, "int": 1, "float": 2, "vector": 3, "color": 3}
+
+
+def flat(graph: Graph) -> Graph:
+    """Return the description with the groups inside it written out.
+
+    Where a group inside is given a plain True or False, and a choice depends on that alone, the other branch is left
+    out. A group inside stays one where it is there more than `REPEATED` times, itself made flat, and where a link to it
+    narrows what it carries.
+    """
+    return _Writer(graph).result
+
+
+class _Writer:
+    """Writes groups into one description."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.result = Graph(graph.name, graph.description)
+        self._constants: dict[tuple[Kind, str], Socket] = {}
+        self._groups: dict[str, Graph] = {}
+        made = self._write(graph, {item.name: self.result.input(item) for item in graph.inputs})
+        for item in graph.outputs:
+            self.result.output(item.name, self._socket(item.kind, made[item.name]), item.kind, item.description)
+
+    def _write(self, graph: Graph, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Write a group's nodes. given: for each input a socket or the value of a bool. Return its outputs' values."""
+        numbers: dict[int, int] = {}
+        found: dict[int, Mapping[str, Any]] = {INTERFACE: given}
+
+        def value_of(item: Any) -> Any:
+            if not isinstance(item, Socket):
+                return item
+            if item.node in found:
+                return found[item.node][item.output]
+            return Socket(self.result, numbers[item.node], item.output, item.kind)
+
+        reachable = graph.reachable()
+        groups = [graph.nodes[number].group for number in reachable]
+        times = Counter(item.stamp for item in groups if item is not None)
+        for number in reachable:
+            node = graph.nodes[number]
+            inputs = {name: value_of(value) for name, value in node.inputs.items()}
+            if node.group is not None and times[node.group.stamp] <= REPEATED and _fits(node.group, inputs):
+                arguments = {item.name: inputs.get(item.name, item.default) for item in node.group.inputs}
+                sockets = {item.name: self._argument(item.kind, arguments[item.name]) for item in node.group.inputs}
+                found[number] = self._write(node.group, sockets)
+            elif (chosen := _chosen(node, inputs)) is not None:
+                found[number] = {"Output": chosen}
+            else:
+                inside = node.group and self._flat_group(node.group)
+                made = self.result.node(node.idname, inputs, node.properties, picture=node.picture, group=inside)
+                numbers[number] = made.number
+        return {item.name: value_of(item.socket) for item in graph.outputs}
+
+    def _flat_group(self, group: Graph) -> Graph:
+        if group.stamp not in self._groups:
+            self._groups[group.stamp] = made = flat(group)
+            made.name = f"{group.name} (flat)"
+        return self._groups[group.stamp]
+
+    def _argument(self, kind: Kind, value: Any) -> Any:
+        return value if isinstance(value, bool) else self._socket(kind, value)
+
+    def _socket(self, kind: Kind, value: Any) -> Socket:
+        """Return a socket that gives a value; a plain one becomes an input that is never set."""
+        if isinstance(value, Socket):
+            return value
+        key = kind, repr(value)
+        if key not in self._constants:
+            name = f"Constant {len(self._constants) + 1}"
+            self._constants[key] = self.result.input(GroupInput(name, kind, value, "A value in the group"))
+        return self._constants[key]
+
+
+def _chosen(node: Node, inputs: Mapping[str, Any]) -> Socket | None:
+    """Return what a choice gives whose condition is known; None for other nodes."""
+    if node.idname != _SWITCH or not isinstance(inputs["Switch"], bool):
+        return None
+    chosen = inputs["True" if inputs["Switch"] else "False"]
+    return chosen if isinstance(chosen, Socket) else None
+
+
+def _fits(group: Graph, inputs: Mapping[str, Any]) -> bool:
+    """Tell whether no link to or from a group's sockets narrows what it carries."""
+    into = [(inputs[item.name].kind, item.kind) for item in group.inputs if isinstance(inputs.get(item.name), Socket)]
+    out = [(item.socket.kind, item.kind) for item in group.outputs]
+    return all(_WIDTH[source] <= _WIDTH[target] for source, target in into + out)
