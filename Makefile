@@ -68,7 +68,11 @@ $(VENV)-docs/.installed: requirements-docs.lock
 # What stands below Blender, whose branches are counted: 95 % of core's and of the perturbations' have to be taken.
 BELOW_BLENDER := tests/core tests/perturbations tests/pipeline tests/sources
 
-test: venv ## run the tests; of core and perturbations, count the branches that they take
+$(VENV)/.extras: requirements-extras.lock $(VENV)/.installed
+	$(ENVIRONMENT) "$(PYTHON)" $(VENV) --only-binary :all: --no-binary jsonpath-rw --require-hashes -r $< # all wheels but one
+	touch $(VENV)/.installed $@
+
+test: $(VENV)/.extras ## run the tests; of core and perturbations, count the branches that they take
 	$(PY) -m coverage run -m pytest $(BELOW_BLENDER)
 	$(PY) -m coverage report --include='addon/noisy_world/core/*'
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
@@ -80,12 +84,13 @@ fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with e
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env
 	$(PY) headless/bench/report.py --out out/bench
+	$(PY) headless/bench/cost.py --out out/bench
 
 $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
-lint: venv ## check style, layers, formatting and types
+lint: $(VENV)/.extras ## check style, layers, formatting and types
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright --pythonpath $(PY)
@@ -114,6 +119,7 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 

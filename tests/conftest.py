@@ -9,7 +9,7 @@ import pytest
 pytest.register_assert_rewrite("ply_files")
 pytest.register_assert_rewrite("worlds")
 
-WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "sources")
+WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sources")
 
 
 @pytest.fixture(autouse=True)
@@ -18,9 +18,18 @@ def _no_bpy(request, monkeypatch):
         monkeypatch.setitem(sys.modules, "bpy", None)  # importing it raises ImportError
 
 
-@pytest.fixture(scope="session")
-def room():
-    """The embedded room, which takes seconds to make: one for all, as in the program."""
-    from noisy_world.sources.mesh import load_mesh
+@pytest.fixture(scope="session", autouse=True)
+def kept_rooms(pytestconfig):
+    """The embedded rooms, each built once; the program takes them from there too, where it runs in this process."""
+    from kept_rooms import KEPT, KeptRooms
 
-    return load_mesh(None)
+    kept = KeptRooms(pytestconfig.cache.mkdir(KEPT))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("noisy_world.sources.mesh.build_room", kept.room)
+        yield kept
+
+
+@pytest.fixture(scope="session")
+def room(kept_rooms):
+    """The embedded room: one for all."""
+    return kept_rooms.room()

@@ -12,12 +12,19 @@ MODULES = sorted(
     ".".join(path.relative_to(ADDON).with_suffix("").parts).removesuffix(".__init__")
     for path in (ADDON / "noisy_world" / "core").rglob("*.py")
 )
-COMMAND = [f"noisy_world.cli.{name}" for name in ("command", "generate", "list_command", "export_mesh", "workers")]
+COMMAND = [
+    f"noisy_world.cli.{name}"
+    for name in (
+        *("command", "generate", "list_command", "export_mesh", "workers", "status"),
+        *("plan_command", "shard_command", "merge_command"),
+        *("recipe_command", "verify_command", "materialise", "clean_command"),
+    )
+]
 
 
 @pytest.mark.parametrize(
     "modules",
-    [MODULES, ["noisy_world.pipeline.run"], ["noisy_world"], COMMAND],
+    [MODULES, ["noisy_world.pipeline.run"], ["noisy_world", "noisy_world.recipes.opening"], COMMAND],
     ids=["core", "pipeline", "top", "command"],
 )
 def test_imports_stay_light(modules):
@@ -51,11 +58,19 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "addon/noisy_world/pipeline/frame_writer.py": "from ..cli.entry import Entry\n",
         "addon/noisy_world/sources/mesh.py": "from ..blender.session import Session\n",
         "addon/noisy_world/sources/recording.py": "from ..pipeline.run import Run\n",
+        "addon/noisy_world/sources/rendering.py": "from ..rays.session import RaySession\n",
+        "addon/noisy_world/rays/session.py": "from ..blender.session import Session\n",
+        "addon/noisy_world/rays/colours.py": "import bpy\n",
+        "addon/noisy_world/rays/embree.py": "import embreex\n",
         "addon/noisy_world/core/planning/plan.py": "from ...sources import find_scenes\n",
         "addon/noisy_world/perturbations/fog.py": "from ..cli.entry import Entry\n",
         "addon/noisy_world/ui/runs.py": "from ..cli import generate\n",
+        "addon/noisy_world/storage/packing.py": "from ..pipeline.run import Run\n",
+        "addon/noisy_world/storage/address.py": "import fsspec\n",
         "addon/noisy_world/cli/missing.py": "import bpy\n",
         "addon/noisy_world/cli/running.py": "from ..ui import runs\n",
+        "addon/noisy_world/recipes/opened.py": "from ..cli.entry import Entry\n",
+        "addon/noisy_world/recipes/recipe.py": "import cv2\n",
     }
     for name, line in breaches.items():
         path = tmp_path / name

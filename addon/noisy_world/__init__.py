@@ -6,6 +6,30 @@ As a Blender extension it adds a tab to the 3D view's sidebar. The library and t
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .recipes.opened import Opened
+
+
+def open(  # noqa: A001 - as in noisy_world.open(...)
+    path: str | Path, clean: str | Path | None = None, *, data: str | Path | None = None
+) -> "Opened":
+    """Open a dataset or a recipe: sequences by name, frames by number, in any order. No Blender is needed.
+
+        frame = noisy_world.open("out/noisy_rooms")["fog_s3_static/room0"][1234]
+        frame.rgb, frame.depth_m, frame.c2w, frame.stamp_s, frame.done
+
+    path: of a dataset, of a folder with sequences in a layout, or of a recipe, whose frames are made on the spot, equal
+    to the bytes of the dataset's files. clean: for a recipe, the folder of clean frames that 'noisy-world clean' made;
+    without one, frames are made of inputs that need no Blender. data: for a recipe, the folder that the paths of its
+    scenes begin at; default the recipe's own.
+
+    Raises InputError where there is neither, or where the clean frames are another recipe's.
+    """
+    from .recipes.opening import open_path  # noqa: PLC0415 - Blender enables the add-on by this file
+
+    return open_path(path, clean, data)
 
 
 def register() -> None:

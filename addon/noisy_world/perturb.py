@@ -44,6 +44,7 @@ from .core.trajectories.sensor_paths import SensorPaths
 from .core.trajectories.trajectory import Trajectory
 from .perturbations import registry
 from .pipeline.clean_frame import Camera, CleanFrame
+from .pipeline.made_frame import SequenceMaker
 from .sources.recording import RecordedFrame, read_recording
 
 
@@ -205,18 +206,16 @@ def _perturbed_frames(
     stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
 ) -> Iterator[PerturbedFrame]:
     """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
-    whole = sequence.setting
-    camera, depth_camera = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
+    colour, depth = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
+    maker = SequenceMaker(
+        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)))
+    )
     for index in sequence.frames:
-        shown = sequence.shown(index)
-        clean = CleanFrame(shown.rgb_source, RecordedFrame(stored.frame(shown.rgb_source)))
-        taken = CleanFrame(shown.depth_source, RecordedFrame(stored.frame(shown.depth_source)))
-        rgb, _ = perturb_rgb(whole.rgb, clean.rgb, camera.context(sequence, index, clean))
-        depth_m, _ = perturb_depth(whole.depth, taken.depth_m, depth_camera.context(sequence, shown.depth_frame, taken))
+        made = maker.frame(index)
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),
             path.c2w[index],
-            clean.byte_rgb() if rgb is None else rgb,
-            taken.depth_m if depth_m is None else depth_m,
+            made.rgb,
+            made.depth_m,
         )

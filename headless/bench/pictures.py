@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .results import Results
 
-MARKS = {"cycles": "o", "eevee": "s", "workbench": "^"}
+MARKS = {"cycles": "o", "eevee": "s", "workbench": "^", "embree": "D"}
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -31,19 +31,23 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]
     imported_s = time.perf_counter()
-    from noisy_world.blender.session import Session  # noqa: PLC0415
-    from noisy_world.pipeline.clean_frame import CleanFrame  # noqa: PLC0415
+    load_renderer(in_blender=plan.preset.spec.render.in_blender)
+    from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline.run import render_options  # noqa: PLC0415
+    from noisy_world.pipeline.spent import Spent  # noqa: PLC0415
+    from noisy_world.pipeline.stock import Finished, Holding  # noqa: PLC0415
     from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
+    from noisy_world.sources.rendering import open_session  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s
+    from noisy_world.pipeline.clean_frame import CleanFrame  # noqa: PLC0415
+
     mesh = load_mesh(Path(render.scene.source.location))
     paths = source_paths(plan, render)
-    options = render_options(plan, render, jobs=2 if "--one-thread" in flags else 1)
+    options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
     dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path, "sequences": {}}, lambda _: None, overwrite=True)
-    with Session(mesh, "bench", paths, render.camera, options) as session:
+    with open_session(mesh, "bench", paths, render.camera, options) as session:
         del mesh
         forget_meshes()
         if "--all-on" in flags:
@@ -51,34 +55,59 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         loaded_s = time.perf_counter()
         frame_count = len(paths)
 
-        def work(frames: list[int]) -> float:
-            """Render and write; return seconds a frame."""
-            start_s = time.perf_counter()
-            with FrameWriter(dataset, render, 0) as writer:
+        def work(frames: list[int]) -> dict[str, float]:
+            """Render and write; return seconds a frame, and those of all processors together."""
+            start_s, start_core_s = time.perf_counter(), time.process_time()
+            with FrameWriter(dataset, render, Finished([Holding(dataset, render)]), Spent()) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.moment(shown))), {})
                 writer.drain()
-            return (time.perf_counter() - start_s) / len(frames)
+            spent = {"frame_s": time.perf_counter() - start_s, "core_s": time.process_time() - start_core_s}
+            return {name: value / len(frames) for name, value in spent.items()}
 
-        first_s = work([0])
+        first_s = work([0])["frame_s"]
         answer(
             blender_s=blender_s,
             loading_s=loaded_s - imported_s - blender_s,
             first_frame_s=first_s,
-            **inventory(),
+            **(inventory() if plan.preset.spec.render.in_blender else memory()),
         )
         for line in sys.stdin:
             order = json.loads(line)
             if order["do"] == "time":
-                answer(frame_s=work(order["frames"]), **memory())
+                answer(**work(order["frames"]), **memory())
+            elif order["do"] == "rays":
+                answer(core_s=bare_rays(session, paths, render.camera, order["frames"]))
             elif order["do"] == "memory":
                 answer(**memory())
             elif order["do"] == "frames":
                 answer(files=save_frames(session, paths, order["frames"], Path(order["to"])))
             elif order["do"] == "analytic":
-                session.close()
                 answer(**analytic_errors(options))
+
+
+def load_renderer(*, in_blender: bool) -> None:
+    """Import what renders, which is measured apart."""
+    if in_blender:
+        import noisy_world.blender.session  # noqa: PLC0415
+    else:
+        import noisy_world.rays.session  # noqa: F401, PLC0415
+
+
+def bare_rays(session: Any, paths: Any, camera: Any, frames: list[int]) -> float:
+    """Return the seconds of a processor that Embree itself takes for a frame's rays, made before the time is taken."""
+    import numpy as np  # noqa: PLC0415
+
+    spent_s = 0.0
+    for frame in frames:
+        c2w = paths.moment(frame % len(paths)).rgb_c2w
+        directions = (camera.ray_directions() @ c2w[:3, :3].T).reshape(-1, 3).astype(np.float32)
+        origins_m = np.full_like(directions, c2w[:3, 3] - session.origin_m)
+        start_s = time.process_time()
+        session.triangles.first(origins_m, directions)
+        spent_s += time.process_time() - start_s
+    return spent_s / len(frames)
 
 
 def answer(**content: Any) -> None:
@@ -161,9 +190,9 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     import numpy as np  # noqa: PLC0415
 
     from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415
-    from noisy_world.blender.session import Session  # noqa: PLC0415
     from noisy_world.core.trajectories.sensor_paths import SensorPaths  # noqa: PLC0415
     from noisy_world.core.trajectories.trajectory import evenly_stamped  # noqa: PLC0415
+    from noisy_world.sources.rendering import open_session  # noqa: PLC0415
 
     camera = CAMERAS["fx above fy"]
     eye = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
@@ -179,7 +208,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     errors = {}
     still = SensorPaths(evenly_stamped(eye[None]))
     for name, (mesh, true_m, sure) in scenes.items():
-        with Session(mesh, name, still, camera, options) as session:
+        with open_session(mesh, name, still, camera, options) as session:
             depth_m = session.frame(still.moment(0)).depth_m
         assert depth_m is not None
         both = np.isfinite(true_m) & (depth_m > 0)

@@ -45,6 +45,7 @@ REFERENCE_SAMPLES = 256  # chosen: the colours' noise is then a sixteenth of tha
 TURN_S = 2.0  # of work before the next contestant's turn; chosen: some frames each, within the machine's fluctuations
 STEADY_FRAMES = (20, 200)  # memory is compared between these frames
 CONFIGURATIONS = (
+    ("embree", 1),
     ("cycles", 1),
     ("cycles", 4),
     ("cycles", 16),
@@ -215,9 +216,33 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
         "growth": resident[max(resident)] / resident[early] - 1,
     }
     results.million["pair"] = asdict(two_processes(work, ours, max(3, rounds)))
+    results.million["rays"] = rays_alone(work, results, turns)
     for item in (ours, embree):
         if item:
             item.stop()
+
+
+def rays_alone(work: Path, results: Results, turns: int) -> dict[str, Any] | None:
+    """Measure engine embree in seconds of one processor, and the rays alone; return None where embreex is missing."""
+    try:
+        ours = renderer(work, "million", "million_rays", render={"engine": "embree"})
+    except ContestantError as error:
+        results.notes.append(f"left out: {error}")
+        return None
+    frames: list[float] = []
+    rays: list[float] = []
+    for turn in range(turns):
+        these = list(range(4 * turn, 4 * turn + 4))
+        rays.append(ours.ask(do="rays", frames=these)["core_s"])
+        frames.append(ours.ask(do="time", frames=these)["core_s"])
+    found = {"frame_core_s": spread(frames), "bare_core_s": spread(rays), "times_bare": spread_of_ratios(frames, rays)}
+    answer = ours.ask(do="memory")
+    ours.stop()
+    return {
+        **{name: asdict(value) for name, value in found.items()},
+        **{name: ours.start[name] for name in ("loading_s", "first_frame_s")},
+        "peak_bytes": answer["peak_bytes"],
+    }
 
 
 def two_processes(work: Path, alone: Contestant, rounds: int) -> Spread:

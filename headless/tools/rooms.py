@@ -21,7 +21,7 @@ from noisy_world.core.scenes.embedded import ROOMS, room_mesh
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.room import build_room
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.run import render_options
+from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 type Image = NDArray[np.uint8]
@@ -81,7 +81,8 @@ def rendered(seed: int, shown: tuple[int, ...]) -> tuple[list[Image], NDArray[np
     plan_ = make_plan(read_preset(DEMO, overrides))
     render = plan_.renders[0]
     paths = source_paths(plan_, render)
-    with render.scene.source.open(paths, render.camera, render_options(plan_, render), print) as source:
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        source = prepared.open(paths, render_options(plan_, render), print)
         moments = [paths.moment(number) for number in shown]
         frames = [CleanFrame(moment.index, source.frame(moment)).byte_rgb() for moment in moments]
     return frames, render.scene.source.trajectory().c2w[:, :3, 3]

@@ -16,7 +16,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.run import render_options
+from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"
@@ -34,7 +34,8 @@ def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
     render = plan.renders[0]
     paths = source_paths(plan, render)
-    with render.scene.source.open(paths, render.camera, render_options(plan, render), print) as source:
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        source = prepared.open(paths, render_options(plan, render), print)
         frame = source.frame(paths.moment(FRAME))
     clean = CleanFrame(FRAME, frame)
     return clean.float_rgb(), clean.depth_m

@@ -8,7 +8,7 @@ import yaml
 
 from noisy_world.core.planning.plan import source_paths
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.run import render_options
+from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 CAMERA = {"width": 1200, "height": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}
@@ -30,7 +30,8 @@ def test_no_void_and_many_features_in_view(tmp_path, seed):
     (render,) = plan.renders
     paths = source_paths(plan, render)
     orb = cv2.ORB_create(nfeatures=2000)
-    with render.scene.source.open(paths, render.camera, render_options(plan, render), print) as source:
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        source = prepared.open(paths, render_options(plan, render), print)
         for index in range(3):
             frame = source.frame(paths.moment(index))
             assert (frame.depth_m > 0.2).all()

@@ -16,6 +16,7 @@ SETTINGS = [
     {"name": "clean"},
     {"name": "bright", "perturb": [{"brightness": {"severity": 2}}]},
     {"name": "bright_reference", "backend": "reference", "perturb": [{"brightness": {"severity": 2}}]},
+    {"name": "bright_again", "perturb": [{"brightness": {"severity": 2}}]},
     {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 4, "mode": "dynamic"}}]},
     {"name": "foggy", "perturb": [{"fog_depth": {"severity": 3}}, {"depth_random_missing": {"severity": 2}}]},
     {"name": "late", "perturb": [{"desync": {"offset": 1}}, {"faster_motion": {"factor": 2}}, {"snow": None}]},
@@ -44,7 +45,7 @@ def test_what_each_backend_made_is_said(out):
     settings = json.loads((out / "manifest.json").read_text())["identity"]["settings"]
     backends = {name: setting["backend"] for name, setting in settings.items() if setting["backend"]}
     assert backends.pop("bright_reference") == "reference"
-    assert backends == dict.fromkeys(["bright", "noise", "foggy", "late", "shaky"], "compositor")
+    assert backends == dict.fromkeys(["bright", "bright_again", "noise", "foggy", "late", "shaky"], "compositor")
     (note,) = json.loads((out / "noise/box/frames.jsonl").read_text().splitlines()[1])["perturbed"]["rgb"]
     assert note["name"] == "gaussian_noise"
     assert 0 <= note["node_seed"] < 2**24
@@ -55,6 +56,15 @@ def test_both_backends_agree_where_nothing_is_random(out):
         one, other = colour(out, "bright", frame), colour(out, "bright_reference", frame)
         assert np.abs(one - other).max() <= 1
         assert np.abs(one - colour(out, "clean", frame)).max() > 10
+
+
+def test_settings_share_what_one_backend_made(out):
+    def file(setting, frame):
+        return out / setting / f"box/results/frame{frame:06d}.png"
+
+    for frame in range(COUNT):
+        assert file("bright", frame).samefile(file("bright_again", frame))
+        assert not file("bright", frame).samefile(file("bright_reference", frame))
 
 
 def test_jobs_and_choices_of_frames_change_no_byte(world, out, tmp_path):

@@ -134,8 +134,16 @@ def undisturbed(killing_world, tmp_path_factory):
 
 def wait_for_images(process, out, count):
     """Wait until a process has written so many images, or has ended."""
-    while process.poll() is None and len(list(out.glob("clean/box/results/*"))) < count:
+    while process.poll() is None and len(images_in(out)) < count:
         time.sleep(0.02)
+
+
+def images_in(out):
+    """The images of a dataset, in their places or in shards."""
+    try:
+        return list(out.glob("**/clean/box/results/*"))
+    except FileNotFoundError:  # a shard's folder was removed just now
+        return images_in(out)
 
 
 def test_killed_at_random_moments_and_resumed(killing_world, undisturbed, tmp_path):
@@ -152,7 +160,7 @@ def test_killed_at_random_moments_and_resumed(killing_world, undisturbed, tmp_pa
             os.killpg(process.pid, signal.SIGKILL)
             kills += process.wait() == -signal.SIGKILL
             process.communicate()
-            for path in out.glob("clean/box/results/*"):
+            for path in images_in(out):
                 assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED) is not None, f"{path} is half-written"
         generate_here(killing_world, "--out", out)
         assert content(out) == undisturbed
@@ -177,7 +185,6 @@ def is_held(folder):
 def test_interrupted_says_how_to_resume(killing_world, undisturbed, tmp_path, jobs, number):
     out = tmp_path / "out"
     process = start_generate(killing_world, "--out", out, "--jobs", jobs)
-    results = out / "clean/box/results"
     wait_for_images(process, out, 3)
     if number == signal.SIGINT:
         os.killpg(process.pid, number)
@@ -187,8 +194,9 @@ def test_interrupted_says_how_to_resume(killing_world, undisturbed, tmp_path, jo
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
     command = shlex.split(errors.strip().splitlines()[-1])
-    assert 0 < len(list(results.glob("depth*"))) < FRAMES
-    assert not list((out / ".noisy_world/unfinished").iterdir())
+    assert 0 < len([path for path in images_in(out) if path.name.startswith("depth")]) < FRAMES
+    assert (out / ".noisy_world/unfinished").is_dir()
+    assert not list(out.glob("**/unfinished/*"))
     assert command[:2] == [sys.executable, str(GENERATE)]
     again = generate_here(*command[2:])
     assert " kept" in again.stdout
@@ -210,10 +218,10 @@ def test_a_full_disk_is_one_line(killing_world, undisturbed, tmp_path, jobs):
         assert len(lines) == 1
         assert "no space left" in lines[0]
         assert "Traceback" not in result.stderr
-        images = list(disk.glob("out/clean/box/results/*"))
+        images = images_in(disk / "out")
         assert 0 < len(images) < 2 * FRAMES
         assert all(cv2.imread(str(path), cv2.IMREAD_UNCHANGED) is not None for path in images)
-        assert not list(disk.glob("out/.noisy_world/unfinished/*"))
+        assert not list(disk.glob("out/**/unfinished/*"))
         subprocess.run(["mount", "-o", "remount,size=64m", disk], check=True)
         again = generate_here(killing_world, "--out", disk / "out")
         assert " kept" in again.stdout

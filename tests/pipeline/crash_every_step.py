@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ends a run before each single call to the file system, resumes it and compares with an undisturbed dataset.
 
-    python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER [FINISHED]
+    python tests/pipeline/crash_every_step.py PRESET UNDISTURBED FOLDER [FINISHED [merge | SHARD]]
 
-FINISHED: a dataset that the run adds to; none of its images may be touched. Prints the number of steps; fails with an
-AssertionError. Frames come from fake_session: the files are what is tried.
+FINISHED: a dataset that the run adds to; none of its images may be touched. merge: the dataset is one of finished
+shards, and they are merged. SHARD: this shard is made in it, and all are merged when that has come to its end. Prints
+the number of steps; fails with an AssertionError. Frames come from fake_session: the files are what is tried.
 """
 
 import hashlib
@@ -12,6 +13,7 @@ import os
 import shutil
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -23,7 +25,9 @@ from worlds import content
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.core.planning.shards import Shard
 from noisy_world.pipeline.run import Run
+from noisy_world.pipeline.shard import make_shard, shard_folder
 
 sys.modules["noisy_world.blender.session"] = fake_session
 
@@ -34,6 +38,18 @@ def run(preset, out):
     with Path(os.devnull).open("w") as log:
         plan = make_plan(read_preset(preset))
         Run(plan, out, progress=PlainProgress(log), stop=threading.Event()).make_dataset()
+
+
+def merge(preset, out):
+    with Path(os.devnull).open("w") as log:
+        plan = make_plan(read_preset(preset))
+        Run(plan, out, progress=PlainProgress(log), stop=threading.Event()).merge(lambda work, _: ValueError(work))
+
+
+def make(preset, out, name):
+    with Path(os.devnull).open("w") as log:
+        plan, shard = make_plan(read_preset(preset)), Shard.parse(name)
+        make_shard(plan, shard_folder(out, shard), shard, progress=PlainProgress(log), stop=threading.Event())
 
 
 def crash_at(step, work):
@@ -68,7 +84,8 @@ def images_of(out):
     return {str(path.relative_to(out)): path.stat().st_mtime_ns for path in out.glob("*/box/results/*")}
 
 
-def main(preset, undisturbed, folder, finished_before=None):
+def main(preset, undisturbed, folder, finished_before=None, shard=None):
+    work = run if shard is None else merge if str(shard) == "merge" else partial(make, name=str(shard))
     whole = content(undisturbed)
     step, finished = 0, False
     while not finished:
@@ -76,12 +93,14 @@ def main(preset, undisturbed, folder, finished_before=None):
         if finished_before:
             shutil.copytree(finished_before, out)
         before = images_of(out)
-        finished = crash_at(step, lambda out=out: run(preset, out))
+        finished = crash_at(step, lambda out=out: work(preset, out))
         assert before.items() <= images_of(out).items(), f"step {step} touched what was there"
         for path in out.glob("*/box/results/*"):
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
             assert digest == whole[str(path.relative_to(out))], f"{path} is not whole"
-        run(preset, out)
+        work(preset, out)
+        if shard is not None and work is not merge:
+            merge(preset, out)
         assert content(out) == whole, f"after a crash before step {step}"
         assert before.items() <= images_of(out).items(), f"resuming after step {step} touched what was there"
         shutil.rmtree(out)

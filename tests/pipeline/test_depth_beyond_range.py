@@ -11,6 +11,7 @@ import fake_session
 import numpy as np
 import pytest
 from analytic import box_depth
+from shard_workers import workers_here
 from worlds import generate_here, path_poses, write_world
 from written import stored
 
@@ -198,13 +199,7 @@ def test_a_run_that_is_taken_up_grown_or_divided_says_the_same(hall, tmp_path):
         fake_session.Session.frame = rendered
     make(preset, tmp_path / "parts", frames=slice(1, 3))
 
-    def divided(work, progress):
-        total = Report()
-        for number, piece in enumerate(work):
-            run = Run(make_plan(read_preset(preset)), tmp_path / "jobs", progress=progress, stop=stop, jobs=3)
-            total.merge(run.take_part(piece, number))
-        return total
-
+    divided = workers_here(preset, tmp_path / "jobs")
     stop.clear()
     for name, keys in (("stopped", {}), ("parts", {}), ("jobs", {"jobs": 3, "workers": divided}), ("whole", {})):
         _, report = make(preset, tmp_path / name, **keys)

@@ -8,6 +8,7 @@ import threading
 import fake_session
 import pytest
 from cases import cases
+from shard_workers import workers_here
 from worlds import write_world
 
 from noisy_world.core.errors import InputError
@@ -30,19 +31,11 @@ def see_nothing(monkeypatch):
 
 
 def run(path, out, *, frames=None, jobs=1):
-    """Run a preset; several jobs one after the other, the last first, as if it were the fastest."""
-
-    def options(workers=None):
-        return {
-            "progress": PlainProgress(sys.stderr), "stop": threading.Event(), "jobs": jobs, "workers": workers,
-        }  # fmt: skip
-
-    def work(pieces, _progress):
-        for number, piece in reversed(list(enumerate(pieces))):
-            report = Run(make_plan(read_preset(path), frames), out, **options()).take_part(piece, number)
-        return report
-
-    return Run(make_plan(read_preset(path), frames), out, **options(work)).make_dataset()
+    """Run a preset; of several jobs the last shard is made first, as if its process were the fastest."""
+    workers = workers_here(path, out, frames=frames, order=lambda shards: shards[::-1])
+    plan = make_plan(read_preset(path), frames)
+    listener, stop = PlainProgress(sys.stderr), threading.Event()
+    return Run(plan, out, progress=listener, stop=stop, jobs=jobs, workers=workers).make_dataset()
 
 
 @cases("jobs", [1, 2, 3, 8])
@@ -73,7 +66,7 @@ def test_the_key_goes_on(tmp_path, see_nothing):
     see_nothing(range(4))
     path = write_world(tmp_path / "world", frames=4, size=(8, 6), render={**RENDER, "allow_empty": True})
     run(path, tmp_path / "out", jobs=2)
-    assert fake_session.Session.rendered == [2, 3, 0, 1]
+    assert fake_session.Session.rendered == [3, 2, 1, 0]
     assert json.loads((tmp_path / "out/manifest.json").read_text())["frames"] == {"clean/box": 4}
 
 

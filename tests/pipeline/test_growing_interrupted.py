@@ -12,6 +12,7 @@ import fake_session
 import pytest
 from cases import cases
 from growing import stopped, CLEAN, FOG, LATE, NOISE, PATH, THREE, at_once, change, marks, world
+from shard_workers import workers_here
 from worlds import content, write_world
 from written import run
 
@@ -84,23 +85,10 @@ def test_workers_make_only_what_is_missing(tmp_path, settings, number, source):
     run(preset, out)
     before = marks(out)
     change(preset, {**settings, **({"settings": [NOISE, CLEAN, FOG]} if "settings" in settings else {})})
-    pieces = []
-
-    def workers(work, progress):
-        pieces.extend(work)
-        for worker, piece in enumerate(work):
-            report = worker_of(preset, out).take_part(piece, worker)
-        return report
-
-    plan = make_plan(read_preset(preset))
+    shards, plan = [], make_plan(read_preset(preset))
+    workers = workers_here(preset, out, asked=shards)
     Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
-    assert len(pieces) == 2
-    assert min(frame for piece in pieces for frames in piece.values() for frame in frames) == source
+    assert min(shard.start for shard in shards) == source
     after = marks(out)
     texts = ("traj.txt", "frames.jsonl")
     assert {name for name in before if after[name] != before[name] and not name.endswith(texts)} == set()
-
-
-def worker_of(preset, out):
-    plan = make_plan(read_preset(preset))
-    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2)

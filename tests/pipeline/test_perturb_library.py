@@ -126,7 +126,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
         next(frames(folder, [{"motion_deviation": None}]))
 
 
-@cases("path", sorted((ROOT / "presets").rglob("*.yaml")))
+@cases("path", [path for path in sorted((ROOT / "presets").rglob("*.yaml")) if not path.name.startswith("noisy_")])
 def test_presets_that_are_shipped_can_be_planned(path):
     plan = make_plan(read_preset(path))
     assert plan.settings[0].name == "clean"

@@ -9,6 +9,7 @@ import fake_session
 import numpy as np
 import pytest
 from many_settings import COUNT, image, numbers, records, run
+from shard_workers import workers_here
 from worlds import content
 
 from noisy_world.core.datasets.images import encode_colour
@@ -19,7 +20,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.run import Run, split_work
+from noisy_world.pipeline.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -134,23 +135,13 @@ def test_a_frame_alone_is_that_of_the_whole_run(world, out, tmp_path):
 
 
 def test_order_and_workers_change_no_byte(world, out, tmp_path):
-    plan = make_plan(read_preset(world))
-    pieces = []
-
-    def workers(work, progress):
-        pieces.extend(work)
-        report = None
-        for number, piece in reversed(list(enumerate(work))):
-            run_ = Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3)
-            done = run_.take_part({name: frames[::-1] for name, frames in piece.items()}, number)
-            report = done if report is None else (report.merge(done), report)[1]
-        return report
-
+    plan, shards = make_plan(read_preset(world)), []
+    workers = workers_here(world, tmp_path / "jobs", order=lambda each: each[::-1], asked=shards)
     progress = PlainProgress(sys.stderr)
     Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3, workers=workers).make_dataset()
-    assert len(pieces) == 3
+    assert {shard.render for shard in shards} == {"box", "box@shaky"}
+    assert len(shards) == 16, "a shard for each frame of the two renders"
     assert content(tmp_path / "jobs") == content(out)
-    assert split_work({"a": [1, 2]}, 5) == [{"a": [1]}, {"a": [2]}]
 
 
 def test_a_lost_file_is_made_again_and_nothing_else(world, out):

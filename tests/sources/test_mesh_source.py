@@ -40,7 +40,7 @@ def notes_of_the_first_frame(depth_c2w):
     depth_m, _ = box_depth(CAMERA, depth_c2w, LOW, HIGH)
     session = SimpleNamespace(frame=lambda moment: SimpleNamespace(rgb=None, depth_m=depth_m.astype(np.float32)))
     notes = []
-    opened = OpenMesh(session, dense_box(), CAMERA, notes.append)
+    opened = OpenMesh(session, [dense_box()], CAMERA, notes.append)
     opened.frame(Moment(3, 0.15, rgb_c2w=COLOUR_EYE, depth_c2w=DEPTH_EYE))
     return notes
 

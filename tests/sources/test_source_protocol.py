@@ -12,10 +12,12 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
+from shard_workers import workers_here
 from worlds import path_poses, write_world
 
 from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
+from noisy_world.core.planning.shards import Shard
 from noisy_world.core.planning.source import Gives, Scene
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
@@ -59,10 +61,14 @@ class ArithmeticSource:
         return {"arithmetic": "1"}
 
     @contextmanager
-    def open(self, paths, camera, options, note):
-        note("opened")
-        self.camera_seen, self.options = camera, options
+    def prepare(self, camera, note):
+        note("prepared")
+        self.camera_seen = camera
         yield self
+
+    def open(self, paths, options, note):
+        note("opened")
+        return self
 
     def frame(self, moment):
         shape = (self.camera_seen.height_px, self.camera_seen.width_px)
@@ -85,7 +91,9 @@ def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
     assert not plan.needs_blender
     out = tmp_path / "out"
     run_of(plan, out).make_dataset()
-    assert "sums: opened" in capfd.readouterr().err
+    said = capfd.readouterr().err
+    assert said.count("prepared") == 1, "one scene, for two renders"
+    assert [line for line in ("sums: opened", "sums@moved: opened") if line not in said] == []
     for setting in ("clean", "moved", "late"):
         robot = np.loadtxt(out / setting / "sums/traj_robot.txt").reshape(-1, 4, 4)
         depth_x_m = (robot @ [0.5, 0, 0, 1])[:, 0]  # the depth sensor's place on the robot
@@ -113,7 +121,7 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     path = write_world(tmp_path / "world", frames=4, size=(8, 6))
     out = tmp_path / "out"
 
-    def workers(pieces, progress):
+    def change():
         if changed == "preset.yaml":
             path.write_text(path.read_text().replace("seed: 3", "seed: 4"))
         elif changed:
@@ -121,10 +129,8 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
             file.write_text(
                 file.read_text().replace("200", "201") if changed == "mesh.ply" else file.read_text() + "\n"
             )
-        for number, piece in enumerate(pieces):
-            report = run_of(make_plan(read_preset(path)), out, jobs=2).take_part(piece, number)
-        return report
 
+    workers = workers_here(path, out, before=change)
     run = run_of(make_plan(read_preset(path)), out, jobs=2, workers=workers)
     if changed is None:
         run.make_dataset()
@@ -136,11 +142,11 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     assert not out.exists(), "nothing was made, so nothing stays"
 
 
-def test_a_worker_without_a_run_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    plan = make_plan(read_preset(write_world(tmp_path / "world", frames=1, size=(8, 6))))
+@pytest.mark.usefixtures("_fake_blender")
+def test_a_worker_without_a_run_is_refused(tmp_path):
+    path = write_world(tmp_path / "world", frames=1, size=(8, 6))
     with pytest.raises(StorageError, match="no run is open here"):
-        run_of(plan, tmp_path / "out").take_part({"box": [0]}, 0)
+        workers_here(path, tmp_path / "out")([Shard("box", 0, 1)], print, PlainProgress(sys.stderr))
 
 
 def test_a_recordings_hash_follows_every_file(tmp_path):

@@ -24,6 +24,9 @@ class Session:
         self._options = options
         self._shape = (intrinsics.height_px, intrinsics.width_px)
 
+    def serves(self, paths, options):
+        return True
+
     def frame(self, moment):
         frame = moment.index
         Session.rendered.append(frame)

@@ -16,12 +16,16 @@ from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
-PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
+PRESETS = [  # those that the panel can show: one scene each
+    path
+    for path in sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
+    if not path.name.startswith("noisy_")
+]
 
 
 def parsed(preset):
     return {item.name: item for item in parse_settings(
-        preset.spec.settings, preset.place("settings"), registry(), preset.spec.render.backend
+        preset.spec.settings, preset.setting_places, registry(), preset.spec.render.backend
     )}  # fmt: skip
 
 

@@ -4,34 +4,18 @@
 import contextlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import StorageError
+from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
 from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
-
-
-@dataclass(frozen=True)
-class RenderedFrame:
-    """One rendered frame.
-
-    rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
-    depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
-    """
-
-    rgb: NDArray[np.float32] | None
-    depth_m: NDArray[np.float32] | None
-
-    def file_as(self, modality: Modality, written: OutputFormat) -> None:
-        """Return None: a rendered image is in no file yet."""
 
 
 class FrameRenderer:

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.scenes.mesh import Mesh, Texture
+from ..core.scenes.mesh import NEUTRAL_GREY, Mesh, Texture
 from .materials import COLOUR_ATTRIBUTE, UV_ATTRIBUTE, new_image, texture_material, vertex_colour_material
 
 ORIGIN_PROPERTY = "noisy_world_origin_m"
@@ -15,8 +15,6 @@ type Domain = Literal["POINT", "CORNER"]
 """What of a mesh has colours, in Blender's words."""
 type Decoding = Literal["none", "shader", "attribute"]
 """Where display-encoded colours are converted to linear light: nowhere, in the material, or before they are stored."""
-
-NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
 
 
 def empty_scene() -> bpy.types.Scene:

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh in Blender, ready to be rendered from any pose; the generator renders from it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
 from ..core.geometry import Intrinsics
-from ..core.planning.source import RenderOptions
+from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
-from .render import FrameRenderer, RenderedFrame
+from .render import FrameRenderer
 from .scene import Decoding, add_mesh, empty_scene, set_origin
 
 
@@ -51,6 +51,8 @@ class Session:
     ) -> None:
         """Build the scene. paths: of the sensors; the scene is recentred so that what is near them is precise."""
         self._scene = scene = empty_scene()
+        self._served = _served(paths, options)
+        assert options.engine != "embree", "which is not Blender's"
         self._engine = ENGINES[options.engine]
         self._options = options
         self.origin_m = recentring_m(paths.rgb)
@@ -88,6 +90,10 @@ class Session:
             encoded_colours=not linear_light,
         )
 
+    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
+        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
+        return self._served == _served(paths, options)
+
     def _plan_shots(self, *, two_places: bool) -> list["Shot"]:
         """Plan one render for colour and depth if they share a pose and the engine's depth allows it, else two."""
         options = self._options
@@ -117,3 +123,9 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _served(paths: SensorPaths, options: RenderOptions) -> tuple[object, ...]:
+    """Return what a session is built for: of the paths nothing but the point around which they lie, and the sensors."""
+    origin_m = tuple(recentring_m(paths.rgb).tolist())
+    return origin_m, paths.depth is not None, replace(options, first_frames=())

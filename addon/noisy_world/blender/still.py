@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..core.planning.source import RenderedFrame
 from .engines import ENGINES, configure
-from .render import FrameRenderer, RenderedFrame
+from .render import FrameRenderer
 from .typed import override
 
 SCENE = "Noisy World still"

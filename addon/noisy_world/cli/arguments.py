@@ -2,11 +2,14 @@
 """The command line of `generate`."""
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
-from ..core.home import with_home
+from ..core.errors import StorageError
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .part import add_part_options, part_words
+from .places import path, place
 from .shipped import found_preset
 
 
@@ -18,31 +21,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
         "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
     )
-    parser.add_argument(
-        "preset",
-        metavar="PRESET",
-        nargs="?",
-        type=path,
-        help="the preset, a YAML file, or one of those that --list presets names",
-    )
-    parser.add_argument(
-        "--out", metavar="DIR", type=path, help="the dataset's folder (default: out/<name of the preset>)"
-    )
-    parser.add_argument(
-        "--set",
-        metavar="KEY.PATH=VALUE",
-        action="append",
-        default=[],
-        nargs="+",
-        dest="overrides",
-        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
-    )
-    parser.add_argument(
-        "--frames",
-        metavar="A:B",
-        type=frame_slice,
-        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
-    )
+    add_preset_options(parser)
     parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
     parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
     parser.add_argument(
@@ -61,6 +40,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         default=1,
         help="processes that render (default: 1); no more than there are processors and frames",
     )
+    add_ray_options(parser)
     parser.add_argument(
         "--progress",
         choices=["text", "json"],
@@ -69,26 +49,92 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "JSON on standard output, each after '@noisy-world '",
     )
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    options = parser.parse_args(arguments)
+    return settled(parser, parser.parse_args(arguments), known=lambda options: options.list in KNOWN or options.worker)
+
+
+def add_preset_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says which dataset is meant: the preset, changes of it, the frames, and the folder."""
+    parser.add_argument(
+        "preset",
+        metavar="PRESET",
+        nargs="?",
+        type=path,
+        help="the preset, a YAML file, or one of those that --list presets names",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=place,
+        help="the dataset's folder (default: out/<name of the preset>), or an address such as s3://bucket/name, where "
+        "it is packed",
+    )
+    parser.add_argument(
+        "--scratch",
+        metavar="DIR",
+        type=path,
+        help="where shards are made that go to an address (default: the system's folder of temporary files)",
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        action="append",
+        default=[],
+        nargs="+",
+        dest="overrides",
+        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
+    )
+    add_part_options(parser)
+    parser.add_argument(
+        "--frames",
+        metavar="A:B",
+        type=frame_slice,
+        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
+    )
+
+
+def add_ray_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says whether a Ray cluster makes the dataset, and how."""
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="auto",
+        help="make the dataset in shards on a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
+        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs pip install 'noisy-world[cluster]'",
+    )
+    parser.add_argument(
+        "--shards",
+        metavar="N",
+        type=positive,
+        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
+    )
+    parser.add_argument(
+        "--cpus", metavar="N", type=positive, default=2, help="with --ray: processors for each shard (default: 2)"
+    )
+
+
+def settled(
+    parser: argparse.ArgumentParser,
+    options: argparse.Namespace,
+    known: Callable[[argparse.Namespace], bool] = lambda _: False,
+) -> argparse.Namespace:
+    """Return the options with the overrides in one list and the preset's file found.
+
+    known: tells whether no preset is needed. Exits with a usage line where one is needed and none is named.
+    """
     options.overrides = [text for group in options.overrides for text in group]
     if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
         try:
             options.preset = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
         except argparse.ArgumentTypeError as error:
             parser.error(str(error))
-    if options.preset is None and options.list not in KNOWN and not options.worker:
+    if options.preset is None and getattr(options, "ray", None) not in (None, "auto"):
+        options.preset, options.ray = path(options.ray), "auto"  # --ray PRESET: the word after it is the preset
+    if options.preset is None and not known(options):
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
         options.preset = found_preset(options.preset)
     return options
-
-
-def path(text: str) -> Path:
-    """Parse a path, in which ~ and ~user are home folders."""
-    try:
-        return with_home(text)
-    except LookupError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def frame_slice(text: str) -> slice:
@@ -107,5 +153,41 @@ def positive(text: str) -> int:
 
 
 def out_folder(options: argparse.Namespace) -> Path:
-    """Return the dataset's folder."""
+    """Return the dataset's folder. Raises StorageError where it is an address, for what works in folders only."""
+    if isinstance(options.out, str):
+        raise StorageError(f"{options.out}: is an address, and this needs a folder; name one with --out")
     return options.out if options.out is not None else Path("out") / options.preset.stem
+
+
+def out_address(options: argparse.Namespace) -> str | None:
+    """Return the address of the dataset; None where it is a folder."""
+    return options.out if isinstance(options.out, str) else None
+
+
+def preset_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:
+    """Return the words that name the same dataset again.
+
+    anywhere: whether they are read in another folder, or on another machine that sees the same disks.
+    """
+    words = [_pasteable(options.preset, anywhere=anywhere)]
+    words += ["--out", out_address(options) or _pasteable(out_folder(options), anywhere=anywhere)]
+    if options.scratch is not None:
+        words += ["--scratch", _pasteable(options.scratch, anywhere=anywhere)]
+    if options.overrides:
+        words += ["--set", *options.overrides]
+    words += part_words(options, anywhere=anywhere)
+    if options.frames is not None:
+        words += [
+            "--frames",
+            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
+        ]
+    return words
+
+
+def _pasteable(path: Path, *, anywhere: bool) -> str:
+    return pasteable_path(path.resolve() if anywhere else path)
+
+
+def pasteable_path(path: Path) -> str:
+    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
+    return f"./{path}" if str(path).startswith("~") else str(path)

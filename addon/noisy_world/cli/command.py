@@ -24,7 +24,16 @@ class Subcommand:
 
 SUBCOMMANDS = {
     "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
+    "plan": Subcommand("plan_command", "print what a preset comes to, or the commands that make it in shards"),
+    "shard": Subcommand("shard_command", "make one shard of a dataset, on any machine that sees its folder"),
+    "merge": Subcommand("merge_command", "merge the shards of a dataset, and complete it"),
+    "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
     "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
+    "recipe": Subcommand("recipe_command", "write what makes a dataset, and the digests of its files"),
+    "verify": Subcommand("verify_command", "hash a dataset's files and compare them with a recipe"),
+    "materialise": Subcommand("materialise", "make a recipe's dataset again, or a part of it, and verify it"),
+    "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
+    "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }
 

@@ -2,19 +2,21 @@
 """`generate`: make the dataset that a preset describes."""
 
 import argparse
-import json
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.requirements import NEEDED
-from .arguments import out_folder, parse_arguments
+from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .entry import INTERRUPTED, Entry, say
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
+from .outcome import tell_outcome
+from .part import planned
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from ..core.planning.plan import Plan
+    from ..core.progress import Progress
     from ..pipeline.report import Report
 
 
@@ -37,96 +39,102 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from ..core.presets.preset import read_preset
-    from ..planning import make_plan
-
     if options.worker:
         return work()
     if options.list in KNOWN:
         return list_known(options.list)
-    plan = make_plan(read_preset(options.preset, options.overrides), options.frames)
+    plan = planned(options)
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
-        return print_plan(plan, out_folder(options))
+        return print_plan(plan, out_address(options) or out_folder(options))
     return generate(plan, options, entry)
 
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
-    from ..pipeline.run import Run
-    from .running import listener, machine_listener
-    from .workers import orders_for, run_workers, useful_jobs
+    from .running import listener
 
-    if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
-        other = "" if plan.renders_anything else "; or add --set render.backend=reference, which needs no Blender"
-        return fail(problem + other, options, entry)
+    if problem := lacking_blender(plan, entry):
+        return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
-    jobs, told = useful_jobs(options.jobs, plan.frame_count)
-    if told:
-        progress.note(told)
-    run = Run(
-        plan,
-        out,
-        progress=progress,
-        stop=stop,
-        overwrite=options.overwrite,
-        jobs=jobs,
-        workers=lambda pieces, listener: run_workers(
-            entry.command(["--worker"]), orders_for(plan, out, pieces), listener, stop
-        ),
-    )
-    report = run.make_dataset()
+    if options.ray is None:
+        report = make_here(plan, options, entry, progress, stop)
+    else:
+        from .ray_workers import make_on_ray
+
+        report = make_on_ray(plan, options, progress, stop)
     for sequence in (item for item in plan.sequences if item.frames):
         print(f"wrote {out / sequence.folder}")
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")
-    print(figures(report))
-    if options.progress == "json":
-        machine_listener().tell({"result": figures(report)})
+    tell_outcome(report, options)
     return 0
 
 
+def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset at an address, and print the outcome."""
+    from .at_address import run_at, told_of
+    from .running import listener
+    from .workers import Workers, useful_jobs
+
+    if options.overwrite:
+        return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
+    progress, stop = listener(options.progress)
+    if options.ray is not None:
+        from .ray_workers import make_on_ray
+
+        return told_of(make_on_ray(plan, options, progress, stop), options)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    run = run_at(plan, options, progress, stop, jobs)
+    workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
+    return told_of(run.make_dataset(workers.make), options)
+
+
+def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event") -> "Report":
+    """Make the dataset on this machine."""
+    from ..pipeline.run import Run
+    from .workers import Workers, useful_jobs
+
+    out = out_folder(options)
+    jobs, told = useful_jobs(options.jobs, plan.frame_count)
+    if told:
+        progress.note(told)
+    workers = Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop)
+    run = Run(plan, out, progress=progress, stop=stop, overwrite=options.overwrite, jobs=jobs, workers=workers.make)
+    return run.make_dataset()
+
+
+def lacking_blender(plan: "Plan", entry: Entry) -> str:
+    """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
+    problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
+    if not problem or plan.renders_in_blender:
+        return problem
+    return f"{problem}; or add --set render.backend=reference, which needs no Blender"
+
+
 def work() -> int:
-    """Carry out a worker's order from standard input, for the process that started this one."""
+    """Make shards for the process that started this one, which names them on standard input."""
     from .running import stop_on_signal
-    from .workers import Order, Parent, carry_out
+    from .workers import Parent, Told, carry_out
 
-    return carry_out(Order(**json.load(sys.stdin)), Parent(), stop_on_signal(None))
-
-
-def figures(report: "Report") -> str:
-    """Return the figures of a run in one line."""
-    parts = [f"{report.frames_rendered} frames rendered"]
-    if report.frames_kept:
-        parts.append(f"{report.frames_kept} kept")
-    if report.frames_per_s is not None:
-        parts.append(f"{report.frames_per_s:.2f} frames/s")
-        parts.append(f"loading {report.loading_s:.1f} s")
-    parts.append(f"{report.total_s:.1f} s in all")
-    if report.peak_memory_bytes is not None:
-        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
-    return ", ".join(parts)
+    stop = stop_on_signal(None)
+    return carry_out(Told(stop), Parent(), stop)
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:
     """Return the arguments that repeat this run."""
-    words = [pasteable_path(options.preset), "--out", pasteable_path(out_folder(options))]
-    if options.overrides:
-        words += ["--set", *options.overrides]
-    if options.frames is not None:
-        words += [
-            "--frames",
-            f"{options.frames.start or 0}:{'' if options.frames.stop is None else options.frames.stop}",
-        ]
+    words = preset_words(options)
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
+    if options.ray is not None:
+        words += ["--ray", options.ray, "--cpus", str(options.cpus)]
+        words += ["--shards", str(options.shards)] if options.shards is not None else []
     return words
-
-
-def pasteable_path(path: Path) -> str:
-    """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
-    return f"./{path}" if str(path).startswith("~") else str(path)
 
 
 def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:

@@ -6,6 +6,7 @@ import argparse
 from . import generate
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .part import add_part_options, part_words
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -18,8 +19,9 @@ def main(arguments: list[str], entry: Entry) -> int:
         help=f"{', '.join(KNOWN)}: what there is; {', '.join(HELD)}: what a preset holds",
     )
     parser.add_argument("preset", metavar="PRESET", nargs="?", help=f"the preset, for {', '.join(HELD)}")
+    add_part_options(parser)
     options = parser.parse_args(arguments)
     if options.what in HELD and options.preset is None:
         parser.error(f"{options.what}: name a preset, presets/demo.yaml for instance")
     named = [] if options.preset is None else [options.preset]
-    return generate.main([*named, "--list", options.what], entry)
+    return generate.main([*named, "--list", options.what, *part_words(options)], entry)

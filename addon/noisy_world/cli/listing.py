@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Listing keys, layouts, perturbations and presets, and what a preset holds."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .shipped import shipped_presets
 
 if TYPE_CHECKING:
-    from ..core.planning.plan import Plan
+    from ..core.planning.plan import Plan, Render
 
 KNOWN = ("keys", "layouts", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
+MOST_RENDERS = 20  # that a dry run lists one by one
+MOST_SETTINGS = 12  # of a render that it names
 
 
 def list_known(what: str) -> int:
@@ -79,9 +82,9 @@ def list_plan(plan: "Plan", what: str) -> int:
     return 0
 
 
-def print_plan(plan: "Plan", out: Path) -> int:
+def print_plan(plan: "Plan", out: Path | str) -> int:
     """Print what a run would do."""
-    from ..core.planning.estimate import estimate
+    from ..core.planning.estimate import estimate, size_text
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -92,13 +95,41 @@ def print_plan(plan: "Plan", out: Path) -> int:
         print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     if plan.format.note:
         print(f"note       {plan.format.note}")
-    print(f"sequences  {len(plan.sequences)}")
-    for render in plan.renders:
-        settings = ", ".join(sequence.setting.name for sequence in render.sequences)
-        print(f"  {render.name}: {len(render.frames)} frames, settings {settings}")
+    print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
+    for line in render_lines(plan):
+        print(f"  {line}")
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
-    print(f"estimate   {guess.bytes_written / 1e6:.0f} MB, {duration(guess.seconds)} on two cores (rough)")
+    size = f"{guess.bytes_written / 1e6:.0f} MB" if guess.bytes_written < 1e10 else size_text(guess.bytes_written)
+    print(f"estimate   {size}, {duration(guess.seconds)} on two cores (rough)")
     return 0
+
+
+def counted(things: Sequence[object], name: str) -> str:
+    """Return a number of things in words."""
+    return f"{len(things)} {name}{'' if len(things) == 1 else 's'}"
+
+
+def render_lines(plan: "Plan") -> Iterator[str]:
+    """Yield a line for each render; where there are many, one for all of a scene that move its path."""
+    moved: dict[str, list[Render]] = {}
+    grouped = len(plan.renders) > MOST_RENDERS
+    for render in plan.renders:
+        if grouped and render.moving:
+            moved.setdefault(render.scene.name, []).append(render)
+        else:
+            settings = [sequence.setting.name for sequence in render.sequences]
+            yield f"{render.name}: {len(render.frames)} frames, {enumerated(settings)}"
+    for scene, renders in moved.items():
+        settings = [sequence.setting.name for render in renders for sequence in render.sequences]
+        frames = sum(len(render.frames) for render in renders)
+        yield f"{scene}, {counted(renders, 'render')} along other paths: {frames} frames, {enumerated(settings)}"
+
+
+def enumerated(settings: list[str]) -> str:
+    """Return settings in words: all of a few, and of many the first ones, the last and how many they are."""
+    if len(settings) <= MOST_SETTINGS:
+        return f"settings {', '.join(settings)}"
+    return f"{len(settings)} settings {', '.join(settings[:4])}, ... {settings[-1]}"
 
 
 def duration(seconds: float) -> str:

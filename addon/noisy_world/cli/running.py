@@ -7,7 +7,7 @@ import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
-from typing import IO
+from typing import IO, TextIO
 
 from ..core.progress import JsonProgress, PlainProgress, Progress, TerminalProgress
 
@@ -22,9 +22,14 @@ def listener(form: str) -> tuple[Progress, threading.Event]:
         return machine_listener(stop.set), stop
     # A copy of the stream, as the original descriptors are redirected while Blender renders, to hide its output.
     stream = os.fdopen(os.dup(sys.stderr.fileno()), "w", buffering=1)
+    return text_listener(stream), stop_on_signal(stream)
+
+
+def text_listener(stream: TextIO) -> Progress:
+    """Return the listener for people who read a stream: a bar for a terminal, lines for a log file."""
     # A terminal that does not know its size shows no bar.
     watched = stream.isatty() and os.get_terminal_size(stream.fileno()).lines > 1
-    return (TerminalProgress(stream) if watched else PlainProgress(stream)), stop_on_signal(stream)
+    return TerminalProgress(stream) if watched else PlainProgress(stream)
 
 
 def machine_listener(lost: Callable[[], object] = lambda: None) -> JsonProgress:

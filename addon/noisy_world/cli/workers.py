@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several processes for one dataset: each is given the plan and a share of its frames.
+"""Several processes for one dataset: each is given the plan, and then one shard after another.
 
-A worker reads its order from standard input, as JSON: the preset as it was read, overrides included, rather than the
-arguments of a command line. On standard output it reports progress in lines of JSON, each after a mark; other output
-there, such as Blender's, is skipped.
+A worker reads lines from standard input. The first is its order, as JSON: the preset as it was read, overrides
+included, rather than the arguments of a command line. Then come the names of shards, each when the last one is made,
+and END. On standard output it reports progress in lines of JSON, each after a mark; other output there, such as
+Blender's, is skipped.
 """
 
 import contextlib
@@ -12,43 +13,59 @@ import os
 import queue
 import subprocess
 import threading
+from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import InterruptedRunError, NoisyWorldError
+from ..core.datasets.dataset import Dataset
+from ..core.errors import BusyError, CannotJoinError, InterruptedRunError, NoisyWorldError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.plan import Plan
+from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
 from ..core.progress import JsonProgress, Progress, read_message
+from ..pipeline.address_run import AddressRun
 from ..pipeline.report import Report
-from ..pipeline.run import Run, Work
+from ..pipeline.run import Made, threads_of_each
+from ..pipeline.shard import ShardMaker, shard_folder
 from ..planning import make_plan
-from .entry import INTERRUPTED
+from ..storage.address import is_address, open_address
+from .entry import BUSY, INTERRUPTED, REFUSED
+
+END = "end"  # what a worker is told when there is no shard left: no shard is called so
 
 
 @dataclass(frozen=True)
 class Order:
-    """What a worker has to do.
+    """What a worker has to do, but for the shards, which it is told one after another.
 
-    number: the worker's. preset, document: the preset's file and its content, overrides included. chosen: start and
-    stop of the frames of each sequence, if not all are made. out: the dataset's folder, which a run has opened.
-    jobs: how many workers share the machine. work: this worker's source frames.
+    preset, document: the preset's file and its content, overrides included. chosen: start and stop of the frames of
+    each sequence, if not all are made. out: the dataset's folder, which a run has opened, or its address. threads: of
+    the renderer; 0 for all. scratch: where shards are made that go to an address; None for the system's own folder.
     """
 
-    number: int
     preset: str
     document: dict[str, Any]
     chosen: tuple[int | None, int | None] | None
     out: str
-    jobs: int
-    work: Work
+    threads: int
+    scratch: str | None = None
 
-    def run(self, progress: Progress, stop: threading.Event) -> Run:
-        """Return the run that the worker takes part in. Raises InputError where files are missing or wrong."""
+    @classmethod
+    def of(cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None) -> "Order":
+        """Return the order for the workers of a plan. out: the dataset's folder or address."""
+        chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
+        place = out if isinstance(out, str) else str(out.resolve())
+        own = None if scratch is None else str(scratch.resolve())
+        return cls(str(plan.preset.path), plan.preset.document, chosen, place, threads, own)
+
+    def plan(self) -> Plan:
+        """Return the plan. Raises InputError where files are missing or wrong."""
         chosen = None if self.chosen is None else slice(*self.chosen)
-        plan = make_plan(check_document(self.document, Path(self.preset)), chosen)
-        return Run(plan, Path(self.out), progress=progress, stop=stop, jobs=self.jobs)
+        return make_plan(check_document(self.document, Path(self.preset)), chosen)
 
 
 def useful_jobs(asked: int, frames: int) -> tuple[int, str]:
@@ -65,86 +82,146 @@ def useful_jobs(asked: int, frames: int) -> tuple[int, str]:
     return jobs, f"--jobs {asked} is more than is of use with {count} {what}{plural}, so it is taken as {jobs}"
 
 
-def orders_for(plan: Plan, out: Path, pieces: list[Work]) -> list[Order]:
-    """Return an order for each piece of a plan's work."""
-    chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
-    preset = plan.preset
-    return [
-        Order(number, str(preset.path), preset.document, chosen, str(out.resolve()), len(pieces), piece)
-        for number, piece in enumerate(pieces)
-    ]
+class Workers:
+    """Processes that make the shards of a plan, each one after another from one queue."""
+
+    def __init__(self, command: list[str], plan: Plan, out: Path, *, jobs: int, stop: threading.Event) -> None:
+        """Prepare. command: starts a worker. stop: when set, the workers end after their current frames."""
+        self._command = command
+        self._plan = plan
+        self._out = out
+        self._jobs = jobs
+        self._stop = stop
+        self._messages: queue.Queue[tuple[int, dict[str, Any]]] = queue.Queue()
+        self._processes: list[subprocess.Popen[str]] = []
+        self._errors: list[str] = []
+        self._subjects: set[str] = set()
+        self._total = Report()
+
+    def make(self, shards: tuple[Shard, ...], made: Made, progress: Progress) -> Report:
+        """Let the workers make shards, and merge their reports. made: is called with each shard that is finished.
+
+        Raises NoisyWorldError with the first worker's error, InterruptedRunError where `stop` was set.
+        """
+        waiting = ShardQueue(self._plan, shards)
+        jobs = min(self._jobs, len(shards))
+        order = Order.of(self._plan, self._out, threads_of_each(jobs))
+        try:
+            for number in range(jobs):
+                self._start(number, order)
+                self._give(number, waiting)
+            self._attend(waiting, made, progress)
+        finally:
+            for process in self._processes:  # none is left, unless an error of this process ends it
+                if process.poll() is None:
+                    process.kill()
+        if self._errors:
+            raise NoisyWorldError(self._errors[0])
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
+        return self._total
+
+    def _attend(self, waiting: "ShardQueue", made: Made, progress: Progress) -> None:
+        """Hear the workers, and give each its next shard, until all have ended."""
+        working, told_to_stop = len(self._processes), False
+        while working:
+            if (self._errors or self._stop.is_set()) and not told_to_stop:
+                told_to_stop = True
+                for process in self._processes:
+                    process.terminate()
+            with contextlib.suppress(queue.Empty):
+                number, message = self._messages.get(timeout=0.2)
+                match message:
+                    case {"made": name}:
+                        self._give(number, waiting)
+                        made(Shard.parse(name))
+                    case {"end": status}:
+                        working -= 1
+                        if status == INTERRUPTED:
+                            self._stop.set()
+                        elif status != 0 and not (told_to_stop or self._errors):
+                            self._errors.append(f"a worker ended with status {status}; its messages are above")
+                    case _:
+                        hear(message, progress, self._total, self._errors, self._subjects)
+
+    def _start(self, number: int, order: Order) -> None:
+        """Start a worker on an order, and a thread that puts the worker's messages into the queue."""
+        process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        self._processes.append(process)
+        self._tell(process, json.dumps(asdict(order)))
+        threading.Thread(target=self._listen, args=(number, process), daemon=True).start()
+
+    def _give(self, number: int, waiting: "ShardQueue") -> None:
+        """Tell a worker its next shard, or that there is none."""
+        shard = waiting.next_for(number)
+        self._tell(self._processes[number], END if shard is None else shard.name)
+
+    @staticmethod
+    def _tell(process: subprocess.Popen[str], line: str) -> None:
+        assert process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # the worker died; its exit status is heard
+            process.stdin.write(line + "\n")
+            process.stdin.flush()
+
+    def _listen(self, number: int, process: subprocess.Popen[str]) -> None:
+        """Pass on a worker's messages until it ends."""
+        assert process.stdout is not None
+        for line in process.stdout:
+            if (message := read_message(line)) is not None:
+                self._messages.put((number, message))
+        self._messages.put((number, {"end": process.wait()}))
 
 
-def run_workers(command: list[str], orders: list[Order], progress: Progress, stop: threading.Event) -> Report:
-    """Start the command in a process for each order, and merge their reports.
+class ShardQueue:
+    """The shards that no worker has yet. Neighbours go to one worker, so that a scene is loaded seldom."""
 
-    Raises NoisyWorldError with the first worker's error, InterruptedRunError where `stop` was set.
-    """
-    messages: queue.Queue[dict[str, Any]] = queue.Queue()
-    workers = [start_worker(command, order, messages) for order in orders]
-    total = Report()
-    errors: list[str] = []
-    subjects: set[str] = set()
-    open_workers = len(workers)
-    told_to_stop = False
-    while open_workers:
-        if (errors or stop.is_set()) and not told_to_stop:
-            told_to_stop = True
-            for process in workers:
-                process.terminate()
-        with contextlib.suppress(queue.Empty):
-            message = messages.get(timeout=0.2)
-            status = message.get("end")
-            if status is None:
-                hear(message, progress, total, errors, subjects)
-                continue
-            open_workers -= 1
-            if status == INTERRUPTED:
-                stop.set()
-            elif status != 0 and not (told_to_stop or errors):
-                errors.append(f"a worker ended with status {status}; its messages are above")
-    if errors:
-        raise NoisyWorldError(errors[0])
-    if stop.is_set():
-        raise InterruptedRunError("stopped")
-    return total
+    def __init__(self, plan: Plan, shards: tuple[Shard, ...]) -> None:
+        """Take the shards in the plan's order."""
+        self._waiting: dict[str, deque[tuple[Shard, float]]] = {}
+        for shard, seconds in zip(shards, seconds_of(plan, shards), strict=True):
+            self._waiting.setdefault(shard.render, deque()).append((shard, seconds))
+        self._scenes = {render.name: render.scene.name for render in plan.renders}
+        self._held: dict[int, str] = {}  # the render that each worker is at
+
+    def next_for(self, worker: int) -> Shard | None:
+        """Return the next shard for a worker; None where there is none.
+
+        The next of its render or, where that has none, the first of the render that has most left to do: one that
+        nobody is at, of the worker's scene if possible; else the last of one that another worker is at.
+        """
+        at = self._held.get(worker)
+        left = {name: sum(seconds for _, seconds in shards) for name, shards in self._waiting.items() if shards}
+        if not left:
+            return None
+        if at in left:
+            return self._waiting[at].popleft()[0]
+        others = {held for number, held in self._held.items() if number != worker}
+        scene = None if at is None else self._scenes[at]
+        name = max(left, key=lambda item: (item not in others, self._scenes[item] == scene, left[item]))
+        if name in others:
+            self._held.pop(worker, None)  # it stays the other's
+            return self._waiting[name].pop()[0]
+        self._held[worker] = name
+        return self._waiting[name].popleft()[0]
 
 
 def hear(message: dict[str, Any], progress: Progress, total: Report, errors: list[str], subjects: set[str]) -> None:
-    """Process a worker's message. subjects: those that a note has been on; another note on one is not shown."""
+    """Process a worker's message. subjects: those that a note has been on; another note on one is not shown.
+
+    A note without a subject is its own: several workers say the same of a scene that each of them loads.
+    """
     match message:
         case {"advance": count}:
             progress.advance(count)
-        case {"note": text, "subject": subject}:
+        case {"note": text}:
+            subject = message.get("subject", text)
             if subject not in subjects:
                 subjects.add(subject)
                 progress.note(text)
-        case {"note": text}:
-            progress.note(text)
         case {"report": content}:
             total.merge(Report(**content))
         case {"error": text}:
             errors.append(text)
-
-
-def start_worker(command: list[str], order: Order, messages: queue.Queue[dict[str, Any]]) -> subprocess.Popen[str]:
-    """Start a worker on an order, and a thread that puts the worker's messages into the queue."""
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    threading.Thread(target=listen, args=(process, order, messages), daemon=True).start()
-    return process
-
-
-def listen(process: subprocess.Popen[str], order: Order, messages: queue.Queue[dict[str, Any]]) -> None:
-    """Give a worker its order, and pass on its messages until it ends."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    with contextlib.suppress(BrokenPipeError):  # the worker died; its exit status, below, is reported
-        process.stdin.write(json.dumps(asdict(order)))
-        process.stdin.close()
-    for line in process.stdout:
-        if (message := read_message(line)) is not None:
-            messages.put(message)
-    messages.put({"end": process.wait()})
 
 
 class Parent(JsonProgress):
@@ -161,15 +238,72 @@ class Parent(JsonProgress):
         """Send nothing."""
 
 
-def carry_out(order: Order, parent: Parent, stop: threading.Event) -> int:
-    """Render a worker's share of the frames and report to the parent; return the exit status."""
+class Told:
+    """The lines that the parent tells a worker on standard input. Where the parent is gone, this process ends."""
+
+    def __init__(self, stop: threading.Event) -> None:
+        """Listen. stop: when set, there is nothing more to do."""
+        self._lines: queue.Queue[str] = queue.Queue()
+        self._stop = stop
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        # Without Python's own stream: its lock, held by a thread that waits, would end the process with a message.
+        rest = b""
+        while data := os.read(0, 1 << 16):
+            *lines, rest = (rest + data).split(b"\n")
+            for line in lines:
+                self._lines.put(line.decode())
+                if line.decode() == END:
+                    return
+        os._exit(INTERRUPTED)  # what is finished stays, and another run takes it up
+
+    def next(self) -> str | None:
+        """Return the next line; None where the parent has said that there is none, and where this process stops."""
+        while not self._stop.is_set():
+            with contextlib.suppress(queue.Empty):
+                line = self._lines.get(timeout=0.2)
+                return None if line == END else line
+        return None
+
+
+@contextlib.contextmanager
+def _maker(order: Order, plan: Plan, progress: Progress, stop: threading.Event) -> Iterator[Callable[[Shard], Report]]:
+    """Return what makes a shard where an order says."""
+    if is_address(order.out):
+        scratch = None if order.scratch is None else Path(order.scratch)
+        run = AddressRun(plan, open_address(order.out), progress=progress, stop=stop, scratch=scratch)
+        yield partial(run.make_shard, threads=order.threads)
+        return
+    there = Dataset(Path(order.out), plan.format)
+    with ShardMaker(plan, progress=progress, stop=stop, threads=order.threads) as maker:
+        yield lambda shard: maker.make(shard_folder(there.out, shard), shard, there, joining=True)
+
+
+def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
+    """Make the shards that the parent names, and report to it; return the exit status."""
+    line = told.next()
+    if line is None:
+        return INTERRUPTED
+    order = Order(**json.loads(line))
+    total = Report()
     try:
-        report = order.run(parent, stop).take_part(order.work, order.number)
+        plan = order.plan()
+    except NoisyWorldError as error:  # the parent could make it, so it is this machine that lacks something
+        parent.tell({"error": str(error)})
+        return REFUSED
+    try:
+        with _maker(order, plan, parent, stop) as make:
+            while (name := told.next()) is not None:
+                total.add(make(Shard.parse(name)).content())
+                parent.tell({"made": name})
     except InterruptedRunError:
         return INTERRUPTED
     except NoisyWorldError as error:
         parent.tell({"error": str(error)})
-        return 1
-    report.peak_memory_bytes = peak_memory_bytes()
-    parent.tell({"report": asdict(report)})
+        return REFUSED if isinstance(error, CannotJoinError) else BUSY if isinstance(error, BusyError) else 1
+    if stop.is_set():
+        return INTERRUPTED
+    total.peak_memory_bytes = peak_memory_bytes()
+    parent.tell({"report": asdict(total)})
     return 0

@@ -45,5 +45,13 @@ class StorageError(NoisyWorldError):
     """The dataset cannot be written or continued in its folder: disk full, no permission, or another run's data."""
 
 
+class BusyError(StorageError):
+    """Another process is writing there."""
+
+
+class CannotJoinError(StorageError):
+    """This process does not see the run that it is to take part in, or would make other bytes."""
+
+
 class InterruptedRunError(NoisyWorldError):
     """The user stopped the run; the message says how to continue it."""

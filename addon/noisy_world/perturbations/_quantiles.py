@@ -22,6 +22,15 @@ def uniform_codes(generator: np.random.Generator, shape: tuple[int, ...]) -> NDA
     return words.astype("<u8", copy=False).view(np.uint16)[:count].reshape(shape)
 
 
+def uniform_words(generator: np.random.Generator, count: int) -> NDArray[np.uint32]:
+    """Draw independent numbers (count,), uniform in 0 to 2^32 - 1: two from each 64-bit word, the lower half first.
+
+    Their upper 24 bits are those of numpy's uniform numbers in float32, which take twice as long.
+    """
+    words = generator.bit_generator.random_raw((count + 1) // 2)
+    return words.astype("<u8", copy=False).view(np.uint32)[:count]
+
+
 def look_up[T: np.integer | np.floating](codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
     """Return table[codes] in a third of numpy's time; table: (CODES,)."""
     import cv2

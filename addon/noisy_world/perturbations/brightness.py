@@ -28,14 +28,17 @@ class Brightness:
 
 def apply(rgb: NDArray[np.float32], parameters: Brightness, _context: FrameContext) -> NDArray[np.float32]:
     """Brighten (H, W, 3)."""
+    return by_bands(rgb, rgb.dtype, lambda band: _brighten(band, parameters.offset))
+
+
+def _brighten(rgb: NDArray[np.float32], offset: float) -> NDArray[np.float32]:
     import cv2
 
     value = _value(rgb)
-    gain = _gain(value, parameters.offset)
-    brighter = np.asarray(cv2.multiply(rgb, cv2.merge([gain, gain, gain]).reshape(rgb.shape)), np.float32).reshape(
-        rgb.shape
-    )
-    brighter[value < BLACK] = min(parameters.offset, 1)
+    gain = _gain(value, offset)
+    gains = cv2.merge([gain, gain, gain]).reshape(rgb.shape)
+    brighter = np.asarray(cv2.multiply(rgb, gains, dst=gains), np.float32).reshape(rgb.shape)
+    brighter[value < BLACK] = min(offset, 1)
     return brighter
 
 
@@ -96,6 +99,7 @@ PERTURBATION = ColourPerturbation(
     severities={"offset": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    repeatable=True,
     build=build,
     apply_bytes=apply_bytes,
 )

@@ -12,6 +12,7 @@ from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._bands import by_bands
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,13 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Contrast, _context: FrameCon
 def _scale(rgb: NDArray[np.float32], means: NDArray[np.float64], factor: float) -> NDArray[np.float32]:
     # Whole rows at once: broadcasting three numbers at a time is slow in numpy.
     centre = np.tile(means.astype(np.float32), rgb.shape[1])
-    scaled = rgb.reshape(rgb.shape[0], -1) - centre
-    scaled *= np.float32(factor)
-    scaled += centre
-    return scaled.reshape(rgb.shape)
+
+    def scaled(band: NDArray[np.float32]) -> NDArray[np.float32]:
+        distance = band - centre
+        distance *= np.float32(factor)
+        return np.add(distance, centre, out=distance)
+
+    return by_bands(rgb.reshape(rgb.shape[0], -1), rgb.dtype, scaled).reshape(rgb.shape)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
@@ -70,6 +74,7 @@ PERTURBATION = ColourPerturbation(
     severities={"factor": (0.4, 0.3, 0.2, 0.1, 0.05)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    repeatable=True,
     build=build,
     apply_bytes=apply_bytes,
 )

@@ -12,6 +12,7 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._bands import by_bands
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
 _LEAST_CELLS = 256  # least number of points along a side, however smooth the haze; chosen
@@ -45,10 +46,13 @@ def apply(rgb: NDArray[np.float32], parameters: Fog, context: FrameContext) -> N
     scale = np.float32(brightest / (brightest + thickness))
     if parameters.uniform:
         return (rgb + np.float32(0.5 * thickness)) * scale
-    haze = three_channels(_haze(rgb.shape[:2], parameters, context) * np.float32(thickness))
-    haze += rgb
-    haze *= scale
-    return haze
+
+    def hazy(band: NDArray[np.float32], haze: NDArray[np.float32]) -> NDArray[np.float32]:
+        over = three_channels(haze * np.float32(thickness))
+        over += band
+        return np.multiply(over, scale, out=over)
+
+    return by_bands(rgb, rgb.dtype, hazy, _haze(rgb.shape[:2], parameters, context))
 
 
 def _haze(size: tuple[int, int], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:

@@ -84,6 +84,7 @@ PERTURBATION = ColourPerturbation(
     severities={"visibility_m": (50, 25, 15, 10, 6)},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
     apply=apply,
+    repeatable=True,
     build=build,
     needs_depth=True,
 )

@@ -14,6 +14,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from . import _ice
+from ._bands import by_bands
 
 
 @dataclass(frozen=True)
@@ -38,9 +39,12 @@ def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) ->
     """Put ice over (H, W, 3)."""
     import cv2
 
-    frosted = _crop(rgb.shape[:2], parameters, context).astype(np.float32)
-    cold = cv2.addWeighted(rgb, parameters.intensity, frosted, parameters.influence / 255, 0.0, dst=frosted)
-    return np.asarray(cold, np.float32)
+    def frosted(band: NDArray[np.float32], ice: NDArray[np.uint8]) -> NDArray[np.float32]:
+        cold = ice.astype(np.float32)
+        cv2.addWeighted(band, parameters.intensity, cold, parameters.influence / 255, 0.0, dst=cold)
+        return cold
+
+    return by_bands(rgb, rgb.dtype, frosted, _crop(rgb.shape[:2], parameters, context))
 
 
 def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:

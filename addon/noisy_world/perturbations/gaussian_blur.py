@@ -43,5 +43,6 @@ PERTURBATION = ColourPerturbation(
     severities={"sigma_px": (1, 2, 3, 4, 6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    repeatable=True,
     build=build,
 )

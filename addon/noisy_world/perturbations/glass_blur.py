@@ -14,6 +14,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import gaussian
+from ._quantiles import look_up, uniform_codes
 
 MAX_DELTA_PX = 10  # chosen: two and a half times the delta of severity 5; a table of offsets is made for each delta
 TABLE_SIDE = 256  # 256 x 256 = 65,536 equally likely offsets, one for each 16-bit code
@@ -41,31 +42,39 @@ class GlassBlur:
 
 def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur and shuffle (H, W, 3)."""
+    image = gaussian(rgb, parameters.sigma_px)
+    if parameters.max_delta_px and parameters.iterations:
+        height, width = rgb.shape[:2]
+        generator = context.pattern_stream()
+        # Where a pixel comes from after all copies, so that the image itself is copied once.
+        sources = _positions(height, width, parameters.max_delta_px, generator)
+        for _ in range(parameters.iterations - 1):
+            sources = _copied(sources, _positions(height, width, parameters.max_delta_px, generator))
+        image = _copied(image, sources)
+    return gaussian(image, parameters.sigma_px)
+
+
+def _copied[T: np.integer | np.floating](image: NDArray[T], positions: NDArray[np.int16]) -> NDArray[T]:
+    """Take each pixel of (H, W, C) from its position, (H, W, 2); the border is replicated."""
     import cv2
 
-    image = gaussian(rgb, parameters.sigma_px)
-    if parameters.max_delta_px:
-        generator, taken = context.pattern_stream(), np.empty_like(image)
-        for _ in range(parameters.iterations):
-            positions = _positions(rgb.shape[0], rgb.shape[1], parameters.max_delta_px, generator)
-            taken = cv2.remap(
-                image,
-                positions,
-                None,  # pyright: ignore[reportCallIssue, reportArgumentType]  one map holds both coordinates
-                cv2.INTER_NEAREST,
-                dst=taken,
-                borderMode=cv2.BORDER_REPLICATE,
-            )
-            image, taken = taken, image
-    return gaussian(image, parameters.sigma_px)
+    # Two int16 of a position are copied as one int32.
+    pixels = image if image.dtype == np.float32 else image.view(np.int32)
+    taken = cv2.remap(
+        pixels,
+        positions,
+        None,  # pyright: ignore[reportCallIssue, reportArgumentType]  one map holds both coordinates
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.asarray(taken).reshape(pixels.shape).view(image.dtype)
 
 
 def _positions(height: int, width: int, delta: int, generator: np.random.Generator) -> NDArray[np.int16]:
     """Return (H, W, 2) int16: the column and the row from which each pixel is taken."""
-    count = height * width
-    choice = generator.bit_generator.random_raw((count + 3) // 4).view(np.uint16)[:count]
     # One look-up of 32 bits fetches both the column and the row.
-    positions = np.take(_offsets(delta), choice, mode="clip").view(np.int16).reshape(height, width, 2)
+    positions = look_up(uniform_codes(generator, (height, width)), _offsets(delta)).view(np.int16)
+    positions = positions.reshape(height, width, 2)
     positions += _grid(height, width)
     return positions
 

@@ -57,6 +57,7 @@ PERTURBATION = ColourPerturbation(
     severities={"quality": (25, 18, 15, 10, 7)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    repeatable=True,
     build=build,
     apply_bytes=apply_bytes,
     counts=frozenset({"quality"}),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shot noise: light arrives as photons."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,9 +15,9 @@ from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
-from ._bands import by_bands
+from ._bands import bands, by_bands
 from ._quantile_groups import poisson_quantile
-from ._quantiles import look_up, uniform_codes
+from ._quantiles import look_up, uniform_codes, uniform_words
 
 OUTCOMES = 256  # columns of the alias table of a level: one for each value of 8 random bits
 MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
@@ -40,45 +41,61 @@ def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext
     photons = parameters.photons
     if photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
+    flat = rgb.reshape(len(rgb), -1)
+    tables, generator = _alias_tables(photons), context.pattern_stream()
+    rests = context.pattern_stream("rest") if any(_split(band)[1].any() for band in bands(flat)) else None
+
+    def count(band: NDArray[np.float32]) -> NDArray[np.float32]:
+        levels, rest = _split(band)
+        counts = _draw(levels, generator, *tables).astype(np.float32)
+        if rests is not None:
+            rest *= np.float32(photons / 255)
+            _add_few_photons(counts, rest, rests)
+        counts *= np.float32(1 / photons)
+        return np.minimum(counts, 1, out=counts)
+
+    return by_bands(flat, flat.dtype, count).reshape(rgb.shape)
+
+
+def _split(rgb: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """Return the byte below each value, and what is left of the value in units of a byte, at least 0 and less than 1.
+
+    Values lie in [0, 1].
+    """
     scaled = rgb * np.float32(255)
-    levels = np.clip(scaled + BYTE_NOISE, 0, 255).astype(np.uint8)
-    counts = _draw(levels, context, *_alias_tables(photons)).astype(np.float32)
-    rest = np.maximum(scaled - levels - BYTE_NOISE, 0)
-    if rest.any():
-        counts += _few_photons(rest * np.float32(photons / 255), context.pattern_stream("rest"))
-    counts *= np.float32(1 / photons)
-    return np.minimum(counts, 1, out=counts)
+    levels = (scaled + BYTE_NOISE).astype(np.uint8)
+    scaled -= levels
+    scaled -= BYTE_NOISE
+    return levels, np.maximum(scaled, 0, out=scaled)
 
 
 def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, context: FrameContext) -> NDArray[np.uint8]:
     """Count photons in (H, W, 3) bytes."""
     if parameters.photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
-    return _draw(rgb, context, *_byte_tables(parameters.photons))
+    flat, tables, generator = rgb.reshape(len(rgb), -1), _byte_tables(parameters.photons), context.pattern_stream()
+    return by_bands(flat, flat.dtype, lambda band: _draw(band, generator, *tables)).reshape(rgb.shape)
 
 
 def _draw[T: np.integer | np.floating](
     levels: NDArray[np.uint8],
-    context: FrameContext,
+    generator: np.random.Generator,
     threshold: NDArray[np.uint16],
     first: NDArray[T],
     second: NDArray[T],
 ) -> NDArray[T]:
-    """Draw from each level's distribution: 8 random bits pick a column, 16 more one of the column's two outcomes."""
+    """Draw from the distribution of each level of a band, (rows, values).
+
+    8 random bits pick a column, 16 more one of the column's two outcomes.
+    """
     import cv2
 
-    generator = context.pattern_stream()
-
-    def draw(band: NDArray[np.uint8]) -> NDArray[T]:
-        codes = uniform_codes(generator, band.shape)
-        columns = uniform_codes(generator, ((band.size + 1) // 2,)).view(np.uint8)[: band.size].reshape(band.shape)
-        positions = cv2.merge([columns, band]).view(np.uint16).reshape(band.shape)  # level x 256 + column
-        outcomes = look_up(positions, first)
-        is_second = cv2.compare(codes, look_up(positions, threshold), cv2.CMP_GE)
-        return np.asarray(cv2.copyTo(look_up(positions, second), is_second, outcomes), first.dtype)
-
-    flat = levels.reshape(len(levels), -1)
-    return by_bands(flat, first.dtype, draw).reshape(levels.shape)
+    codes = uniform_codes(generator, levels.shape)
+    columns = uniform_codes(generator, ((levels.size + 1) // 2,)).view(np.uint8)[: levels.size].reshape(levels.shape)
+    positions = cv2.merge([columns, levels]).view(np.uint16).reshape(levels.shape)  # level x 256 + column
+    outcomes = look_up(positions, first)
+    is_second = cv2.compare(codes, look_up(positions, threshold), cv2.CMP_GE)
+    return np.asarray(cv2.copyTo(look_up(positions, second), is_second, outcomes), first.dtype)
 
 
 @lru_cache(maxsize=16)
@@ -130,20 +147,28 @@ def _poisson(means: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.
     return offset, likelihood * (OUTCOMES / likelihood.sum(axis=1, keepdims=True))
 
 
-def _few_photons(means: NDArray[np.float32], generator: np.random.Generator) -> NDArray[np.float32]:
-    """Draw Poisson numbers of means up to about 1, each by inverting one uniform number."""
-    uniform = generator.random(means.shape, dtype=np.float32)
+def _add_few_photons(counts: NDArray[np.float32], means: NDArray[np.float32], generator: np.random.Generator) -> None:
+    """Add to the counts Poisson numbers of means up to about 1, each by inverting one uniform number.
+
+    Of a uniform number below e to the minus the largest mean there is no photon, which are nearly all.
+    """
+    codes = uniform_words(generator, means.size)
+    least = math.exp(-float(means.max())) - 1e-6  # 1e-6: above the error of float32's exponential
+    some = np.flatnonzero(codes >= np.uint32(max(least, 0) * 2**32))
+    # As numpy's own uniform numbers in float32: 24 bits.
+    uniform = (codes[some] >> np.uint32(8)).astype(np.float32) * np.float32(2**-24)
+    means = means.reshape(-1)[some]
     probability = np.exp(-means)
     cumulative = probability.copy()
-    counts = np.zeros_like(means)
+    found = np.zeros_like(means)
     for count in range(1, 12):
         more = uniform >= cumulative
         if not more.any():
             break
-        counts += more
+        found += more
         probability *= means * np.float32(1 / count)
         cumulative += probability
-    return counts
+    counts.reshape(-1)[some] += found
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:

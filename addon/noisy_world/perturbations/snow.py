@@ -12,6 +12,7 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._bands import by_bands
 from ._kernels import correlate, line_kernel
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
@@ -35,9 +36,12 @@ class Snow:
 
 def apply(rgb: NDArray[np.float32], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
     """Let it snow on (H, W, 3)."""
-    image = _whitened(rgb, parameters.blending_ratio)
-    image += three_channels(_flakes(rgb.shape[:2], parameters, context))
-    return image
+
+    def snowed_on(band: NDArray[np.float32], flakes: NDArray[np.float32]) -> NDArray[np.float32]:
+        image = _whitened(band, parameters.blending_ratio)
+        return np.add(image, three_channels(flakes), out=image)
+
+    return by_bands(rgb, rgb.dtype, snowed_on, _flakes(rgb.shape[:2], parameters, context))
 
 
 def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ from ..core.node_graphs.graph import Kind, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._bands import by_bands
 from ._kernels import gaussian
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
@@ -54,14 +55,18 @@ def apply(rgb: NDArray[np.float32], parameters: Spatter, context: FrameContext) 
         cover = torus_window(cover, rgb.shape[:2], start=(-context.drift_frames * parameters.run_px, 0.0))
     if not cover.any():
         return rgb.copy()
-    spattered = _tinted(cover, _MUD_RGB if parameters.complexity else _WATER_RGB)
-    if not parameters.complexity:
-        spattered += rgb
-        return spattered
+    return by_bands(rgb, rgb.dtype, _under_mud if parameters.complexity else _under_water, cover)
+
+
+def _under_water(rgb: NDArray[np.float32], cover: NDArray[np.float32]) -> NDArray[np.float32]:
+    spattered = _tinted(cover, _WATER_RGB)
+    return np.add(spattered, rgb, out=spattered)
+
+
+def _under_mud(rgb: NDArray[np.float32], cover: NDArray[np.float32]) -> NDArray[np.float32]:
     left = three_channels(1 - cover)
     left *= rgb
-    left += spattered
-    return left
+    return np.add(left, _tinted(cover, _MUD_RGB), out=left)
 
 
 def _tinted(cover: NDArray[np.float32], colour: tuple[int, int, int]) -> NDArray[np.float32]:

@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +81,3 @@ class Camera:
             read_rgb=clean.float_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_depth_m if setting.needs_depth else None,
         )
-
-
-type Perturbed = tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]
-"""(H, W, 3) colour, or None where no step changes it; and a record of what was done, for frames.jsonl."""

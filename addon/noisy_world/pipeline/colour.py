@@ -1,20 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Perturbed colour, by Blender's compositor or by the reference, behind one interface."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..core.machine import keep_freed_memory
-from ..core.perturbing.execution import perturb_rgb
+from ..core.perturbing.execution import ColourWork, Notes
+from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
-from .clean_frame import Camera, CleanFrame, Perturbed
+from .clean_frame import Camera, CleanFrame
 
 if TYPE_CHECKING:
     from ..blender.compositor import Compositor
 
-type Colours = Mapping[tuple[str, int], Callable[[], Perturbed]]
+
+@dataclass(frozen=True)
+class ColourImage:
+    """The colour of a frame that shows a clean one perturbed.
+
+    key: equal for equal images of a clean frame, in whatever sequences; None where no other is known to be equal.
+    notes: what is done, for frames.jsonl. pixels: makes it, (H, W, 3) uint8; None where it is the clean image.
+    """
+
+    key: Hashable | None
+    notes: Notes
+    pixels: Callable[[], NDArray[np.uint8] | None]
+
+
+type Colours = Mapping[tuple[str, int], Callable[[], ColourImage]]
 """By a sequence's folder and a frame's number: a function that returns its colour; called once, in any thread."""
 
 
@@ -37,21 +56,41 @@ class ReferenceColour:
         """Return for each frame a function that perturbs it."""
         return {(sequence.folder, frame): partial(self._one, clean, sequence, frame) for sequence, frame in asked}
 
-    def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> Perturbed:
-        return perturb_rgb(sequence.setting.rgb, clean.rgb, self._camera.context(sequence, frame, clean))
+    def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> ColourImage:
+        work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
+        key = None if work.key is None else ("reference", work.key)
+        return ColourImage(key, work.notes, lambda: work.on(clean.rgb))
 
 
 class CompositorColour:
     """Blender's compositor, which works only in the main thread, so the work is done at once."""
 
-    def __init__(self, compositor: "Compositor") -> None:
+    def __init__(self, compositor: "Compositor", camera: Camera) -> None:
         """Take the compositor with a chain for each sequence's folder."""
         self._compositor = compositor
+        self._camera = camera
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
-        """Perturb all frames, several sequences in one evaluation."""
-        made: dict[tuple[str, int], Callable[[], Perturbed]] = {}
-        waiting = list(asked)
+        """Perturb all frames, several sequences in one evaluation; what is the same for several, once."""
+        work = {(item.folder, k): ColourWork.of(item.setting.rgb, self._context(item, k, clean)) for item, k in asked}
+        alike: dict[Hashable, list[tuple[Sequence, int]]] = {}
+        for sequence, frame in asked:
+            place = (sequence.folder, frame)
+            alike.setdefault(work[place].key or place, []).append((sequence, frame))
+        made = self._evaluate(clean, [same[0] for same in alike.values()])
+        for same in alike.values():
+            (first, frame), *others = same
+            key = work[first.folder, frame].key
+            image = replace(made[first.folder, frame], key=None if key is None else ("compositor", key))
+            made[first.folder, frame] = image
+            made |= {(item.folder, k): replace(image, notes=work[item.folder, k].notes) for item, k in others}
+        return {place: partial(_given, image) for place, image in made.items()}
+
+    def _context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
+        return self._camera.context(sequence, frame, clean)
+
+    def _evaluate(self, clean: CleanFrame, waiting: list[tuple[Sequence, int]]) -> dict[tuple[str, int], ColourImage]:
+        made: dict[tuple[str, int], ColourImage] = {}
         while waiting:
             # A chain gives one image per evaluation; a sequence that shows the source frame twice takes another one.
             turn = {sequence.folder: (sequence, frame) for sequence, frame in reversed(waiting)}
@@ -59,12 +98,13 @@ class CompositorColour:
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
             pictures = self._compositor.perturb(clean.rgb, frames, clean.depth_m if needs_depth else None)
-            made |= {(folder, frames[folder][0]): partial(_given, picture) for folder, picture in pictures.items()}
+            for folder, (pixels, notes) in pictures.items():
+                made[folder, frames[folder][0]] = ColourImage(None, notes, partial(_given, pixels))
         return made
 
 
-def _given(perturbed: Perturbed) -> Perturbed:
-    return perturbed
+def _given[T](value: T) -> T:
+    return value
 
 
 class Colour:
@@ -76,7 +116,7 @@ class Colour:
 
     def of(self, clean: CleanFrame) -> Colours:
         """Return a function for the colour of each frame that shows the clean one perturbed."""
-        colours: dict[tuple[str, int], Callable[[], Perturbed]] = {}
+        colours: dict[tuple[str, int], Callable[[], ColourImage]] = {}
         for executor, sequences in self._executors.items():
             asked = [(sequence, frame) for sequence in sequences for frame in sequence.showing("rgb", clean.source)]
             if asked:
@@ -103,4 +143,4 @@ def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int,
     keep_freed_memory()
     chains = {item.folder: item.setting.rgb for item in composited}
     with Compositor(size_px, chains, size_px[0]) as compositor:
-        yield Colour({**executors, CompositorColour(compositor): composited})
+        yield Colour({**executors, CompositorColour(compositor, camera): composited})

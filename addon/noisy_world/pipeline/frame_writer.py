@@ -4,23 +4,30 @@
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Hashable, Iterator
+from collections.abc import Sequence as Many
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.dataset import Dataset, Journal
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
+from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_file, sha256_of_regular_file
+from ..core.datasets.storage import sha256_of_bytes, sha256_of_file
 from ..core.errors import InputError
 from ..core.perturbing.execution import perturb_depth
+from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
-from .colour import Colours
+from .colour import ColourImage, Colours
+from .spent import Spent
 from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
@@ -57,28 +64,25 @@ class FrameWriter:
     written whose depth 16 bits do not hold, None while there is none.
     """
 
-    def __init__(self, dataset: Dataset, render: Render, worker: int) -> None:
-        """Open the journals."""
+    def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: Spent) -> None:
+        """Open the journals. finished: what is not to be written again. spent: hears how long what took."""
         self._dataset = dataset
+        self._spent = spent
         self._stamps = render.scene.source.frame_stamps
         self._camera = Camera(render.camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
-        self._finished = Finished(dataset, self._sequences, self._names)
+        self._finished = finished
         self._journals: list[Journal] = []
         with contextlib.ExitStack() as opened:
             for sequence in self._sequences:
-                self._journals.append(dataset.journal(sequence.folder, worker))
+                self._journals.append(dataset.journal(sequence.folder))
                 opened.callback(self._journals[-1].close)
             opened.pop_all()  # all of them could be opened
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[Future[Lost | None]] = deque()
         self._lock = threading.Lock()
         self.first_lost: Lost | None = None
-
-    def lacking_colour(self, sequences: Iterable[Sequence], sources: Iterable[int]) -> list[Sequence]:
-        """Return those of the sequences that lack the colour of some source frames."""
-        return [item for item in sequences if item.frames and self._finished.lacks(item, "rgb", sources)]
 
     def submit(self, clean: CleanFrame, colours: Colours) -> int:
         """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
@@ -109,10 +113,10 @@ class FrameWriter:
     def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
         """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
         lost = None
-        files = CleanFiles(self._dataset, clean, self._finished)
+        files = FrameFiles(self._dataset, clean, self._finished, self._spent)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
-            with self._lock:
+            with self._lock, self._spent.on("journals"):
                 for record in records:
                     journal.append(record)
             for record in records:
@@ -121,25 +125,24 @@ class FrameWriter:
         return lost
 
     def _write_rgb(
-        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", colours: Colours
+        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
     ) -> Iterator[FrameRecord]:
-        format_ = self._dataset.format
         for frame in self._finished.missing(sequence, "rgb", clean.source):
-            pixels, notes = colours[sequence.folder, frame]() if sequence.setting.rgb else (None, [])
-            name = self._names.rgb(frame)
-            if pixels is None:
-                digest = files.give("rgb", sequence.folder, name).sha256
-            else:
-                digest = self._dataset.write_file(sequence.folder, name, format_.encode_rgb(pixels))
-            yield self._record(frame, {name: digest}, {"rgb": notes} if notes else {})
+            name, steps = self._names.rgb(frame), sequence.setting.rgb
+            if not steps:
+                yield self._record(frame, {name: files.give("rgb", sequence.folder, name).sha256}, {})
+                continue
+            image = colours[sequence.folder, frame]()
+            digest = files.give_colour(image, _stage(steps), sequence.folder, name).sha256
+            yield self._record(frame, {name: digest}, {"rgb": image.notes})
 
-    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles") -> Iterator[FrameRecord]:
+    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles") -> Iterator[FrameRecord]:
         taken_already: dict[int, Written] = {}  # by the frame that the depth belongs to
         for frame in self._finished.missing(sequence, "depth", clean.source):
             name = self._names.depth(frame)
             taken = sequence.shown(frame).depth_frame
             if taken in taken_already:
-                self._dataset.link_file(taken_already[taken].path, sequence.folder, name)
+                files.link(taken_already[taken], sequence.folder, name)
             else:
                 taken_already[taken] = self._write_one_depth(sequence, clean, files, taken, name)
             written = taken_already[taken]
@@ -149,19 +152,19 @@ class FrameWriter:
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
 
     def _write_one_depth(
-        self, sequence: Sequence, clean: CleanFrame, files: "CleanFiles", taken: int, name: str
+        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", taken: int, name: str
     ) -> Written:
         """Write the depth that was taken with a frame, perturbed."""
         depth_m, notes = None, []
         if sequence.setting.depth:
             context = self._camera.context(sequence, taken, clean)
-            depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
-        path = self._dataset.out / sequence.folder / name
+            clean_m = clean.depth_m
+            with self._spent.on(_stage(sequence.setting.depth)):
+                depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, context)
         if depth_m is None:
+            path = self._dataset.out / sequence.folder / name
             return replace(files.give("depth", sequence.folder, name), path=path, perturbed=notes)
-        format_ = self._dataset.format
-        digest = self._dataset.write_file(sequence.folder, name, format_.encode_depth(depth_m))
-        return Written(path, digest, notes, format_.out_of_range(depth_m))
+        return replace(files.put_depth(depth_m, sequence.folder, name), perturbed=notes)
 
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
@@ -179,41 +182,86 @@ class FrameWriter:
             journal.close()
 
 
-class CleanFiles:
-    """The clean images of one frame, each encoded when it is first needed and linked afterwards.
+class FrameFiles:
+    """The images of one frame that several sequences may show, each written when it is first needed and linked later.
 
-    One that a sequence of the dataset has already is linked too.
+    A clean one that a sequence of the dataset has already is linked too.
     """
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished) -> None:
+    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished, spent: Spent) -> None:
         self._dataset = dataset
+        self._spent = spent
         self._clean = clean
         self._finished = finished
         self._written: dict[Modality, Written] = {}
+        self._perturbed: dict[Hashable, Written] = {}  # by what was done to the clean image
+
+    def give_colour(self, image: ColourImage, stage: str, folder: str, name: str) -> Written:
+        """Put a colour image under a name into a sequence; return the file that it was first written to.
+
+        stage: to which the making of its pixels belongs.
+        """
+        if image.key is not None and (there := self._perturbed.get(image.key)) is not None:
+            self.link(there, folder, name)
+            return there
+        with self._spent.on(stage):
+            pixels = image.pixels()
+        if pixels is None:
+            return self.give("rgb", folder, name)
+        written = self._put_colour(pixels, folder, name)
+        if image.key is not None:
+            self._perturbed[image.key] = written
+        return written
 
     def give(self, modality: Modality, folder: str, name: str) -> Written:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
-        if modality not in self._written and (path := self._clean.file_as(modality, self._dataset.format)):
+        if modality not in self._written and (there := self._existing(modality)) is not None:
+            self.link(there, folder, name)
+            # From now on this name is linked: where the existing file is on another disk, it is copied once.
+            self._written[modality] = replace(there, path=self._dataset.out / folder / name)
+        elif modality in self._written:
+            self.link(self._written[modality], folder, name)
+        elif modality == "rgb":
+            self._written[modality] = self._put_colour(self._clean.rgb, folder, name)
+        else:
+            self._written[modality] = self.put_depth(self._clean.depth_m, folder, name)
+        return self._written[modality]
+
+    def _existing(self, modality: Modality) -> Written | None:
+        """Return the source's own file that holds the image, or one that is finished; None where there is none."""
+        if path := self._clean.file_as(modality, self._dataset.format):
             digest = sha256_of_file(path)
             if digest is None:
                 raise InputError(path, "is gone")
-            self._written[modality] = Written(path, digest)
-        if modality not in self._written:
-            for path in self._finished.clean_files(modality, self._clean.source):
-                if digest := sha256_of_regular_file(path):
-                    lost = self._finished.out_of_range(self._clean.source) if modality == "depth" else None
-                    self._written[modality] = Written(path, digest, out_of_range=lost)
-                    break
-        if modality in self._written:
-            self._dataset.link_file(self._written[modality].path, folder, name)
-        else:
-            self._written[modality] = self._write(modality, folder, name)
-        return self._written[modality]
+            return Written(path, digest)
+        found = self._finished.clean_image(modality, self._clean.source)
+        return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 
-    def _write(self, modality: Modality, folder: str, name: str) -> Written:
-        format_, path = self._dataset.format, self._dataset.out / folder / name
-        if modality == "rgb":
-            return Written(path, self._dataset.write_file(folder, name, format_.encode_rgb(self._clean.rgb)))
-        depth_m = self._clean.depth_m
-        digest = self._dataset.write_file(folder, name, format_.encode_depth(depth_m))
-        return Written(path, digest, out_of_range=format_.out_of_range(depth_m))
+    def put_depth(self, depth_m: NDArray[np.float32], folder: str, name: str) -> Written:
+        """Write a depth image under a name into a sequence."""
+        format_ = self._dataset.format
+        with self._spent.on("encoding depth"):
+            data, lost = format_.encode_depth(depth_m), format_.out_of_range(depth_m)
+        return replace(self._put(folder, name, data), out_of_range=lost)
+
+    def _put_colour(self, rgb: NDArray[np.float32] | NDArray[np.uint8], folder: str, name: str) -> Written:
+        with self._spent.on("encoding colour"):
+            data = self._dataset.format.encode_rgb(rgb)
+        return self._put(folder, name, data)
+
+    def _put(self, folder: str, name: str, data: bytes) -> Written:
+        with self._spent.on("hashing"):
+            digest = sha256_of_bytes(data)
+        with self._spent.on("writing"):
+            self._dataset.write_file(folder, name, data)
+        return Written(self._dataset.out / folder / name, digest)
+
+    def link(self, there: Written, folder: str, name: str) -> None:
+        """Give a file that is written a name in a sequence."""
+        with self._spent.on("linking"):
+            self._dataset.link_file(there.path, folder, name)
+
+
+def _stage(steps: Many[Step[Any]]) -> str:
+    """Return the stage of carrying out steps, for the report."""
+    return f"perturbing: {' + '.join(step.perturbation.name for step in steps)}"

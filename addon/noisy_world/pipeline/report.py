@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report of a run: what it did, and how fast."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass
 class Report:
-    """What a run did, for run.json and for the user."""
+    """What a run did, for run.json and for the user.
+
+    processor_s: seconds of processors by stage, over all threads and processes. processors: those that shards were made
+    on, where they are unlike, each with its shards.
+    """
 
     frames_rendered: int = 0
     frames_kept: int = 0
@@ -17,6 +23,8 @@ class Report:
     peak_memory_bytes: int | None = None
     jobs: int = 1
     notes: list[str] = field(default_factory=list)
+    processor_s: dict[str, float] = field(default_factory=dict)
+    processors: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def frames_per_s(self) -> float | None:
@@ -32,6 +40,23 @@ class Report:
         self.first_frame_s = min(first) if first else None
         self.peak_memory_bytes = (self.peak_memory_bytes or 0) + (other.peak_memory_bytes or 0) or None
         self.notes += [note for note in other.notes if note not in self.notes]
+        self.add_processor_s(other.processor_s)
+
+    def add(self, content: Mapping[str, Any]) -> None:
+        """Add what was done at another time, by the content of its report."""
+        self.frames_rendered += content["frames_rendered"]
+        self.loading_s += content["loading_s"]
+        self.rendering_s += content["rendering_s"]
+        self.first_frame_s = content["first_frame_s"] if self.first_frame_s is None else self.first_frame_s
+        peaks = [peak for peak in (self.peak_memory_bytes, content["peak_memory_bytes"]) if peak is not None]
+        self.peak_memory_bytes = max(peaks, default=None)
+        self.notes += [note for note in content["notes"] if note not in self.notes]
+        self.add_processor_s(content["processor_s"])
+
+    def add_processor_s(self, seconds: Mapping[str, float]) -> None:
+        """Add seconds of processors by stage."""
+        for stage, value in seconds.items():
+            self.processor_s[stage] = self.processor_s.get(stage, 0.0) + value
 
     def content(self) -> dict[str, object]:
         """Return the content of run.json."""
@@ -44,7 +69,20 @@ class Report:
             "first_frame_s": None if self.first_frame_s is None else round(self.first_frame_s, 3),
             "rendering_s": round(self.rendering_s, 3),
             "total_s": round(self.total_s, 3),
+            "processor_s": {stage: round(value, 3) for stage, value in sorted(self.processor_s.items())},
             "peak_memory_bytes": self.peak_memory_bytes,
             "jobs": self.jobs,
             "notes": self.notes,
+            **({"processors": self.processors} if self.processors else {}),
         }
+
+
+def processors_of(shards: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the processors that shards were made on, each with the names of its shards; none where all are alike."""
+    found: list[dict[str, Any]] = []
+    for shard in shards:
+        same = [item for item in found if item["processor"] == shard["processor"]]
+        if not same:
+            found.append({"processor": shard["processor"], "shards": []})
+        (same[0] if same else found[-1])["shards"].append(shard["shard"])
+    return found if len(found) > 1 else []

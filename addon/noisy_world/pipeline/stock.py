@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import FrameNames, Modality
+from ..core.datasets.records import FrameRecord
+from ..core.datasets.storage import Hasher, sha256_of_regular_file
 from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence
+from ..core.planning.shards import Shard
 
 
 @dataclass(frozen=True)
@@ -56,38 +59,54 @@ def _image(sequence: Sequence, names: FrameNames, modality: Modality, frame: int
     return (names.rgb(frame), shown.rgb_source) if modality == "rgb" else (names.depth(frame), shown.depth_source)
 
 
-class Finished:
-    """The images of a render's sequences that are finished, by the journals, when a process begins to write."""
+type Flags = dict[str, dict[Modality, NDArray[np.bool_]]]
+"""By a sequence's folder and modality, whether each frame's image is there: however much was done to it, one byte."""
 
-    def __init__(self, dataset: Dataset, sequences: Iterable[Sequence], names: FrameNames) -> None:
-        """Read the journals. Which frames are finished is held in two bits for each, however much was done to them."""
+
+class Holding:
+    """The images of a render's sequences that a folder holds, a dataset or a part of one, when a process begins."""
+
+    def __init__(self, dataset: Dataset, render: Render, checked: Shard | None = None) -> None:
+        """Read the journals, which say what a run that is open has finished.
+
+        checked: look at a dataset that no run has opened for this process: its records count where the files that show
+        this shard's source frames have their hashes.
+        """
         self._dataset = dataset
-        self._names = names
-        self._sequences = list(sequences)
+        self._names = dataset.format.names(render.scene.source.frame_stamps)
+        self._sequences = {sequence.folder: sequence for sequence in render.sequences if sequence.frames}
         self._lost: dict[int, OutOfRange] = {}  # by source frame
-        self._flags = {sequence.folder: self._flags_of(sequence) for sequence in self._sequences}
+        self._checked = checked
+        self._first = render.frames[:1]  # is looked at by whoever makes the others, unless it is there
+        self._hasher = Hasher()
+        self._flags: Flags = {folder: self._flags_of(sequence) for folder, sequence in self._sequences.items()}
 
     def _flags_of(self, sequence: Sequence) -> dict[Modality, NDArray[np.bool_]]:
+        count, dataset = len(sequence.source_frames), self._dataset
         flags: dict[Modality, NDArray[np.bool_]] = {
-            modality: np.zeros(len(sequence.source_frames), dtype=np.bool_)
-            for modality in self._dataset.format.modalities
+            modality: np.zeros(count, dtype=np.bool_) for modality in dataset.format.modalities
         }
-        for record in self._dataset.journal_records(sequence.folder):
+        trusted = self._checked is None
+        for record in (dataset.journal_records if trusted else dataset.recorded)(sequence.folder):
+            if not 0 <= record.frame < count or sequence.leaves_out(record.frame):
+                continue
             for modality, finished in flags.items():
-                name = self._names.rgb(record.frame) if modality == "rgb" else self._names.depth(record.frame)
-                finished[record.frame] |= name in record.files
+                name, source = _image(sequence, self._names, modality, record.frame)
+                finished[record.frame] |= name in record.files and self._counts(sequence, name, source, record)
             if record.out_of_range is not None and not sequence.setting.depth:
                 self._lost[sequence.shown(record.frame).depth_source] = record.out_of_range
         return flags
 
-    def missing(self, sequence: Sequence, modality: Modality, source: int) -> list[int]:
-        """Return the frames to be made that show an image of a source frame and lack it."""
-        finished = self._flags[sequence.folder].get(modality)
-        return [] if finished is None else [k for k in sequence.showing(modality, source) if not finished[k]]
+    def _counts(self, sequence: Sequence, name: str, source: int, record: FrameRecord) -> bool:
+        if self._checked is None or source in self._first:
+            return True
+        path = self._dataset.out / sequence.folder / name
+        return source in self._checked and self._hasher.sha256(path) == record.files[name]
 
-    def lacks(self, sequence: Sequence, modality: Modality, sources: Iterable[int]) -> bool:
-        """Tell whether a sequence lacks an image of some source frames."""
-        return any(self.missing(sequence, modality, source) for source in sources)
+    def has(self, sequence: Sequence, modality: Modality, frame: int) -> bool:
+        """Tell whether a frame's image is there."""
+        finished = self._flags[sequence.folder].get(modality)
+        return finished is None or bool(finished[frame])
 
     def out_of_range(self, source: int) -> OutOfRange | None:
         """Return what of a source frame's depth its finished clean image does not hold."""
@@ -95,11 +114,46 @@ class Finished:
 
     def clean_files(self, modality: Modality, source: int) -> Iterator[Path]:
         """Yield finished files that hold the clean image of a source frame."""
-        for sequence in self._sequences:
-            finished = self._flags[sequence.folder].get(modality)
+        for folder, sequence in self._sequences.items():
+            finished = self._flags[folder].get(modality)
             if finished is None or getattr(sequence.setting, modality):
                 continue
             for frame in sequence.showing(modality, source):
                 if finished[frame]:
                     name = self._names.rgb(frame) if modality == "rgb" else self._names.depth(frame)
-                    yield self._dataset.out / sequence.folder / name
+                    yield self._dataset.out / folder / name
+
+
+class Finished:
+    """The images of a render's sequences that are finished, in any of several folders."""
+
+    def __init__(self, holdings: Iterable[Holding]) -> None:
+        """Take what the folders hold; the first one first, where several hold the same."""
+        self._holdings = tuple(holdings)
+
+    def missing(self, sequence: Sequence, modality: Modality, source: int) -> list[int]:
+        """Return the frames to be made that show an image of a source frame and lack it."""
+        return [
+            frame
+            for frame in sequence.showing(modality, source)
+            if not any(holding.has(sequence, modality, frame) for holding in self._holdings)
+        ]
+
+    def lacks(self, sequence: Sequence, modality: Modality, sources: Iterable[int]) -> bool:
+        """Tell whether a sequence lacks an image of some source frames."""
+        return any(self.missing(sequence, modality, source) for source in sources)
+
+    def lacking(self, render: Render, modalities: Iterable[Modality], sources: Iterable[int]) -> list[int]:
+        """Return those of some source frames that a sequence of a render needs for a missing image."""
+        pairs: list[tuple[Sequence, Modality]] = [
+            (sequence, modality) for sequence in render.sequences if sequence.frames for modality in modalities
+        ]
+        return [source for source in sources if any(self.missing(item, kind, source) for item, kind in pairs)]
+
+    def clean_image(self, modality: Modality, source: int) -> tuple[Path, str, OutOfRange | None] | None:
+        """Return a finished file with the clean image of a source frame, its SHA-256 and the depth that it lacks."""
+        for holding in self._holdings:
+            for path in holding.clean_files(modality, source):
+                if digest := sha256_of_regular_file(path):
+                    return path, digest, holding.out_of_range(source) if modality == "depth" else None
+        return None

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a mesh and a path through it, whose frames Blender renders."""
+"""The source of a mesh and a path through it, whose frames are rendered."""
 
+import contextlib
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +30,7 @@ from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
-
-if TYPE_CHECKING:
-    from ..blender.session import Session
+from .rendering import RenderSession, open_session
 
 
 @dataclass(frozen=True)
@@ -115,6 +114,7 @@ class MeshSource:
                 rate_hz=spec.rate_hz,
                 speed_m_s=spec.speed_m_s,
                 clearance_m=spec.clearance_m,
+                revisit=spec.revisit,
             )
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error
@@ -137,27 +137,13 @@ class MeshSource:
         }
 
     @contextmanager
-    def open(
-        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
-    ) -> Iterator["OpenMesh"]:
-        """Build the scene in Blender."""
-        from ..blender.session import Session
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["PreparedMesh"]:
+        """Prepare to render frames; the mesh is read when the first path is opened."""
+        with contextlib.ExitStack() as closing:
+            yield PreparedMesh(self, camera, note, closing)
 
-        mesh = load_mesh(self.mesh_path, self.room)
-        for text in (*mesh.notes, *self.trajectory().notes):
-            note(text)
-        if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
-            note("Workbench shows a texture or other colours: faces without a texture are grey")
-        beginning = self._beginning(paths, options.first_frames)
-        with Session(mesh, self.name, paths, camera, options) as session:
-            if session.origin_m.any():
-                where = ", ".join(f"{value:g}" for value in session.origin_m)
-                note(f"far from the origin, so rendered around ({where}) m; poses stay as given")
-            opened = OpenMesh(session, mesh, camera, note, beginning)
-            del mesh  # only the check of the first frame still needs it; then the memory is free
-            yield opened
-
-    def _beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> "Beginning | None":
+    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> "Beginning | None":
+        """Return what a path of the mesh must not begin with, None where no frame is looked at."""
         if not frames:
             return None
         path = "the hand-held path" if self.path_file is None else self.path_file.name
@@ -177,32 +163,89 @@ class Beginning:
     error: InputError
 
 
+class PreparedMesh:
+    """A mesh that a renderer takes in once, for all paths through it that the same session can serve."""
+
+    def __init__(
+        self, source: MeshSource, camera: Intrinsics, note: Callable[[str], None], closing: contextlib.ExitStack
+    ) -> None:
+        """Keep what is needed to build it. closing: closes the session in the end."""
+        self._source = source
+        self._camera = camera
+        self._note = note
+        self._told: set[str] = set()
+        self._closing = closing
+        self._session: RenderSession | None = None
+        self._unchecked: list[Mesh] = []
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenMesh":
+        """Return the mesh ready to be rendered along the paths.
+
+        Only where these lie around another point, far from the origin, or need other images is it built again.
+        """
+        session = self._session
+        if session is None or not session.serves(paths, options):
+            session = self._build(paths, options)
+        beginning = self._source.beginning(paths, options.first_frames)
+        return OpenMesh(session, self._unchecked, self._camera, note, beginning)
+
+    def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
+        self._closing.close()
+        self._unchecked.clear()
+        mesh = load_mesh(self._source.mesh_path, self._source.room)
+        for text in (*mesh.notes, *self._source.trajectory().notes):
+            self._tell(text)
+        if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
+            self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
+        opened = open_session(mesh, self._source.name, paths, self._camera, options)
+        session = self._closing.enter_context(opened)
+        if session.origin_m.any():
+            where = ", ".join(f"{value:g}" for value in session.origin_m)
+            self._tell(f"far from the origin, so rendered around ({where}) m; poses stay as given")
+        self._unchecked.append(mesh)
+        self._session = session
+        return session
+
+    def _tell(self, text: str) -> None:
+        """Say what has not been said of the scene."""
+        if text not in self._told:
+            self._told.add(text)
+            self._note(text)
+
+
 class OpenMesh:
-    """A mesh in Blender. Its first frame is checked against the mesh, which is then released."""
+    """A mesh in a renderer with the paths of a render.
+
+    The first frame that is rendered is checked against the mesh, which is then released.
+    """
 
     def __init__(
         self,
-        session: "Session",
-        mesh: Mesh,
+        session: RenderSession,
+        unchecked: list[Mesh],
         camera: Intrinsics,
         note: Callable[[str], None],
         beginning: Beginning | None = None,
     ) -> None:
+        """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied."""
         self._session = session
-        self._unchecked: Mesh | None = mesh
+        self._unchecked = unchecked
         self._camera = camera
         self._note = note
         self._beginning = beginning
+        self._first = True
 
     def frame(self, moment: Moment) -> SourceFrame:
         """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
         frame = self._session.frame(moment)
         if self._beginning is not None:
             self._check_beginning(self._beginning, moment, frame)
-        if self._unchecked is not None and frame.depth_m is not None:
-            self._check(self._unchecked, moment, frame.depth_m)
-        self._unchecked = self._beginning = None
-        forget_meshes()
+        if self._first and frame.depth_m is not None:
+            self._check(moment, frame.depth_m)
+        self._first, self._beginning = False, None
+        if self._unchecked:
+            self._unchecked.clear()
+            forget_meshes()
         return frame
 
     def _check_beginning(self, beginning: Beginning, moment: Moment, frame: SourceFrame) -> None:
@@ -217,14 +260,16 @@ class OpenMesh:
         if not any(_sees_something(self._session.frame(other)) for other in others):
             raise beginning.error
 
-    def _check(self, mesh: Mesh, moment: Moment, depth_m: NDArray[np.float32]) -> None:
+    def _check(self, moment: Moment, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
         where = f"frame {moment.index}"
         if not depth_m.any():
             declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
             self._note(f"{where} sees nothing; {declared}")
-        elif problem := reprojection_problem(mesh, moment.depth_c2w, self._camera, depth_m):
-            self._note(f"{where}: {problem}")
+            return
+        for mesh in self._unchecked:
+            if problem := reprojection_problem(mesh, moment.depth_c2w, self._camera, depth_m):
+                self._note(f"{where}: {problem}")
 
 
 def _sees_something(frame: SourceFrame) -> bool:

@@ -96,11 +96,9 @@ class Recording:
         }
 
     @contextmanager
-    def open(
-        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
-    ) -> Iterator["OpenRecording"]:
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
-        del paths, camera, options  # the files decide all of it
+        del camera  # the files decide it
         for text in self.stored.notes:
             note(text)
         yield OpenRecording(self.stored)
@@ -141,6 +139,11 @@ class OpenRecording:
     """A recording that is ready to give frames."""
 
     stored: StoredSequence
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenRecording":
+        """Return itself: the files decide what its frames show."""
+        del paths, options, note
+        return self
 
     def frame(self, moment: Moment) -> "RecordedFrame":
         """Return the frame of a moment; its images are read on request."""

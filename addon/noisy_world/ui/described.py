@@ -42,6 +42,7 @@ _CHOICES = {
     "cycles": ("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
     "eevee": ("EEVEE", "GL: on the graphics card or, where there is none, in software"),
     "workbench": ("Workbench", "GL without materials: vertex colours as they are"),
+    "embree": ("Embree", "One ray a pixel, without Blender; needs the Python package embreex"),
     "compositor": ("Compositor", "Blender's compositor: the node groups that the preview shows"),
     "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
     "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),

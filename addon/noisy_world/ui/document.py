@@ -16,6 +16,7 @@ from ..core.perturbing.reading import parse_settings, parse_steps
 from ..core.perturbing.steps import Setting, Step, steps_of_kind
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import Preset, PresetSpec, check_document, read_preset
+from ..core.presets.selection import OnlySpec
 from ..core.scenes.embedded import is_embedded, room_mesh, room_name, room_seeds
 from ..core.schema import Place, unknown_name
 from ..core.yaml_reading import yaml_text
@@ -265,7 +266,7 @@ def _take(panel: Any, preset: Preset, wanted: str) -> None:
 def _settings_of(preset: Preset, wanted: str) -> tuple[tuple[Setting, ...], Setting]:
     """Return a preset's settings, and that which is wanted: "" is the first that is not clean."""
     place = preset.place("settings")
-    found = parse_settings(preset.spec.settings, place, registry(), preset.spec.render.backend)
+    found = parse_settings(preset.spec.settings, preset.setting_places, registry(), preset.spec.render.backend)
     chosen = next((item for item in found if item.name == wanted or (not wanted and item.steps)), None)
     if chosen is None and wanted:
         raise unknown_name(place, "setting", wanted, [item.name for item in found])
@@ -284,6 +285,8 @@ def _refuse_unshown(preset: Preset) -> None:
     asked = {
         "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
         "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
+        "scenes.0.replica": scene.replica is not None and "is looked for under data",
+        "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
         "scenes.0.mesh": _unshowable(scene.mesh or ""),
         "scenes.0.trajectory.start": trajectory is not None and trajectory.start != 0 and "chooses a part of the path",
         "scenes.0.trajectory.stop": trajectory is not None and trajectory.stop is not None and "chooses a part",
@@ -291,9 +294,13 @@ def _refuse_unshown(preset: Preset) -> None:
         and "resamples the path",
         "scenes.0.trajectory.handheld.seed": trajectory is not None and trajectory.handheld is not None
         and trajectory.handheld.seed is not None and "is another seed than the preset's",
+        "scenes.0.trajectory.handheld.revisit": trajectory is not None and trajectory.handheld is not None
+        and trajectory.handheld.revisit and "is true",
         "rig": spec.rig is not None and "places sensors on a robot",
         "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
+        "output.licence": spec.output.licence is not None and "states a licence",
         "render.allow_empty": spec.render.allow_empty and "is true",
+        "render.processors": spec.render.processors != "same" and f"is {spec.render.processors}",
         "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
     }  # fmt: skip
     for path, problem in asked.items():
@@ -319,7 +326,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     if is_embedded(scene.mesh):
         (panel.room_seed,) = room_seeds(scene.mesh)
     else:
-        panel.mesh_path = str(path_in(preset.path.parent, scene.mesh, preset.place("scenes.0.mesh")))
+        panel.mesh_path = str(path_in(preset.folder, scene.mesh, preset.place("scenes.0.mesh")))
     panel.scene_name = scene.name or (
         room_name(scene.mesh, panel.room_seed) if is_embedded(scene.mesh) else Path(scene.mesh).stem
     )
@@ -327,7 +334,7 @@ def _take_scene(panel: Any, preset: Preset) -> None:
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
         assert scene.trajectory.file is not None
-        file = path_in(preset.path.parent, scene.trajectory.file, preset.place("scenes.0.trajectory"))
+        file = path_in(preset.folder, scene.trajectory.file, preset.place("scenes.0.trajectory"))
         panel.trajectory_path = str(file)
         for name, field in TRAJECTORY.items():
             set_value(panel, name, getattr(scene.trajectory, field))

@@ -11,7 +11,6 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.render import RenderedFrame
 from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
@@ -22,6 +21,7 @@ from ..core.perturbing.execution import perturb_depth
 from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
+from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
@@ -90,7 +90,8 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
         height, width = before.shape[:2]
         only = replace(sequence, frames=(index,))
         with colour_of([only], _camera(scene), (width, height)) as colour:
-            made, notes = colour.of(clean)[only.folder, index]()
+            image = colour.of(clean)[only.folder, index]()
+            made, notes = image.pixels(), image.notes
         picture = before if made is None else _as_stored(made, stored)
     edge = round(panel_of(scene).preview_split * picture.shape[1])
     if edge and picture is not before:

@@ -145,7 +145,8 @@ def sentence(scene: bpy.types.Scene, names: tuple[str, ...] | None = None) -> st
         return ""
     panel = panel_of(scene)
     if panel.mesh_source == "ROOM":
-        return f"Not in the dataset: {enumerated(names)}. The dataset shows the embedded room; load a PLY under Scene"
+        room = f"embedded room {panel.room_seed}" if panel.room_seed else "the embedded room"
+        return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; load a PLY under Scene"
     mesh = Path(panel.mesh_path).name or "the PLY file under Scene"
     return f"Not in the dataset: {enumerated(names)}. The dataset shows {mesh}"
 

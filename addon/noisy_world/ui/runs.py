@@ -114,14 +114,14 @@ def _placed(preset: Preset) -> PresetSpec:
     def whole(name: str | None) -> str | None:
         if name is None or is_embedded(name):
             return name
-        return path_in(preset.path.parent, name, preset.place("scenes")).resolve().as_posix()
+        return path_in(preset.folder, name, preset.place("scenes")).resolve().as_posix()
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory
         return replace(scene, mesh=whole(scene.mesh), trajectory=path and replace(path, file=whole(path.file)))
 
     scenes = tuple(placed(scene) for scene in preset.spec.scenes)
-    return replace(preset.spec, scenes=scenes, camera=preset.spec.mesh_camera)
+    return replace(preset.spec, scenes=scenes, camera=preset.spec.mesh_camera, data=None)
 
 
 def temporary_preset(panel: Any, folder: Path) -> Path:

@@ -169,7 +169,7 @@ def test_what_association_leaves_out_is_said(tmp_path):
     assert find_sequence(folder).notes == (said,)
     notes = []
     recording = read_recording(folder, Place("p"), None)
-    with recording.open(None, None, None, notes.append):
+    with recording.prepare(None, notes.append):
         assert notes == [said]
 
 

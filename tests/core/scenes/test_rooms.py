@@ -35,8 +35,8 @@ def seed(request):
 
 
 @pytest.fixture(scope="module")
-def room(seed):
-    return build_room(seed)
+def room(kept_rooms, seed):
+    return kept_rooms.built(seed)
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +53,8 @@ def inside(plan, xy_m):
     return crossed % 2 == 1
 
 
-def test_living_room_is_as_it_was():
-    room = build_room()
+def test_living_room_is_as_it_was(kept_rooms):
+    room = kept_rooms.room()
     assert room.vertices_m.shape == (873_341, 3)
     np.testing.assert_allclose(room.vertices_m.sum(axis=0), LIVING_ROOM_SUMS_M, rtol=0, atol=1e-6)
     np.testing.assert_allclose(room.rgb.mean(axis=0), LIVING_ROOM_RGB, rtol=0, atol=1e-5)

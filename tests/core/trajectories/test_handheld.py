@@ -62,9 +62,30 @@ def view_to_wall_m(trajectory, room):
     return np.min((wall - positions(trajectory)[:, :2]) / np.where(forward == 0, 1e-9, forward), axis=1)
 
 
-@pytest.fixture(scope="module", params=[0, 1, 7])
+@pytest.fixture(scope="module", params=[(0, False), (1, True), (7, False)])
 def furnished(request):
-    return handheld_path(boxes(ROOM, PILLAR, TABLE), seed=request.param, frames=2000)
+    seed, revisit = request.param
+    return handheld_path(boxes(ROOM, PILLAR, TABLE), seed=seed, frames=2000, revisit=revisit)
+
+
+def share_that_comes_back(path, hz=20):
+    """The share of frames after 20 s that see, from within 40 cm and 30 degrees, what a frame 20 s before saw."""
+    points_m, forward = positions(path), path.c2w[:, :3, 2]
+    late = range(20 * hz, len(points_m))
+    return np.mean([
+        np.any(
+            (np.linalg.norm(points_m[: k - 20 * hz + 1] - points_m[k], axis=1) < 0.4)
+            & (forward[: k - 20 * hz + 1] @ forward[k] > np.cos(np.deg2rad(30)))
+        )
+        for k in late
+    ])  # fmt: skip
+
+
+def test_a_path_that_revisits_comes_back_far_more_often():
+    hall = boxes(((0.0, 0.0, 0.0), (10.0, 8.0, 3.0)), ((4.0, 3.0, 0.0), (6.0, 5.0, 1.0)))
+    plain, looped = (handheld_path(hall, seed=1, frames=500, rate_hz=5, revisit=revisit) for revisit in (False, True))
+    assert share_that_comes_back(looped, 5) > max(0.4, 1.5 * share_that_comes_back(plain, 5))
+    np.testing.assert_array_equal(plain.c2w[:75], looped.c2w[:75])  # there is nothing to come back to yet
 
 
 def test_stays_clear_of_walls_and_furniture(furnished):

@@ -8,21 +8,33 @@ again. So a killed run, a torn line, a truncated image or a power cut costs time
 """
 
 import contextlib
-import errno
-import json
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..errors import StorageError
+from ..errors import CannotJoinError, StorageError
 from ..presets.preset import canonical
-from .differences import ANOTHER_FOLDER, first_difference
+from .agreement import disagreement
+from .differences import ANOTHER_FOLDER
+from .journal import Journal
 from .layouts import FrameNames, OutputFormat
-from .merging import merged_identity, merged_manifest
+from .merging import kept_notes, merged_identity, merged_manifest
+from .place import check_folders, check_place
+from .plausible import plausible_records
 from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
+from .shard_merging import (
+    Gathered,
+    ShardRules,
+    finish_shard,
+    merge_shards,
+    remove_shards,
+    shards_hold_frames,
+)
+from .shard_record import ShardRecord
 from .standing import (
     IDENTITY,
     JOURNALS,
@@ -35,7 +47,7 @@ from .standing import (
 )
 from .storage import (
     FolderLock,
-    link_on_the_way,
+    Hasher,
     link_or_copy,
     sha256_of_bytes,
     sha256_of_regular_file,
@@ -49,8 +61,8 @@ NOTHING = Standing(None, None, frozenset(), holds_frames=False)
 class Dataset:
     """The folder of a dataset while a run writes to it.
 
-    identity: what it is made from, once it is open: what the run makes, and what stays beside that. notes: what the
-    user should know of what was there.
+    identity: what it is made from, once it is open: what the run makes, and what stays beside that. shards_left:
+    the folders of shards that are unfinished or under way. notes: what the user should know of what was there.
     """
 
     def __init__(self, out: Path, output: OutputFormat) -> None:
@@ -62,29 +74,31 @@ class Dataset:
         self._there = NOTHING
         self._kept: list[str] = []
         self._opened: dict[str, Any] = {}
+        self._fresh = f"merged-{os.getpid()}-{time.time_ns()}"
+        self._hasher = Hasher()
         self.identity: dict[str, Any] = {}
+        self.shards_left: list[Path] = []
         self.notes: list[str] = []
 
     def open(
-        self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
+        self,
+        identity: dict[str, Any],
+        why_not: Callable[[dict[str, Any]], str | None],
+        *,
+        overwrite: bool,
+        shards: ShardRules | None = None,
     ) -> None:
         """Lock the folder for a run that makes what this `identity` says, beside what is there.
 
-        why_not: says why a dataset of another identity cannot take this one in, or None where it can.
+        why_not: says why a dataset of another identity cannot take this one in, or None where it can. shards: which
+        shards are merged at once; without it none is.
 
         Raises StorageError where the folder holds something else, or another run writes to it.
         """
-        if self.out.exists() and not self.out.is_dir():
-            raise StorageError(f"{self.out}: is a file, not a folder; choose another with --out")
-        if self._work.is_symlink() or (self._work.exists() and not self._work.is_dir()):
-            raise StorageError(f"{self._work}: is not the folder that a run works in; remove it")
-        if read_standing(self.out) is None and self._holds_other_things():
-            raise StorageError(
-                f"{self.out}: is not empty and holds no dataset of Noisy World; choose another folder with --out"
-            )
+        check_place(self.out)
         self._lock = FolderLock(self._work / "lock")
         try:
-            self._begin(identity, why_not, overwrite=overwrite)
+            self._begin(identity, why_not, shards, overwrite=overwrite)
         except BaseException:
             if not (self._work / IDENTITY).exists():
                 remove_work_folder(self._work, self.scratch)
@@ -92,21 +106,40 @@ class Dataset:
             self._lock = None
             raise
 
+    def check(self, why_not: Callable[[dict[str, Any]], str | None]) -> None:
+        """See whether the folder could be opened, as far as that can be told while others may be writing to it.
+
+        Raises StorageError where it could not, because it holds something else.
+        """
+        check_place(self.out)
+        there = read_standing(self.out) or NOTHING
+        problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
+        if problem and there.holds_frames:
+            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
+
     def _begin(
-        self, identity: dict[str, Any], why_not: Callable[[dict[str, Any]], str | None], *, overwrite: bool
+        self,
+        identity: dict[str, Any],
+        why_not: Callable[[dict[str, Any]], str | None],
+        shards: ShardRules | None,
+        *,
+        overwrite: bool,
     ) -> None:
-        self._check_folders(identity["sequences"])
+        check_folders(self.out, identity["sequences"], self.format.folders)
         there = read_standing(self.out) or NOTHING
         problem = there.problem
         if not problem and there.identity is not None:
             problem = why_not(there.identity) or ""
-        if problem and there.holds_frames and not overwrite:
-            remedy = "" if "--overwrite" in problem else f"; {ANOTHER_FOLDER}"
-            raise StorageError(f"{self.out}: holds another dataset: {problem}{remedy}")
+        if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
+            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
         if problem or overwrite:
             remove_dataset(self.out, self._work, {*there.sequences, *identity["sequences"]})
+            remove_shards(self.out)
             there = NOTHING
         self._there = there
+        empty_scratch(self.scratch)
+        if shards is not None and there.identity is not None:
+            self._gather(shards, there.identity)  # now, while the working folder's identity is what they were made from
         named = set(identity["sequences"])
         if there.note:
             self.notes.append(there.note)
@@ -116,18 +149,31 @@ class Dataset:
         self._forget_finished(journal_folders(self._work) - named)
         begun = journal_folders(self._work) - named
         self._kept = sorted((there.finished | begun) - named)
-        self._note_kept(begun)
+        self.notes += kept_notes(self._kept, begun)
         self._opened = merged_identity(there.identity or identity, identity, self._kept)
         self.identity = merged_identity(there.identity or identity, identity, there.finished - named)
-        empty_scratch(self.scratch)
         self._write(self._work / IDENTITY, canonical(self._opened))
+        if shards is not None:
+            self._refuse(self._gather(shards, self._opened).refused)
 
-    def _check_folders(self, sequences: Iterable[str]) -> None:
-        """Refuse links in place of folders: what is written or removed has to be the dataset's own."""
-        for folder in sequences:
-            for place in (self._work / folder, *(self.out / folder / name for name in self.format.folders)):
-                if link := link_on_the_way(self.out, place):
-                    raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
+    def _refuse(self, shards: dict[Path, str]) -> None:
+        """Refuse shards that do not belong to the dataset. shards: why, by folder."""
+        for folder, reason in shards.items():
+            if not (self._there.holds_frames or journal_folders(self._work)):
+                (self._work / IDENTITY).unlink()  # nothing here was made from it
+            also = f" (and {len(shards) - 1} more)" if len(shards) > 1 else ""
+            remedy = "remove its folder, and make the shard again"
+            raise StorageError(f"{folder}: this shard{also} does not belong to the dataset: {reason}; {remedy}")
+
+    def _gather(self, shards: ShardRules, identity: dict[str, Any]) -> Gathered:
+        """Merge the shards in the folder that were made from what an identity says."""
+        found = merge_shards(self, identity, shards)
+        self.shards_left = found.left
+        for merged in found.merged:
+            if merged.damaged:
+                count, first = len(merged.damaged), merged.damaged[0]
+                self.notes.append(f"{count} files of a shard are not as they were made, {first} the first; not merged")
+        return found
 
     def _forget_undescribed(self) -> None:
         """Remove the records of frames that only an identity described which cannot be read."""
@@ -153,27 +199,17 @@ class Dataset:
             if {(record.frame, *record.files.items()) for record in self.records(folder).values()} <= recorded:
                 remove_journals(self._work, folder)
 
-    def _note_kept(self, begun: Iterable[str]) -> None:
-        """Say which sequences stay as they are."""
-        finished = [folder for folder in self._kept if folder not in begun]
-        for folders, state in ((finished, "as it is"), (sorted(begun), "unfinished")):
-            if folders:
-                names = ", ".join(folders[:4]) + (f" and {len(folders) - 4} more" if len(folders) > 4 else "")
-                self.notes.append(f"what this preset does not name stays {state}: {names}")
+    def join(self, identity: dict[str, Any], *, any_processor: bool = False) -> None:
+        """Take part in a run that another process has opened with the same `identity`, or with more than that.
 
-    def join(self, identity: dict[str, Any]) -> None:
-        """Take part in a run that another process has opened with the same `identity`, but for the paths' hashes.
-
-        Raises StorageError where no run is open, or where this process has another identity and would write other
-        bytes.
+        any_processor: whether frames of another kind of processor are good enough. Raises CannotJoinError where no run
+        is open, or where this process has another identity and would write other bytes.
         """
         there = read_standing(self.out) if self.scratch.is_dir() else None
         if there is None or there.identity is None or there.problem:
-            raise StorageError(f"{self.out}: no run is open here")
-        # Through JSON, as the file is: JSON turns tuples into lists, for instance.
-        here = json.loads(canonical(identity))
-        if difference := first_difference(_without_paths(_narrowed(there.identity, here)), _without_paths(here)):
-            raise StorageError(
+            raise CannotJoinError(f"{self.out}: no run is open here")
+        if difference := disagreement(there.identity, identity, any_processor=any_processor):
+            raise CannotJoinError(
                 f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
                 "while it runs, and start it again"
             )
@@ -184,6 +220,7 @@ class Dataset:
             return
         if self._opened and not self.holds_frames():
             remove_dataset(self.out, self._work, self._opened["sequences"])
+            remove_shards(self.out)
             remove_work_folder(self._work, self.scratch)
             with contextlib.suppress(OSError):
                 self.out.rmdir()
@@ -193,10 +230,7 @@ class Dataset:
     def holds_frames(self) -> bool:
         """Tell whether a run has finished a frame."""
         there = read_standing(self.out)
-        return there is not None and there.holds_frames
-
-    def _holds_other_things(self) -> bool:
-        return self.out.is_dir() and any(item.name != WORK_FOLDER for item in self.out.iterdir())
+        return (there is not None and there.holds_frames) or shards_hold_frames(self.out)
 
     def _write(self, path: Path, text: str) -> str:
         """Write a text file, unless it has this content already; return its SHA-256."""
@@ -220,16 +254,17 @@ class Dataset:
         """Return by frame the files of a sequence that exist as they were written.
 
         names: of the frames' files. count: of the sequence's frames. Records of lost or damaged files are dropped, and
-        those of frames that the sequence does not have; so from then on the journals alone say what is finished.
+        those of frames that the sequence does not have; so from then on the journals alone say what is finished. What
+        this process has merged was hashed then.
         """
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
             raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
-        found = joined_records(
-            part for record in self._recorded(folder) if (part := _plausible(record, names, count)) is not None
-        )
-        intact = {frame: self._intact(folder, record) for frame, record in found.items()}
-        intact = {frame: record for frame, record in intact.items() if record.files}
+        fresh = self._journal_path(folder, self._fresh)
+        found = plausible_records(self.recorded(folder, but=fresh), names, count)
+        checked = (self._intact(folder, record) for record in found.values())
+        merged = plausible_records(read_records(fresh), names, count).values()
+        intact = joined_records((*(record for record in checked if record.files), *merged))
         kept = self._work / folder / "journal-kept.jsonl"
         with storage_errors(kept):
             if intact:
@@ -251,29 +286,42 @@ class Dataset:
     def _journals(self, folder: str) -> list[Path]:
         return sorted((self._work / folder).glob(JOURNALS))
 
-    def _recorded(self, folder: str) -> Iterator[FrameRecord]:
-        yield from read_records(self.out / folder / FRAMES)
-        yield from self.journal_records(folder)
+    def recorded(self, folder: str, *, but: Path | None = None) -> Iterator[FrameRecord]:
+        """Yield the records of a sequence in its frames.jsonl and its journals, `but` one of these."""
+        for path in (self.out / folder / FRAMES, *self._journals(folder)):
+            if path != but:
+                yield from read_records(path)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
         """Return the record without the files whose hashes are others."""
         place = self.out / folder
-        files = {
-            name: digest for name, digest in record.files.items() if sha256_of_regular_file(place / name) == digest
-        }
+        files = {name: digest for name, digest in record.files.items() if self._hasher.sha256(place / name) == digest}
         return replace(record, files=files)
 
-    def journal(self, folder: str, worker: int) -> "Journal":
-        """Open a worker's journal of a sequence, and create the sequence's folders."""
+    def make_folders(self, folder: str) -> None:
+        """Create the folders of a sequence. Raises StorageError."""
         with storage_errors(self.out / folder):
             for name in self.format.folders:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
-        return Journal(self._work / folder / f"journal-{worker}.jsonl")
 
-    def write_file(self, folder: str, name: str, data: bytes) -> str:
-        """Write a file of a sequence and return its SHA-256."""
+    def journal(self, folder: str) -> Journal:
+        """Open the journal of a sequence that this run writes, and create the sequence's folders."""
+        self.make_folders(folder)
+        return Journal(self._journal_path(folder, "0"))
+
+    def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
+        """Record frames of a sequence whose files were moved here from a shard."""
+        journal = Journal(self._journal_path(folder, self._fresh))
+        for record in records:
+            journal.append(record)
+        journal.close()
+
+    def _journal_path(self, folder: str, name: str) -> Path:
+        return self._work / folder / f"journal-{name}.jsonl"
+
+    def write_file(self, folder: str, name: str, data: bytes) -> None:
+        """Write a file of a sequence."""
         write_atomic(self.out / folder / name, data, self.scratch)
-        return sha256_of_bytes(data)
 
     def link_file(self, source: Path, folder: str, name: str) -> None:
         """Link an existing file, of this dataset or another, into a sequence."""
@@ -327,54 +375,12 @@ class Dataset:
             remove_work_folder(self._work, self.scratch)
         self.close()
 
-
-class Journal:
-    """The lines of finished frames, appended one by one."""
-
-    def __init__(self, path: Path) -> None:
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            _cut_torn_line(path)
-            self._file = path.open("ab", buffering=0)
-        self._path = path
-
-    def append(self, record: FrameRecord) -> None:
-        """Add a frame whose files are written."""
-        line = record.line().encode()
-        with storage_errors(self._path):
-            if self._file.write(line) != len(line):  # an unbuffered write may write only a part when the disk is full
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+    def finish_as_shard(self, record: ShardRecord) -> None:
+        """End the making of a shard whose folder this is."""
+        finish_shard(self.out, record)
+        self._opened = {}  # what is here is no dataset, and stays
+        self.close()
 
 
-def _cut_torn_line(path: Path) -> None:
-    """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
-    with contextlib.suppress(FileNotFoundError):
-        data = path.read_bytes()
-        if data and not data.endswith(b"\n"):
-            with path.open("r+b") as file:
-                file.truncate(data.rfind(b"\n") + 1)
-
-
-def _plausible(record: FrameRecord, names: FrameNames, count: int) -> FrameRecord | None:
-    """Return a record with those of its files that the frame has; None for what is no record of the sequence."""
-    if not 0 <= record.frame < count or (record.time_s, record.depth_time_s) != names.stamps.told(record.frame):
-        return None
-    own = names.of(record.frame)
-    return replace(record, files={name: digest for name, digest in record.files.items() if name in own})
-
-
-def _narrowed(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:
-    """Return an identity without the scenes, settings, sequences and versions that another one does not name."""
-    parts = ("scenes", "settings", "sequences", "versions")
-    undecided = {key: None for key in ("near_m", "far_m", "rig", "render") if here[key] is None}
-    return {**there, **undecided, **{key: {k: v for k, v in there[key].items() if k in here[key]} for key in parts}}
-
-
-def _without_paths(identity: dict[str, Any]) -> dict[str, Any]:
-    """Return an identity without the hashes of its paths, which a worker does not make again."""
-    scenes = {name: {**scene, "path": scene["path"]["frames"]} for name, scene in identity["scenes"].items()}
-    return {**identity, "scenes": scenes}
+def _with_remedy(problem: str) -> str:
+    return problem if "--overwrite" in problem else f"{problem}; {ANOTHER_FOLDER}"

@@ -18,6 +18,7 @@ from .provenance import path_sha256
 
 ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
 ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
+PROCESSORS = "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough"
 COMMON = ("seed", "near_m", "far_m", "rig", "render", "output")
 KEYS = {"near_m": "camera.near_m", "far_m": "camera.far_m"}  # where they stand in a preset
 DECIDE_OTHERS = ("layout", "file")  # keys whose values decide what others mean or default to
@@ -29,6 +30,7 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
 
     The text is the first difference that tells most, and the remedy.
     """
+    any_processor = plan.preset.spec.render.processors == "any"
     for key in COMMON:
         if None not in (there[key], here[key]) and there[key] != here[key]:
             return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
@@ -40,10 +42,10 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
     for scene in plan.scenes:
         if scene.name in there["scenes"]:
             before, now = there["scenes"][scene.name], here["scenes"][scene.name]
-            problem = _scene(scene, before, now) or _path(scene, before, now)
+            problem = _scene(scene, before, now) or _path(scene, before, now, any_processor=any_processor)
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
-    return _made_with(there, here)
+    return _made_with(there, here, any_processor=any_processor)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
@@ -141,13 +143,18 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
     return None
 
 
-def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | None:
-    """Return how the path of a scene differs in the frames that the dataset's path has; None where it goes on."""
+def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str | None:
+    """Return how the path of a scene differs in the frames that the dataset's path has; None where it goes on.
+
+    any_processor: whether last bits are allowed to differ, where everything that a path is made from is equal.
+    """
     before, now = there["path"], here["path"]
     if before == now:
         return None
     where = f"{scene.place.path}.trajectory"
     changed = first_difference(there["entry"].get("trajectory"), here["entry"].get("trajectory"), where)
+    if any_processor and changed is None and there["inputs"] == here["inputs"] and before["frames"] == now["frames"]:
+        return None
     if now["frames"] >= before["frames"]:
         if before["sha256"] == path_sha256(scene.source.trajectory(), scene.source.stamps_s, before["frames"]):
             return None
@@ -199,11 +206,11 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
 # --- what it is made with ---
 
 
-def _made_with(there: dict[str, Any], here: dict[str, Any]) -> str | None:
+def _made_with(there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str | None:
     for name in sorted({*there["versions"]} & {*here["versions"]}):
         before, now = there["versions"][name], here["versions"][name]
         if before != now:
             return f"made with {name} {_short(before)}, this is {_short(now)}; {ANOTHER_FOLDER}"
-    if found := first_difference(there["processor"], here["processor"]):
-        return f"made on another processor: {found}; {ANOTHER_FOLDER}"
+    if not any_processor and (found := first_difference(there["processor"], here["processor"])):
+        return f"made on another processor: {found}; {PROCESSORS}, or {ANOTHER_FOLDER}"
     return None

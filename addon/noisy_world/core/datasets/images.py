@@ -10,18 +10,26 @@ from numpy.typing import NDArray
 # 2.1; OpenCV's default chroma subsampling takes a noisy frame from 43 to 18 dB.
 JPEG_QUALITY = 98
 PNG_LEVEL = 1  # 16 ms a depth frame; level 9 saves a tenth of the bytes and takes forty times as long
+ROWS = 32  # of a band; chosen: a band of 1200 pixels is half a megabyte
 UINT16_MAX = 65535  # 2^16 - 1, the largest step of a depth image
 GREY_WEIGHTS_PER_MILLE = (299, 587, 114)  # of R, G and B: ITU-R BT.601
 
 
 def rgb_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Round display-encoded colours (H, W, 3) float to the nearest byte; values outside [0, 1] are clipped."""
+    """Round display-encoded colours (H, W, 3) float to the nearest byte; values outside [0, 1] are clipped.
+
+    In bands of rows, whose clipped values stay in the processor's cache: a third of the time.
+    """
     import cv2
 
     flat = rgb.reshape(rgb.shape[0], -1)  # without channels, as OpenCV applies a scalar to the first channel only
-    low = cv2.max(flat, 0.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  the stubs know no plain number
-    clipped = cv2.min(low, 1.0)  # pyright: ignore[reportCallIssue, reportArgumentType]  likewise
-    return np.asarray(cv2.convertScaleAbs(clipped, alpha=255), np.uint8).reshape(rgb.shape)
+    rounded = np.empty(flat.shape, np.uint8)
+    clipped = np.empty((min(ROWS, len(flat)), flat.shape[1]), np.float32)
+    for top in range(0, len(flat), ROWS):
+        band = flat[top : top + ROWS]
+        inside = np.clip(band, 0.0, 1.0, out=clipped[: len(band)])
+        cv2.convertScaleAbs(inside, rounded[top : top + ROWS], alpha=255)
+    return rounded.reshape(rgb.shape)
 
 
 def as_float(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.float32]:
@@ -68,7 +76,8 @@ def encode_colour(pixels: NDArray[np.uint8], image: Literal["jpg", "png"]) -> by
             cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
             cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444,
         ]
-    return _encode(f".{image}", pixels[..., ::-1] if pixels.ndim == 3 else pixels, options)
+    swapped = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), np.uint8) if pixels.ndim == 3 else pixels
+    return _encode(f".{image}", swapped, options)
 
 
 def quantise_depth(
@@ -77,12 +86,17 @@ def quantise_depth(
     """Turn planar depth (H, W) in metres into uint16 steps of 1 / scale_per_m; 0 = void.
 
     beyond: what depth becomes that 16 bits cannot hold, infinity included: void, or the farthest step. Negative values
-    and NaN become void; nothing wraps around.
+    and NaN become void; nothing wraps around. In bands of rows, which stay in the processor's cache.
     """
-    steps = depth_steps(depth_m, scale_per_m)
-    fits = (steps >= 0) & (steps <= UINT16_MAX)  # False for NaN
-    lost = np.where(steps > UINT16_MAX, UINT16_MAX if beyond == "farthest" else 0, 0)
-    return np.where(fits, steps, lost).astype(np.uint16)
+    quantised = np.empty(depth_m.shape, np.uint16)
+    for top in range(0, len(depth_m), ROWS):
+        steps = depth_steps(depth_m[top : top + ROWS], scale_per_m)
+        fits = (steps >= 0) & (steps <= UINT16_MAX)  # False for NaN
+        if not fits.all():
+            lost = np.where(steps > UINT16_MAX, UINT16_MAX if beyond == "farthest" else 0, 0)
+            steps = np.where(fits, steps, lost)
+        quantised[top : top + ROWS] = steps
+    return quantised
 
 
 def depth_steps(depth_m: NDArray[np.float32], scale_per_m: float) -> NDArray[np.float64]:

@@ -40,12 +40,13 @@ def parse_json(text: str) -> Any:
     Neither is a value accepted that is nested more deeply than anything written here.
     """
     try:
-        value = json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
+        value = _DECODER.decode(text)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"cannot be read at line {error.lineno}, column {error.colno}") from error
-    _check_depth(value)
+    if text.count("{") + text.count("[") > DEEPEST:  # most have too few to be nested that deeply
+        _check_depth(value)
     return value
 
 
@@ -84,6 +85,10 @@ def _whole(text: str) -> int:
         return int(text)
     except ValueError:  # Python converts no more than some thousand digits
         raise ValueError(f"holds a number of {len(text)} digits") from None
+
+
+_DECODER = json.JSONDecoder(parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
+"""Made once: a dataset of thousands of sequences has millions of lines."""
 
 
 def _check_depth(value: Any) -> None:

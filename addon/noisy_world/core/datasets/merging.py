@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The identity and the manifest of a dataset that has grown: what the preset names, and what stays beside it."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
 from .records import OUT_OF_RANGE
@@ -48,3 +48,12 @@ def merged_manifest(there: Standing, here: dict[str, Any], kept: Iterable[str]) 
         "frames": {folder: frames[folder] for folder in folders} | here["frames"],
         "files": {folder: there.files[folder] for folder in folders} | beside | here["files"],
     }
+
+
+def kept_notes(kept: Collection[str], begun: Collection[str]) -> Iterator[str]:
+    """Yield what the user should know of the sequences that stay. begun: those that are unfinished."""
+    finished = [folder for folder in kept if folder not in begun]
+    for folders, state in ((finished, "as it is"), (sorted(begun), "unfinished")):
+        if folders:
+            names = ", ".join(folders[:4]) + (f" and {len(folders) - 4} more" if len(folders) > 4 else "")
+            yield f"what this preset does not name stays {state}: {names}"

@@ -33,7 +33,7 @@ def draw_overview(
     """
     import cv2
 
-    shown = [(folder, _spread(numbers)) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers]
+    shown = list(_shown(frames).items())
     models = _first_of_scene([folder for folder, _ in shown])
     named = {folder: output.names(stamps[_scene(folder)]) for folder, _ in shown}
     names = {folder: {"rgb": name.rgb, "depth": name.depth} for folder, name in named.items()}
@@ -66,6 +66,22 @@ def draw_overview(
         rows.append(_label(f"and {len(frames) - MAX_SEQUENCES} more sequences"))
     _, data = cv2.imencode(".png", np.concatenate(rows)[..., ::-1])
     return data.tobytes()
+
+
+def _shown(frames: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
+    return {folder: _spread(numbers) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers}
+
+
+def looked_at(frames: Mapping[str, Sequence[int]]) -> dict[str, set[int]]:
+    """Return the frames whose images are needed to draw the sheet: those shown, and those that these are compared with.
+
+    frames: the numbers of all, by the sequence's folder.
+    """
+    shown = _shown(frames)
+    needed = {folder: set(numbers) for folder, numbers in shown.items()}
+    for folder, model in _first_of_scene(list(shown)).items():
+        needed[model] |= set(shown[folder]) & set(frames[model])
+    return needed
 
 
 def _first_of_scene(folders: Sequence[str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ grows by scenes, settings and frames, and each keeps what it was made from.
 """
 
 import hashlib
+import json
 import platform
 import re
 import sys
@@ -22,6 +23,7 @@ from ..machine import processor_features
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
+from ..presets.preset import canonical
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -71,7 +73,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
         "format": FORMAT,
-        "preset": plan.preset.document,
+        "preset": plan.preset.described,
         "preset_sha256": plan.preset.sha256,
         "seed": spec.seed,
         "near_m": spec.mesh_camera.near_m if rendered else None,
@@ -82,13 +84,14 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
         "settings": {setting.name: _setting(setting) for setting in plan.settings},
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
-        "versions": _versions(plan, renderer),
-        "processor": {
-            "machine": platform.machine(),
-            "byte_order": sys.byteorder,
-            "features": processor_features(),
-        },
+        "versions": {**_perturbation_packages(plan), **renderer, **base_versions()},
+        "processor": processor(),
     }
+
+
+def plain_identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
+    """Return the identity as it is read back from a file: JSON turns tuples into lists, for instance."""
+    return json.loads(canonical(identity(plan, renderer, paths=paths)))
 
 
 def _sensor(sensor: Sensor | None) -> list[list[float]] | None:
@@ -114,8 +117,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": _plain(asdict(entry)),
-        "inputs": _plain(scene.source.hashes()),
+        "entry": plain_values(asdict(entry)),
+        "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         "path": path,
     }
@@ -155,7 +158,7 @@ def _setting(setting: Setting) -> dict[str, Any]:
 def _step(step: Step[Any]) -> dict[str, Any]:
     """Return a step with the parameters of its severity, or of each severity that it draws from."""
     severities = (step.severity,) if step.levels is None else step.levels
-    parameters = [None if severity == 0 else _plain(asdict(step.parameters(severity))) for severity in severities]
+    parameters = [None if severity == 0 else plain_values(asdict(step.parameters(severity))) for severity in severities]
     return {
         "name": step.perturbation.name,
         "severity": step.severity,
@@ -165,26 +168,30 @@ def _step(step: Step[Any]) -> dict[str, Any]:
     }
 
 
-def _plain(value: Any) -> Any:
-    """Return a value as JSON holds it: lists for tuples."""
+def plain_values(value: Any) -> Any:
+    """Return a value as JSON holds it: lists for tuples, texts as keys."""
     if isinstance(value, dict):
-        return {str(name): _plain(item) for name, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+        return {str(name): plain_values(item) for name, item in value.items()}
+    return [plain_values(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def _versions(plan: Plan, renderer: Mapping[str, str]) -> dict[str, str]:
+def base_versions() -> dict[str, str]:
+    """Return the versions of what every dataset is made with, by name."""
     import cv2
     import OpenEXR
 
     return {
-        **_perturbation_packages(plan),
         "noisy_world": package_version(),
-        **renderer,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "opencv": cv2.__version__,
         "openexr": OpenEXR.__version__,
     }
+
+
+def processor() -> dict[str, Any]:
+    """Return the kind of processor that this is, as far as it decides bytes."""
+    return {"machine": platform.machine(), "byte_order": sys.byteorder, "features": processor_features()}
 
 
 def _perturbation_packages(plan: Plan) -> dict[str, str]:

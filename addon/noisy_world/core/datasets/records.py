@@ -32,8 +32,8 @@ class FrameRecord:
     out_of_range: OutOfRange | None = None
     depth_time_s: float | None = None
 
-    def line(self) -> str:
-        """The record as a line of JSON."""
+    def content(self) -> dict[str, Any]:
+        """The record as plain JSON values."""
         record: dict[str, Any] = {"frame": self.frame, "time_s": self.time_s}
         if self.depth_time_s is not None:
             record["depth_time_s"] = self.depth_time_s
@@ -42,7 +42,11 @@ class FrameRecord:
             record[OUT_OF_RANGE] = self.out_of_range.content()
         if self.perturbed:
             record["perturbed"] = self.perturbed
-        return json.dumps(record, separators=(", ", ": ")) + "\n"
+        return record
+
+    def line(self) -> str:
+        """The record as a line of JSON."""
+        return json.dumps(self.content(), separators=(", ", ": ")) + "\n"
 
     def with_motion(self, motion: dict[str, Any]) -> "FrameRecord":
         """Return the record with what motion did to the frame."""
@@ -72,14 +76,21 @@ def read_records(path: Path) -> Iterator[FrameRecord]:
         return
     with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
-            if record := _parse_record(line):
+            if record := read_record(line):
                 yield record
 
 
-def _parse_record(line: str) -> FrameRecord | None:
+def read_record(line: str) -> FrameRecord | None:
     """Read a line of a journal; None for a torn line and for what no run wrote."""
     try:
-        record = parse_json(line)
+        return record_of(parse_json(line))
+    except ValueError:
+        return None
+
+
+def record_of(record: Any) -> FrameRecord | None:
+    """Return the record of plain JSON values; None for what no run wrote."""
+    try:
         lost = OutOfRange.of_content(record[OUT_OF_RANGE]) if OUT_OF_RANGE in record else None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError):
         return None

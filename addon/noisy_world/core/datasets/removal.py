@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from .layouts import LAYOUTS, Layout
 from .records import FRAMES
-from .standing import IDENTITY, JOURNALS, MANIFEST, OVERVIEW, RUN
+from .standing import IDENTITY, JOURNALS, MANIFEST, MERGED, OVERVIEW, RUN
 from .storage import UNFINISHED, link_on_the_way, storage_errors
 
 
@@ -82,6 +82,7 @@ def remove_work_folder(work: Path, scratch: Path) -> None:
             if path.is_dir() and not path.is_symlink():
                 with contextlib.suppress(OSError):
                     path.rmdir()
+        (work / MERGED).unlink(missing_ok=True)
         (work / IDENTITY).unlink(missing_ok=True)
         (work / "lock").unlink(missing_ok=True)
         with contextlib.suppress(OSError):

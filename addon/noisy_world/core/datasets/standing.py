@@ -13,6 +13,7 @@ from .records import FRAMES, OUT_OF_RANGE, read_records
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
+MERGED = "merged.jsonl"  # in the working folder: a line for each shard that was merged
 MANIFEST = "manifest.json"
 RUN = "run.json"
 OVERVIEW = "overview.png"
@@ -48,7 +49,7 @@ class Standing:
 
 def read_standing(out: Path) -> Standing | None:
     """Return what a folder holds of a dataset; None where it holds none of ours."""
-    opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, _identity_problem)
+    opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
     manifest, why_no_manifest = _read(out / MANIFEST, _manifest_problem)
     begun = journal_folders(out / WORK_FOLDER)
     recorded = frozenset[str]() if manifest else _recorded_folders(out)
@@ -149,7 +150,8 @@ def _fits(value: Any, shape: Any) -> bool:
     return isinstance(value, shape) and (not isinstance(value, bool) or shape is object)
 
 
-def _identity_problem(value: Any) -> str:
+def identity_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the identity of a dataset, or ""."""
     if not _fits(value, {"format": int, "sequences": (list, dict)}) or not all(map(_is_sequence, value["sequences"])):
         return "is not the identity of a dataset"
     if value["format"] != FORMAT:
@@ -172,7 +174,7 @@ def _has_cameras(identity: dict[str, Any]) -> bool:
 
 def _manifest_problem(value: Any) -> str:
     identity: Any = value.get("identity") if isinstance(value, dict) else None
-    if (problem := _identity_problem(identity)) or identity["format"] != FORMAT:
+    if (problem := identity_problem(identity)) or identity["format"] != FORMAT:
         return problem
     if not _fits(value, _MANIFEST):
         return "lacks what a manifest holds, or holds something else"

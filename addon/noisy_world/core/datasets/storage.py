@@ -7,11 +7,12 @@ import hashlib
 import itertools
 import os
 import re
+import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from ..errors import StorageError
+from ..errors import BusyError, StorageError
 
 _UNFINISHED = itertools.count()
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -65,6 +66,60 @@ def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
         unfinished.unlink(missing_ok=True)
 
 
+class Mover:
+    """Moves finished files from one folder to another; names of one file stay names of one file."""
+
+    def __init__(self, scratch: Path) -> None:
+        """Take a folder for unfinished files on the file system that files are moved to."""
+        self._scratch = scratch
+        self._copied: dict[tuple[int, int], Path] = {}  # by device and number of the file: only across file systems
+
+    def move(self, source: Path, target: Path) -> None:
+        """Move a file, atomically: under its new name it is whole. Raises StorageError."""
+        with storage_errors(target):
+            try:
+                source.replace(target)
+            except OSError as error:
+                if error.errno != errno.EXDEV:
+                    raise
+                self._copy(source, target)
+            # Renaming one name of a file to another name of the same file does nothing, so both would stay.
+            source.unlink(missing_ok=True)
+
+    def _copy(self, source: Path, target: Path) -> None:
+        found = source.stat()
+        number = found.st_dev, found.st_ino
+        if number in self._copied:
+            link_or_copy(self._copied[number], target, self._scratch)
+            return
+        write_atomic(target, source.read_bytes(), self._scratch)
+        if found.st_nlink > 1:
+            self._copied[number] = target
+
+
+class Hasher:
+    """Hashes files; one that has several names is read once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int], str] = {}  # by device and number of the file
+
+    def sha256(self, path: Path) -> str | None:
+        """Return the SHA-256 of a file; None where there is none, where it is something else or cannot be read."""
+        try:
+            found = path.stat()
+            if not stat.S_ISREG(found.st_mode):
+                return None
+            number = found.st_dev, found.st_ino
+            if number in self._known:
+                return self._known[number]
+            digest = sha256_of_file(path)
+        except OSError:
+            return None
+        if digest is not None and found.st_nlink > 1:
+            self._known[number] = digest
+        return digest
+
+
 UNFINISHED = re.compile(r"[0-9]+-[0-9]+-.+")
 """What the names of unfinished files are like."""
 
@@ -114,7 +169,7 @@ class FolderLock:
                 self._file = path.open("a+b")
             if not _try_lock(self._file.fileno()):
                 self._file.close()
-                raise StorageError(f"{path.parent.parent}: another run is writing here; wait for it, or stop it")
+                raise BusyError(f"{path.parent.parent}: another run is writing here; wait for it, or stop it")
             # An earlier run may have removed the file between our opening and our locking it; then try again.
             with contextlib.suppress(FileNotFoundError):
                 if path.stat().st_ino == os.fstat(self._file.fileno()).st_ino:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -131,6 +132,52 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
 # --- colour ---
 
 
+@dataclass(frozen=True)
+class ColourWork:
+    """What the steps of colour do to one frame of a sequence.
+
+    active: the steps that do something, each with its context and the severity that it has in this frame. notes: what
+    is done, for the provenance. repeatable: whether each of the steps says so.
+    """
+
+    active: tuple[tuple[Step[ColourPerturbation], FrameContext, float | None], ...]
+    notes: Notes
+    repeatable: bool
+
+    @staticmethod
+    def of(steps: Sequence[Step[ColourPerturbation]], where: FrameContext) -> "ColourWork":
+        """Draw the severities of a frame. where: the frame, with the identifiers of its sequence."""
+        drawn = [(step, step.context(where)) for step in steps]
+        done = [(step, context, step.severity_of(context)) for step, context in drawn]
+        notes = [step.note(context, severity) for step, context, severity in done]
+        active = tuple(item for item in done if item[2] != 0)
+        return ColourWork(active, notes, all(step.perturbation.repeatable for step in steps))
+
+    @property
+    def key(self) -> Hashable | None:
+        """What makes equal images of the same clean frame, whatever the sequence; None where nothing is known to."""
+        if not self.repeatable:
+            return None
+        return tuple(
+            (step.perturbation.name, *asdict(step.parameters(severity)).items()) for step, _, severity in self.active
+        )
+
+    def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
+        """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
+        if not self.active:
+            return None
+        if len(self.active) == 1 and rgb.dtype == np.uint8:
+            step, context, severity = self.active[0]
+            if (apply_bytes := step.perturbation.apply_bytes) is not None:
+                return apply_bytes(rgb, step.parameters(severity), context)
+        image = as_float(rgb)
+        for number, (step, context, severity) in enumerate(self.active):
+            if number:
+                np.clip(image, 0.0, 1.0, out=image)
+            image = perturb_colour(step, image, severity, context)
+        return rgb_bytes(image)  # which clips what the last step made
+
+
 def perturb_rgb(
     steps: Sequence[Step[ColourPerturbation]], rgb: NDArray[Any], where: FrameContext
 ) -> tuple[NDArray[np.uint8] | None, Notes]:
@@ -140,21 +187,8 @@ def perturb_rgb(
     where: the frame, with the identifiers of its sequence and its depth for steps that ask for it.
     Returns (H, W, 3) uint8, or None where every severity is 0, which is the identity; and what was done.
     """
-    drawn = [(step, step.context(where)) for step in steps]
-    done = [(step, context, step.severity_of(context)) for step, context in drawn]
-    notes = [step.note(context, severity) for step, context, severity in done]
-    active = [(step, context, severity) for step, context, severity in done if severity != 0]
-    if not active:
-        return None, notes
-    if len(active) == 1 and rgb.dtype == np.uint8:
-        step, context, severity = active[0]
-        if (apply_bytes := step.perturbation.apply_bytes) is not None:
-            return apply_bytes(rgb, step.parameters(severity), context), notes
-    image = as_float(rgb)
-    for step, context, severity in active:
-        image = perturb_colour(step, image, severity, context)
-        np.clip(image, 0.0, 1.0, out=image)
-    return rgb_bytes(image), notes
+    work = ColourWork.of(steps, where)
+    return work.on(rgb), work.notes
 
 
 def perturb_colour(

@@ -256,9 +256,11 @@ class ColourPerturbation(Perturbation):
     stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used where
     it is the only step on a frame that is read as bytes. build: the same definition as a compositor node group, or
     None. capacity: for each parameter that the number of its nodes depends on, the largest value that the group serves
-    by default. needs_depth: the context holds the frame's depth, and the group has an input for it.
+    by default. needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the
+    result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
+    share a file; it draws nothing and does not look at the frame's number or stamp.
 
-    Raises ValueError for another stage.
+    Raises ValueError for another stage, and for temporals of what is repeatable.
     """
 
     apply: ColourApply
@@ -266,11 +268,14 @@ class ColourPerturbation(Perturbation):
     build: GroupBuild | None = None
     capacity: Mapping[str, float] = field(default_factory=dict)
     needs_depth: bool = False
+    repeatable: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.stage not in COLOUR_STAGES:
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(COLOUR_STAGES)}")
+        if self.repeatable and self.temporals:
+            raise ValueError(f"{self.name}: what is repeatable has no random pattern, so it has no temporals")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,39 +3,38 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from itertools import product
 from typing import Any
 
 from ..schema import Place, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
-
-type Registry = Mapping[str, Perturbation]
+from .sweeps import Registry, known_perturbation, sweep_size, swept
 
 LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
 DEFAULT_SEVERITY = 3.0  # chosen: the middle one; node groups have its values as their defaults
 
 
 def parse_settings(
-    items: Sequence[Any], place: Place, registry: Registry, backend: Backend = "reference"
+    items: Sequence[Any], places: Sequence[Place], registry: Registry, backend: Backend = "reference"
 ) -> tuple[Setting, ...]:
     """Read the preset's settings: SettingSpec items with `name` and `perturb`, or with `sweep`.
 
-    backend: for settings that name none.
+    places: of each item. backend: for settings that name none.
 
     Raises InputError naming the key.
     """
-    _check_count(items, place)
+    _check_count(items, places)
     found: list[tuple[Setting, Place]] = []
-    for index, item in enumerate(items):
-        where = place.at(index)
+    for item, where in zip(items, places, strict=True):
         if (item.name is None) == (item.sweep is None):
             raise where.error("needs either name or sweep", "name the setting, or sweep over several")
         if item.sweep is not None:
             if item.perturb:
                 raise where.at("perturb").error("goes with name, not with sweep")
-            swept = _swept(item.sweep, where.at("sweep"), registry, item.backend or backend)
-            found += [(setting, where) for setting in swept]
+            found += [
+                (Setting(name, parse_steps([step], inside, registry), item.backend or backend), where)
+                for name, step, inside in swept(item.sweep, where.at("sweep"), registry)
+            ]
         else:
             steps = parse_steps(item.perturb, where.at("perturb"), registry)
             found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
@@ -47,27 +46,13 @@ def parse_settings(
     return tuple(setting for setting, _ in found)
 
 
-def _check_count(items: Sequence[Any], place: Place) -> None:
+def _check_count(items: Sequence[Any], places: Sequence[Place]) -> None:
     count = 0
-    for index, item in enumerate(items):
-        sweep = item.sweep
-        count += 1 if sweep is None else len(sweep.perturb) * len(sweep.severities) * len(sweep.modes)
+    for item, place in zip(items, places, strict=True):
+        count += 1 if item.sweep is None else sweep_size(item.sweep, place.at("sweep"))
         if count > LARGEST_SETTINGS:
             problem = f"makes {count} settings with those before it; at most {LARGEST_SETTINGS} are made"
-            raise place.at(index).error(problem)
-
-
-def _swept(sweep: Any, place: Place, registry: Registry, backend: Backend) -> list[Setting]:
-    """Return a setting for each name, severity and mode, called `fog_s3`, `fog_s3_dynamic` and so on."""
-    settings = []
-    for (index, name), severity, mode in product(enumerate(sweep.perturb), sweep.severities, sweep.modes):
-        where = place.at("perturb").at(index)
-        if _known(name, where, registry).severities == {}:
-            raise where.error(f"{name} has no severities to sweep over", "write a setting for each of its parameters")
-        steps = parse_steps([{name: {"severity": severity, "mode": mode}}], where, registry)
-        suffix = "_dynamic" if mode == "dynamic" else ""
-        settings.append(Setting(f"{name}_s{severity:g}{suffix}", steps, backend))
-    return settings
+            raise place.error(problem)
 
 
 def parse_steps(items: Sequence[Any], place: Place, registry: Registry) -> tuple[Step[Any], ...]:
@@ -80,18 +65,12 @@ def parse_steps(items: Sequence[Any], place: Place, registry: Registry) -> tuple
                 f"is {describe(item)}, but has to be one name with its values", "write {fog: {severity: 3}}"
             )
         ((name, values),) = item.items()
-        perturbation = _known(name, where, registry)
+        perturbation = known_perturbation(name, where, registry)
         same = sum(step.perturbation.name == name for step in steps)
         if same and isinstance(perturbation, SEQUENCE_KINDS):
             raise where.error(f"{name} is given twice", "it acts once on a sequence")
         steps.append(_parse_step(perturbation, values, where.at(str(name)), same))
     return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
-
-
-def _known(name: object, place: Place, registry: Registry) -> Perturbation:
-    if name not in registry:
-        raise unknown_name(place, "perturbation", str(name), list(registry))
-    return registry[str(name)]
 
 
 def _parse_step(perturbation: Perturbation, values: object, place: Place, same: int) -> Step[Any]:

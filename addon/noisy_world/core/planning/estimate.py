@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A rough estimate of a plan's time and disk space, for --dry-run and the warning of a disk that is too small."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality
 from .plan import Plan, Render
 
 # Measured on two cores at 1200 x 680, and rounded.
 SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
-SECONDS_PER_PIXEL = 1.0e-7  # reading the render, encoding and writing: 0.08 s a frame
+SECONDS_PER_PIXEL = 1.0e-7  # reading a frame, encoding and writing: 0.08 s a frame
+SECONDS_PER_RAY = 1.7e-7  # engine embree, encoding and writing included: 0.14 s a frame
 SECONDS_PER_RENDER = 4.0  # loading a scene
+SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 6e-8  # perturbing and encoding: 0.05 s a frame
 SECONDS_PER_COMPOSITED_PIXEL = 1.6e-7  # in Blender's compositor, in addition: 0.13 s a frame
 BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
@@ -31,7 +37,7 @@ def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
 
 def size_text(count: int) -> str:
     """Return a number of bytes in words: "3.2 GB", "17 MB", "1.4 MB", "600 bytes"."""
-    for size, unit in ((10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
+    for size, unit in ((10**12, "TB"), (10**9, "GB"), (10**6, "MB"), (10**3, "kB")):
         if count >= size:
             return f"{count / size:.1f} {unit}" if count < 10 * size else f"{count / size:.0f} {unit}"
     return f"{count} bytes"
@@ -39,12 +45,37 @@ def size_text(count: int) -> str:
 
 def estimate(plan: Plan) -> Estimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
-    parts = [_of_render(plan, render) for render in plan.renders]
-    return Estimate(int(sum(size for size, _ in parts)), sum(seconds for _, seconds in parts))
+    return Estimate(
+        int(sum(_bytes_of(plan, render) for render in plan.renders)),
+        sum(_seconds_of(plan, render) for render in plan.renders),
+    )
 
 
-def _of_render(plan: Plan, render: Render) -> tuple[float, float]:
-    """Estimate the bytes and the seconds of a render."""
+def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[np.float64]:
+    """Estimate the seconds (N,) that some source frames of a render take, with all images that show them."""
+    pixels = render.camera.width_px * render.camera.height_px
+    each_s = pixels * SECONDS_PER_PIXEL
+    if render.scene.source.gives.rendered:
+        spec = plan.preset.spec.render
+        each_s = each_s + pixels * spec.samples * SECONDS_PER_SAMPLE if spec.in_blender else pixels * SECONDS_PER_RAY
+    seconds = np.full(max(render.frames, default=-1) + 1, each_s)
+    for sequence in render.sequences:
+        for modality in plan.format.modalities:
+            image_s = SECONDS_PER_LINK
+            if getattr(sequence.setting, modality):
+                image_s = pixels * SECONDS_PER_PERTURBED_PIXEL
+                if modality == "rgb" and plan.composites and sequence.setting.composited:
+                    image_s += pixels * SECONDS_PER_COMPOSITED_PIXEL
+            np.add.at(seconds, sequence.sources_shown(modality), image_s)
+    return seconds[np.asarray(frames, dtype=np.int64)]
+
+
+def _seconds_of(plan: Plan, render: Render) -> float:
+    loading_s = SECONDS_PER_RENDER if render.scene.source.gives.rendered else 0.0
+    return loading_s + float(frame_seconds(plan, render, render.frames).sum())
+
+
+def _bytes_of(plan: Plan, render: Render) -> float:
     pixels = render.camera.width_px * render.camera.height_px
     format_ = plan.format
     kinds = {modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities}
@@ -55,12 +86,4 @@ def _of_render(plan: Plan, render: Render) -> tuple[float, float]:
         for modality, kind in kinds.items()
         if getattr(sequence.setting, modality)
     ]
-    size = pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
-    seconds = sum(count for _, count in perturbed) * pixels * SECONDS_PER_PERTURBED_PIXEL
-    if plan.composites:
-        composited = sum(len(sequence.frames) for sequence in render.sequences if sequence.setting.composited)
-        seconds += composited * pixels * SECONDS_PER_COMPOSITED_PIXEL
-    if render.scene.source.gives.rendered:
-        per_pixel = plan.preset.spec.render.samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL
-        seconds += SECONDS_PER_RENDER + len(render.frames) * pixels * per_pixel
-    return size, seconds
+    return pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))

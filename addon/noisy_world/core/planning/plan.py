@@ -16,6 +16,7 @@ from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.preset import Preset, SensorSpec
+from ..presets.selection import selected
 from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from ..trajectories.sensor_paths import SensorPaths
@@ -89,14 +90,24 @@ class Plan:
         return any(scene.source.gives.rendered for scene in self.scenes)
 
     @property
+    def renders_in_blender(self) -> bool:
+        """Whether Blender renders anything."""
+        return self.renders_anything and self.preset.spec.render.in_blender
+
+    @property
     def composites(self) -> bool:
         """Whether anything is perturbed in Blender's compositor."""
         return "rgb" in self.format.modalities and any(setting.composited for setting in self.settings)
 
     @property
     def needs_blender(self) -> bool:
-        """Whether anything is rendered, or perturbed in the compositor."""
-        return self.renders_anything or self.composites
+        """Whether Blender renders anything, or its compositor perturbs it."""
+        return self.renders_in_blender or self.composites
+
+    def only(self, render: Render) -> "Plan":
+        """Return the plan of one of the renders alone, with the settings of its sequences."""
+        settings = tuple(sequence.setting for sequence in render.sequences)
+        return replace(self, renders=(render,), settings=settings)
 
     @property
     def frame_count(self) -> int:
@@ -105,12 +116,15 @@ class Plan:
 
 
 def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
-    """Read the settings of a preset. registry: the perturbations that they may name.
+    """Read the settings of a preset that are wanted. registry: the perturbations that they may name.
 
     Raises InputError where they are wrong or cannot be carried out.
     """
     spec = preset.spec
-    settings = parse_settings(spec.settings, preset.place("settings"), registry, spec.render.backend)
+    settings = parse_settings(spec.settings, preset.setting_places, registry, spec.render.backend)
+    names = [setting.name for setting in settings]
+    wanted = set(selected(names, spec.only.settings, preset.place("only.settings")))
+    settings = tuple(setting for setting in settings if setting.name in wanted)
     _check_sensors(settings, preset)
     _check_executions(settings, preset)
     return settings
@@ -171,7 +185,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
 
 
 def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
-    return tuple(sorted(set().union(*(sequence.sources(modalities) for sequence in sequences))))
+    shown = [sequence.sources_shown(modality) for sequence in sequences for modality in modalities]
+    return tuple(np.unique(np.concatenate(shown)).tolist())
 
 
 # --- paths ---

@@ -8,7 +8,7 @@ of one frame with the depth of another.
 
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,23 +86,33 @@ class Sequence:
         depth_frame = frame if self.depth_frames is None else self.depth_frames[frame]
         return Shown(self.source_frames[frame], self.source_frames[depth_frame], depth_frame)
 
+    def sources_shown(self, modality: Modality) -> NDArray[np.intp]:
+        """Return the source frame (N,) whose colour, or whose depth, each of its frames to be made shows."""
+        frames = np.array(self.frames, dtype=np.intp)
+        if modality == "depth" and self.depth_frames is not None:
+            frames = np.array(self.depth_frames, dtype=np.intp)[frames]
+        return np.array(self.source_frames, dtype=np.intp)[frames]
+
     @cached_property
-    def _shown(self) -> dict[Modality, dict[int, list[int]]]:
-        """The frames that show the colour, and the depth, of a source frame."""
-        found: dict[Modality, dict[int, list[int]]] = {"rgb": {}, "depth": {}}
-        for frame in self.frames:
-            shown = self.shown(frame)
-            found["rgb"].setdefault(shown.rgb_source, []).append(frame)
-            found["depth"].setdefault(shown.depth_source, []).append(frame)
+    def _shown(self) -> dict[Modality, tuple[NDArray[np.int32], NDArray[np.int32]]]:
+        """The source frames whose colour, and depth, is shown, sorted, and the frames that show them, in order."""
+        found: dict[Modality, tuple[NDArray[np.int32], NDArray[np.int32]]] = {}
+        modalities: tuple[Modality, ...] = ("rgb", "depth")
+        for modality in modalities:
+            sources = self.sources_shown(modality).astype(np.int32)
+            order = np.argsort(sources, kind="stable")
+            found[modality] = sources[order], np.array(self.frames, dtype=np.int32)[order]
         return found
 
     def showing(self, modality: Modality, source: int) -> list[int]:
         """Return the frames to be made that show the colour, or the depth, of a source frame."""
-        return self._shown[modality].get(source, [])
+        sources, frames = self._shown[modality]
+        first, last = np.searchsorted(sources, (source, source + 1))
+        return frames[first:last].tolist()
 
     def sources(self, modalities: Many[Modality]) -> set[int]:
         """Return the source frames that its frames to be made need."""
-        return {source for modality in modalities for source in self._shown[modality]}
+        return set().union(*(self.sources_shown(modality).tolist() for modality in modalities))
 
 
 def lay_out(
@@ -116,12 +126,20 @@ def lay_out(
     before = chosen_poses(moving, source_count, identifiers)
     source_count = source_count if before is None else len(before)
     poses = chosen_poses(choosing, source_count, identifiers)
-    source_frames = tuple(range(source_count)) if poses is None else tuple(int(pose) for pose in poses)
+    source_frames = _numbers(0, source_count) if poses is None else tuple(int(pose) for pose in poses)
     pairs = paired_depth(setting.pairing, len(source_frames), identifiers)
     depth_frames = None if pairs is None else tuple(int(frame) for frame in pairs)
     wanted = range(len(source_frames))[chosen or slice(None)]
-    frames = tuple(frame for frame in wanted if depth_frames is None or depth_frames[frame] >= 0)
+    frames = _numbers(wanted.start, max(wanted.start, wanted.stop))
+    if depth_frames is not None:
+        frames = tuple(frame for frame in wanted if depth_frames[frame] >= 0)
     return Sequence(setting, scene, identifiers, source_frames, depth_frames, frames)
+
+
+@lru_cache(maxsize=16)
+def _numbers(start: int, stop: int) -> tuple[int, ...]:
+    """Return the numbers from start to stop-1: one tuple for the thousand sequences that have them."""
+    return tuple(range(start, stop))
 
 
 def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:

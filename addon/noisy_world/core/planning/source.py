@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
+from ..presets.preset import EngineName
 from ..schema import Place
 from ..trajectories.sensor_paths import Moment, SensorPaths
 from ..trajectories.stamps import FrameStamps
@@ -40,10 +41,25 @@ class SourceFrame(Protocol):
 
 
 @dataclass(frozen=True)
+class RenderedFrame:
+    """One rendered frame.
+
+    rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
+    depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
+    """
+
+    rgb: NDArray[np.float32] | None
+    depth_m: NDArray[np.float32] | None
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
+        """Return None: a rendered image is in no file yet."""
+
+
+@dataclass(frozen=True)
 class Gives:
     """What a source can give.
 
-    rendered: its frames come from a renderer, which takes time and Blender. any_pose: it gives frames from any pose,
+    rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded.
     """
 
@@ -63,7 +79,7 @@ class RenderOptions:
     far_m: float
     samples: int
     seed: int
-    engine: Literal["cycles", "eevee", "workbench"] = "cycles"
+    engine: EngineName = "cycles"
     device: Literal["cpu", "gpu"] = "cpu"
     rgb: bool = True
     depth: bool = True
@@ -72,10 +88,21 @@ class RenderOptions:
 
 
 class OpenSource(Protocol):
-    """A source that is ready to give frames."""
+    """A source that is ready to give frames along the paths of one render."""
 
     def frame(self, moment: Moment) -> SourceFrame:
         """Return the frame of a moment."""
+        ...
+
+
+class PreparedSource(Protocol):
+    """A source that is in memory, for all the renders of its scene, one after another."""
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> OpenSource:
+        """Return what gives frames along the paths, until the next is opened.
+
+        note: called with sentences that the user should see.
+        """
         ...
 
 
@@ -123,10 +150,12 @@ class Source(Protocol):
         """Return what decides the frames' bytes: names as the preset gives them, and the SHA-256 of the files."""
         ...
 
-    def open(
-        self, paths: SensorPaths, camera: Intrinsics, options: RenderOptions, note: Callable[[str], None]
-    ) -> AbstractContextManager[OpenSource]:
-        """Prepare to give frames along the paths. note: called with sentences that the user should see."""
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> AbstractContextManager[PreparedSource]:
+        """Prepare to give frames through a camera, along one path after another.
+
+        What is large is loaded once, and is free when the context ends. note: called with sentences that the user
+        should see.
+        """
         ...
 
 

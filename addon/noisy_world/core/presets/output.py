@@ -51,6 +51,9 @@ class OutputSpec:
         "what is rendered and written: colour, depth or both", default=("rgb", "depth")
     )
     overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
+    licence: str | None = key(
+        "the licence that a packed dataset states, such as cc-by-4.0; by default that of the scenes holds", default=None
+    )
 
     @property
     def format(self) -> OutputFormat:
@@ -75,5 +78,7 @@ def check_output(spec: OutputSpec, place: Place) -> None:
             raise place.at(name).error(
                 f"is {given}, but the {layout.label} layout's readers expect {known}", f"use {known}"
             )
+    if spec.licence is not None and not (spec.licence.strip() and spec.licence.isprintable()):
+        raise place.at("licence").error("has to be one line of text", "name the licence, or leave the key out")
     if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
         raise place.at("modalities").error("has to name rgb, depth or both, each once")

@@ -3,7 +3,6 @@
 
 import hashlib
 import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,28 +10,21 @@ from typing import Any, ClassVar, Literal
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..home import path_in
 from ..scenes.embedded import EMBEDDED_ROOM, ROOMS
-from ..schema import Place, key, parse, shown
+from ..scenes.replica import REPLICA_SCENES, replica_names
+from ..schema import Place, key, parse, unknown_name
 from ..yaml_reading import LARGEST_BYTES, read_yaml
+from .including import included
+from .names import scene_name
 from .output import KNOWN_LAYOUTS, OutputSpec, check_output
 from .overrides import override
+from .selection import OnlySpec, chosen_part
+from .settings import SettingSpec
+
+EngineName = Literal["cycles", "eevee", "workbench", "embree"]
 
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
-LONGEST_NAME = 200  # of a folder; file systems hold 255 bytes
-
-
-def _safe_name(name: str) -> str:
-    if len(name) > LONGEST_NAME:
-        return f"has {len(name)} characters, but it names a folder: at most {LONGEST_NAME}"
-    if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
-        return ""
-    return (
-        f"is {shown(name)}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
-    )
-
-
-def _scene_name(name: str) -> str:
-    return "" if "*" in name else _safe_name(name)
 
 
 @dataclass(frozen=True)
@@ -44,6 +36,9 @@ class HandheldSpec:
     seed: int | None = key("seed of the path, where it should not follow the preset's", default=None, minimum=0)
     speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10)
     clearance_m: float = key("distance kept from everything", unit="m", default=0.45, above=0, maximum=10)
+    revisit: bool = key(
+        "whether earlier stretches are walked again, looking the same way: loops to close", default=False
+    )
 
 
 @dataclass(frozen=True)
@@ -89,11 +84,18 @@ class SceneSpec:
     mesh: str | None = key(
         f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}", default=None
     )
+    replica: str | None = key(
+        f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
+        default=None,
+    )
     sequence: str | None = key(
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
         default=None,
     )
-    trajectory: TrajectorySpec | None = key("the way of the camera, or of the robot that carries it", default=None)
+    trajectory: TrajectorySpec | None = key(
+        "the way of the camera, or of the robot that carries it; for replica the path that the SLAM systems use",
+        default=None,
+    )
     rate_hz: float | None = key(
         "frames a second of a sequence that has no time stamps of its own; default 20",
         unit="Hz",
@@ -104,7 +106,7 @@ class SceneSpec:
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
         default=None,
-        pattern=_scene_name,
+        pattern=scene_name,
     )
 
 
@@ -157,8 +159,9 @@ class RigSpec:
 class RenderSpec:
     """How frames are rendered."""
 
-    engine: Literal["cycles", "eevee", "workbench"] = key(
-        "the render engine; cycles needs no GL, the others run on software GL where there is no graphics card",
+    engine: EngineName = key(
+        "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
+        "ray a pixel without Blender, and needs noisy-world[embree]",
         default="cycles",
     )
     backend: Literal["compositor", "reference"] = key(
@@ -170,30 +173,15 @@ class RenderSpec:
     )
     samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
     allow_empty: bool = key("whether a path may begin with frames that see nothing, which is an error", default=False)
-
-
-@dataclass(frozen=True)
-class SweepSpec:
-    """Settings of one perturbation each: every name with every severity in every mode."""
-
-    perturb: tuple[str, ...] = key("names of perturbations")
-    severities: tuple[float, ...] = key("severities", default=(1.0, 2.0, 3.0, 4.0, 5.0), minimum=1, maximum=5)
-    modes: tuple[Literal["static", "dynamic"], ...] = key("modes", default=("static",))
-
-
-@dataclass(frozen=True)
-class SettingSpec:
-    """A setting of the benchmark: what is done to every scene; or a sweep that makes several."""
-
-    name: str | None = key("the setting's folder in the dataset", default=None, pattern=_safe_name)
-    perturb: tuple[Any, ...] = key(
-        "perturbations, each {name: {severity, mode, levels, temporal, or parameters}}; see --list perturbations",
-        default=(),
+    processors: Literal["same", "any"] = key(
+        "whether all frames have to come from one kind of processor; any: results differ by 1/255 between kinds",
+        default="same",
     )
-    sweep: SweepSpec | None = key("instead of name and perturb: settings by the dozen", default=None)
-    backend: Literal["compositor", "reference"] | None = key(
-        "what executes this setting's perturbations of colour, where it is not the preset's", default=None
-    )
+
+    @property
+    def in_blender(self) -> bool:
+        """Whether Blender renders."""
+        return self.engine != "embree"
 
 
 # Of the Replica sequences that iMAP and NICE-SLAM use.
@@ -213,6 +201,11 @@ class PresetSpec:
     render: RenderSpec = key("the rendering", default=RenderSpec())
     settings: tuple[SettingSpec, ...] = key("the settings", default=(SettingSpec("clean"),))
     output: OutputSpec = key("the dataset", default=OutputSpec())
+    data: str | None = key(
+        "folder that the scenes' paths are relative to, and where Replica is looked for; default the preset's",
+        default=None,
+    )
+    only: OnlySpec = key("a part of the scenes and settings", default=OnlySpec())
 
     @property
     def mesh_camera(self) -> CameraSpec:
@@ -222,42 +215,78 @@ class PresetSpec:
 
 @dataclass(frozen=True)
 class Preset:
-    """A checked preset: its file, its document as read (with overrides applied), and the checked content."""
+    """A checked preset: its file, its document as read (with overrides and includes), and the checked content.
+
+    places: of its settings, where some are included.
+    """
 
     path: Path
     document: dict[str, Any]
     spec: PresetSpec
+    places: tuple[Place, ...] = ()
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """The document without what decides no byte: where the files lie, and which part of it is made."""
+        return {name: value for name, value in self.document.items() if name not in ("data", "only")}
 
     @property
     def sha256(self) -> str:
-        """The hash of the document as canonical JSON: comments and the order of keys do not count."""
-        text = json.dumps(self.document, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+        """The hash of what is described, as canonical JSON: comments and the order of keys do not count."""
+        text = json.dumps(self.described, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the paths of scenes are relative to. Raises InputError for the home of an unknown user."""
+        beside = self.path.parent
+        return beside if self.spec.data is None else path_in(beside, self.spec.data, self.place("data"))
 
     def place(self, path: str) -> Place:
         """Return the place of a key, for errors."""
         return Place(self.path, path)
 
+    @property
+    def setting_places(self) -> tuple[Place, ...]:
+        """The place of each setting; those of an included preset are in that."""
+        return self.places or tuple(self.place("settings").at(k) for k in range(len(self.spec.settings)))
 
-def read_preset(path: Path, overrides: Sequence[str] = ()) -> Preset:
+
+def read_preset(
+    path: Path,
+    overrides: Sequence[str] = (),
+    *,
+    data: Path | None = None,
+    scenes: Sequence[str] = (),
+    settings: Sequence[str] = (),
+) -> Preset:
     """Read and check a preset.
 
     overrides: `key.path=value` texts, the value in YAML, list entries by their number; relative paths in them are
-    relative to the preset, as they are inside it.
+    relative to the preset, as they are inside it. data: the folder of the scenes, relative to the working folder.
+    scenes, settings: names or globs of those that are wanted, if not all.
 
     Raises InputError naming the file and the key.
     """
     document = _load(path)
     for text in overrides:
         override(document, text, path)
+    if data is not None:
+        document["data"] = str(data.absolute())
+    if only := chosen_part(scenes, settings):
+        document["only"] = only
     return check_document(document, path)
 
 
 def check_document(document: dict[str, Any], path: Path) -> Preset:
-    """Check a preset's document, as if it stood in the file `path`. Raises InputError naming the key."""
+    """Check a preset's document, as if it stood in the file `path`, with the settings that it includes.
+
+    Raises InputError naming the key.
+    """
+    document, places = included(document, path, _load)
     spec = parse(PresetSpec, document, Place(path))
     _check(spec, Place(path))
-    return Preset(path, document, spec)
+    return Preset(path, document, spec, places)
 
 
 def _load(path: Path) -> dict[str, Any]:
@@ -286,17 +315,7 @@ def _check(spec: PresetSpec, place: Place) -> None:
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
     check_output(spec.output, place.at("output"))
-    if spec.render.device == "gpu" and spec.render.engine != "cycles":
-        raise (
-            place.at("render")
-            .at("device")
-            .error(
-                f"is gpu, but {spec.render.engine} renders with GL, on whatever GL finds", "leave it out, or use cycles"
-            )
-        )
-    if spec.render.engine == "workbench" and spec.render.samples not in WORKBENCH_SAMPLES:
-        known = ", ".join(map(str, WORKBENCH_SAMPLES))
-        raise place.at("render").at("samples").error(f"is {spec.render.samples}; Workbench knows {known}")
+    _check_render(spec.render, place.at("render"))
     for index, scene in enumerate(spec.scenes):
         _check_scene(scene, place.at("scenes").at(index))
     if spec.rig:
@@ -305,15 +324,32 @@ def _check(spec: PresetSpec, place: Place) -> None:
                 _check_sensor(sensor, place.at("rig").at(name))
 
 
+def _check_render(spec: RenderSpec, place: Place) -> None:
+    if spec.device == "gpu" and spec.engine != "cycles":
+        how = "casts its rays on the processor" if spec.engine == "embree" else "renders with GL, on whatever GL finds"
+        raise place.at("device").error(f"is gpu, but {spec.engine} {how}", "leave it out, or use cycles")
+    if spec.engine == "workbench" and spec.samples not in WORKBENCH_SAMPLES:
+        known = ", ".join(map(str, WORKBENCH_SAMPLES))
+        raise place.at("samples").error(f"is {spec.samples}; Workbench knows {known}")
+    if spec.engine == "embree" and spec.samples != 1:
+        problem = f"is {spec.samples}, but embree casts one ray through each pixel's centre"
+        raise place.at("samples").error(problem, "leave it out, or use cycles")
+
+
 def _check_scene(spec: SceneSpec, place: Place) -> None:
-    if (spec.mesh is None) == (spec.sequence is None):
-        raise place.error("needs either mesh or sequence", "name one of them")
+    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence)) != 1:
+        raise place.error("needs either mesh or sequence, or replica", "name one of them")
     if spec.rate_hz is not None and spec.sequence is None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
     if spec.sequence is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")
         return
+    if spec.replica is not None:
+        if not replica_names(spec.replica):
+            raise unknown_name(place.at("replica"), "scene of Replica", spec.replica, REPLICA_SCENES)
+        if spec.trajectory is None or (spec.trajectory.file is None and spec.trajectory.handheld is None):
+            return
     if spec.trajectory is None:
         raise place.at("trajectory").error("is missing", "add it: the way of the camera")
     _check_trajectory(spec.trajectory, place.at("trajectory"))

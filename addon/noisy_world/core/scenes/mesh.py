@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
+
 
 @dataclass(frozen=True)
 class Texture:

@@ -34,13 +34,15 @@ def handheld_path(
     eye_height_m: tuple[float, float] = (1.2, 1.7),
     speed_m_s: float = 0.5,
     clearance_m: float = 0.45,
+    revisit: bool = False,
 ) -> Trajectory:
     """Return a path of `frames` frames through the largest free space of the mesh; equal seeds give equal paths.
 
     bounds_m: (2, 3) lowest and highest corner of the box that the camera stays in; by default the mesh alone decides.
     eye_height_m: lowest and highest height above the floor. clearance_m: least distance to every vertex, and to every
     face within 5 cm. speed_m_s: reached within a second, lower in bends. The camera turns by less than 40 degrees a
-    second, looks toward open space and 8 degrees down (plus or minus 10), and rolls by less than 3 degrees.
+    second, looks toward open space and 8 degrees down (plus or minus 10), and rolls by less than 3 degrees. revisit:
+    earlier stretches are walked again, looking where the camera looked then.
     Raises NoisyWorldError where there is no such space or the walk is too long, ValueError for numbers without sense.
     """
     low, high = eye_height_m
@@ -53,8 +55,8 @@ def handheld_path(
         raise NoisyWorldError(f"no hand-held path: {problem}")
     time_s = np.arange(frames) / rate_hz
     room = find_room(mesh, bounds, (low, high), clearance_m, stream("handheld", "height", seed))
-    xy_m = walk(room, stream("handheld", "walk", seed), speed_m_s, time_s)
-    yaw_deg = look_around(room, stream("handheld", "look", seed), xy_m, time_s)
+    xy_m = walk(room, stream("handheld", "walk", seed), speed_m_s, time_s, revisit=revisit)
+    yaw_deg = look_around(room, stream("handheld", "look", seed), xy_m, time_s, revisit=revisit)
     rng = stream("handheld", "sway", seed)
     bob_m = BOB_M * np.stack([_waves(rng, time_s, 0.2, 2.0) for _ in range(3)], axis=-1)
     height_m = room.height_m + room.sway_m * _waves(rng, time_s, 0.03, 0.1)

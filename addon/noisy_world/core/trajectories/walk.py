@@ -14,13 +14,20 @@ _AHEAD = 200  # cells, 10 m: how far ahead a way is made straight, so that a maz
 _LOOK_S = 2.5  # from one look-at point to the next
 _TURN_DEG_S = 28.0  # of yaw at most: with tremor and pitch the camera stays below 40
 _LOOK_SIGMA_S = 0.5  # smoothing of the yaw
+_RETURN_S = 20.0  # what was passed or seen so long before is come back to
+_NEAR_M = 0.4  # of an earlier place: there the camera looks where it looked then
+_EAGER_S = (0.0, 2.5, 5.0)  # how far ahead such a place is looked for, so that the camera has turned when it is there
 _VOID_M = 0.1  # counted as open where the view leaves the mesh: less than before any wall
 
 
-def walk(room: Room, rng: np.random.Generator, speed_m_s: float, time_s: Float64) -> Float64:
-    """(N, 2) metres at the given times, from rest."""
+def walk(room: Room, rng: np.random.Generator, speed_m_s: float, time_s: Float64, *, revisit: bool = False) -> Float64:
+    """(N, 2) metres at the given times, from rest.
+
+    revisit: after every second new place, an earlier stretch of the way is walked again.
+    """
     cells = np.flatnonzero(room.plan)
     visited = [int(rng.choice(cells))]
+    walked_again: list[int] = []  # where in `visited` each stretch begins that was walked before
     corners = visited.copy()
     length_m, wanted_m = 0.0, speed_m_s * time_s[-1] + 2.0
     # The speed rises as the smooth step 3 u^2 - 2 u^3; this is its integral.
@@ -28,14 +35,16 @@ def walk(room: Room, rng: np.random.Generator, speed_m_s: float, time_s: Float64
     walked_s = _START_S * (u**3 - u**4 / 2.0) + np.maximum(time_s - _START_S, 0.0)
     while True:
         while length_m < wanted_m:
-            # Of 16 random cells the farthest from the last 4: the path crosses the room and returns by another way.
-            offered = rng.choice(cells, 16)
-            gaps_m = room.grid.centre_m(offered)[:, None] - room.grid.centre_m(visited[-4:])
-            best = int(np.argmax(np.linalg.norm(gaps_m, axis=-1).min(axis=1)))
-            visited.append(int(offered[best]))
-            way = _route(room.grid, room.plan, visited[-2], visited[-1])
-            corners += way[1:]
-            length_m += float(np.linalg.norm(np.diff(room.grid.centre_m(way), axis=0), axis=1).sum())
+            if revisit and (again := _stretch_again(room, rng, visited, walked_again, speed_m_s)):
+                walked_again.append(len(visited))
+                targets = again
+            else:
+                targets = [_new_place(room, rng, visited)]
+            for target in targets:
+                visited.append(target)
+                way = _route(room.grid, room.plan, visited[-2], visited[-1])
+                corners += way[1:]
+                length_m += float(np.linalg.norm(np.diff(room.grid.centre_m(way), axis=0), axis=1).sum())
         corners_m = room.grid.centre_m(corners)
         path_m, tightness = _smoothed(room, corners_m)
         # A bend of half the radius has the same sideways acceleration, v^2 / r, at a speed lower by the root of two.
@@ -43,6 +52,32 @@ def walk(room: Room, rng: np.random.Generator, speed_m_s: float, time_s: Float64
         if at_s[-1] >= walked_s[-1]:
             return np.stack([np.interp(walked_s, at_s, path_m[:, axis]) for axis in (0, 1)], axis=-1)
         wanted_m *= 1.5
+
+
+def _new_place(room: Room, rng: np.random.Generator, visited: list[int]) -> int:
+    """Of 16 random cells the farthest from the last 4: the path crosses the room and returns by another way."""
+    offered = rng.choice(np.flatnonzero(room.plan), 16)
+    gaps_m = room.grid.centre_m(offered)[:, None] - room.grid.centre_m(visited[-4:])
+    return int(offered[int(np.argmax(np.linalg.norm(gaps_m, axis=-1).min(axis=1)))])
+
+
+def _stretch_again(
+    room: Room, rng: np.random.Generator, visited: list[int], walked_again: list[int], speed_m_s: float
+) -> list[int]:
+    """Return both ends of an earlier stretch of the way; nothing where it is not time for one, or none is long past.
+
+    walked_again: where in `visited` stretches begin that were such ones.
+    """
+    if len(visited) - (walked_again[-1] + 2 if walked_again else 0) < 2:
+        return []
+    gaps_m = np.linalg.norm(np.diff(room.grid.centre_m(visited), axis=0), axis=1)
+    # Between two places the way is at least the straight line.
+    past = np.cumsum(gaps_m[::-1])[::-1] - gaps_m > _RETURN_S * speed_m_s
+    first = [k for k in np.flatnonzero(past).tolist() if k not in walked_again]
+    if not first:
+        return []
+    chosen = int(rng.choice(first))
+    return visited[chosen : chosen + 2]
 
 
 def _steps_from(mask: Mask, start: int, goal: int = -1) -> NDArray[np.int64]:
@@ -127,8 +162,13 @@ def _blurred(rows: Float64, sigma: float) -> Float64:
     return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=-1)
 
 
-def look_around(room: Room, rng: np.random.Generator, xy_m: Float64, time_s: Float64) -> Float64:
-    """(N,) degrees of yaw in the world: every few seconds toward open space, preferably where it has not looked yet."""
+def look_around(
+    room: Room, rng: np.random.Generator, xy_m: Float64, time_s: Float64, *, revisit: bool = False
+) -> Float64:
+    """(N,) degrees of yaw in the world: every few seconds toward open space, preferably where it has not looked yet.
+
+    revisit: where the path comes back to a place, the camera looks where it looked there before.
+    """
     bearings_deg = np.arange(0.0, 360.0, 5.0)
     sectors = (bearings_deg // 30.0).astype(np.int64)
     looked = np.zeros(12)
@@ -141,12 +181,33 @@ def look_around(room: Room, rng: np.random.Generator, xy_m: Float64, time_s: Flo
         if yaw_deg:
             turn_deg = np.mod(bearings_deg - yaw_deg[-1] + 180.0, 360.0) - 180.0
             worth[np.abs(turn_deg) > _TURN_DEG_S * _LOOK_S] = -1.0
+        if revisit and (seen_deg := _seen_before(xy_m, time_s, now_s, yaw_deg)) is not None:
+            away_deg = np.abs(np.mod(bearings_deg - seen_deg + 180.0, 360.0) - 180.0)
+            worth = np.where(worth < 0.0, -1.0, 360.0 - away_deg)
         best = int(np.argmax(worth))
         looked[sectors[best]] += 1.0
         yaw_deg.append(yaw_deg[-1] + float(turn_deg[best]) if yaw_deg else float(bearings_deg[best]))
     fine_s = np.arange(0.0, keys_s[-1], 0.01)
     smooth_deg = _blurred(np.interp(fine_s, keys_s, yaw_deg)[:, None], _LOOK_SIGMA_S / 0.01)[:, 0]
     return np.interp(time_s, fine_s, smooth_deg)
+
+
+def _seen_before(xy_m: Float64, time_s: Float64, now_s: float, yaw_deg: list[float]) -> float | None:
+    """Return where the camera looked when it was here long before, or where it soon will be; None where it never was.
+
+    yaw_deg: at each key so far.
+    """
+    keys_s = np.arange(len(yaw_deg)) * _LOOK_S
+    past = time_s < min(now_s - _RETURN_S, keys_s[-1] if len(keys_s) else 0.0)
+    if not past.any():
+        return None
+    for ahead_s in _EAGER_S:
+        there_m = np.array([np.interp(now_s + ahead_s, time_s, xy_m[:, axis]) for axis in (0, 1)])
+        apart_m = np.linalg.norm(xy_m[past] - there_m, axis=1)
+        nearest = int(np.argmin(apart_m))
+        if apart_m[nearest] < _NEAR_M:
+            return float(np.interp(time_s[nearest], keys_s, yaw_deg))
+    return None
 
 
 def _open_m(room: Room, here_m: Float64, bearings_deg: Float64) -> Float64:

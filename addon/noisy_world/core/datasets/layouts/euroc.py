@@ -5,6 +5,7 @@ from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import invert_pose
@@ -27,7 +28,7 @@ from .asl import (
     stamp_text,
     stamps_problem,
 )
-from .layout import Image, Layout, SequenceFacts, StampsLike, lines
+from .layout import Image, Layout, SequenceFacts, StampsLike, lines, poses_at
 
 MAV = "mav0"
 COLOUR = f"{MAV}/cam0"
@@ -127,6 +128,14 @@ class EurocLayout(Layout):
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a folder mav0."""
         return (folder / MAV).is_dir()
+
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the body's poses as the colour camera's; as the depth camera's, where there is no colour."""
+        sensors = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
+        sensor = read_sensor_yaml(next((path for path in sensors if path.is_file()), folder / COLOUR / "sensor.yaml"))
+        poses = folder / TRUE_STATE / "data.csv"
+        path = sensor_trajectory(read_poses_csv(poses), Sensor(sensor.body_from_sensor))
+        return poses_at(path, time_s, poses)
 
     def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""

@@ -11,11 +11,13 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InputError
 from ...geometry import Intrinsics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
+from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
 from ..stored import StoredSequence
@@ -88,6 +90,13 @@ class Layout(ABC):
         """Tell whether a folder looks like a sequence of this layout."""
 
     @abstractmethod
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the colour camera's poses (N, 4, 4), c2w, by the text files written beside a sequence's images.
+
+        time_s (N,): when the colour of its frames was taken. Raises InputError where the files do not tell them.
+        """
+
+    @abstractmethod
     def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find the files of a sequence. rate_hz: of the frames, where the sequence has no stamps; None for RATE_HZ.
 
@@ -143,6 +152,10 @@ class OutputFormat:
         if self.colour == "grey":
             return encode_colour(grey_bytes(rgb), self.image)
         return encode_colour(as_bytes(rgb), self.image)
+
+    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8]:
+        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel."""
+        return np.repeat(grey_bytes(rgb)[..., None], 3, axis=-1) if self.colour == "grey" else as_bytes(rgb)
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
@@ -224,6 +237,17 @@ class SequenceFacts:
 
 
 PATH_SUFFIXES = ("", "_depth", "_robot", "_nominal")
+
+
+def poses_at(path: Trajectory, time_s: NDArray[np.float64], file: Path) -> NDArray[np.float64]:
+    """Return the poses (N, 4, 4) of a path that belong to frames taken at time_s (N,), by their time stamps.
+
+    Raises InputError, which names the file, where a frame has none.
+    """
+    frames, rows = associate(time_s, path.stamps_s)
+    if len(frames) != len(time_s):
+        raise InputError(file, f"has poses for {len(frames)} of {len(time_s)} frames, by their time stamps")
+    return path.c2w[rows]
 
 
 def path_suffix(name: str) -> str:

@@ -6,6 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
@@ -70,6 +71,13 @@ class ReplicaLayout(Layout):
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a folder `results`."""
         return (folder / RESULTS).is_dir()
+
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the poses of traj.txt, one line a frame."""
+        poses = read_trajectory(folder / "traj.txt", format="replica")
+        if len(poses) != len(time_s):
+            raise InputError(folder / "traj.txt", f"has {len(poses)} poses for {len(time_s)} frames")
+        return poses.c2w
 
     def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find the images, which match by number, and the poses, one for each image in the order of the numbers.

@@ -6,6 +6,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
@@ -14,7 +15,7 @@ from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
 from ..stored import StoredSequence, check_files, read_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
-from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix
+from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
 
 LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
 SECONDS_PER_YEAR = 31_557_600  # Julian
@@ -89,6 +90,11 @@ class TumLayout(Layout):
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a list of colour images."""
         return (folder / "rgb.txt").is_file()
+
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the poses of groundtruth.txt by their stamps."""
+        poses = folder / "groundtruth.txt"
+        return poses_at(read_trajectory(poses, format="tum", stamp_unit="s"), time_s, poses)
 
     def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
         """Find images and poses with close stamps."""

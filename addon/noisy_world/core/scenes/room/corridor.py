@@ -48,7 +48,7 @@ _FLOOR = Coat(
 )
 _GREEN = tiles(["#2f5a4a", "#356553", "#28503f", "#3f7260"], "#d8d2c2", (0.2, 0.1), 2201, bond=0.5)
 _TILED = Coat(_GREEN, 0.02, lambda length: joints(0.1, 4, length), lambda length: joints(0.1, 4, length))
-_OCHRE = Coat(plaster("#e6cf9f", "#c9a668", 2202))
+_OCHRE = Coat(pt.wallpaper("#efdfb4", "#4a5a2c", "#7a1c18", 2202))
 _MAHOGANY = pt.wood("#7d4427", "#4a2413", 2203)
 
 

@@ -7,11 +7,13 @@ each vertex.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .openings import Hole, pane_bars_m
+from .rays import first_hit, first_hits, hidden
 from .surfaces import Array, Piece, Point, Sheet
 
 type Indices = NDArray[np.integer]
@@ -79,26 +81,37 @@ class _Lattice:
     columns: list[Indices]
 
 
-def _picked(points_m: Array) -> Indices:
-    """The numbers of the rows to sample, about LATTICE_M apart, first and last included."""
-    count = len(points_m)
-    x, y, z = (points_m[1:] - points_m[:-1]).T
-    length = float(np.sqrt(x * x + y * y + z * z).sum())
-    if length < THIN_M:
-        return np.array([count // 2])
-    wanted = min(count - 1, max(1, round(length / LATTICE_M)))
-    return np.arange(wanted + 1) * (count - 1) // wanted
+def _picked(counts: Indices, lengths_m: Array) -> list[Indices]:
+    """For each line of so many points, the numbers of those to sample, about LATTICE_M apart, both ends included."""
+    wanted = np.minimum(counts - 1, np.maximum(1, np.rint(lengths_m / LATTICE_M).astype(np.int64)))
+    wanted[lengths_m < THIN_M] = 0  # its middle alone
+    return [_spread_out(int(count), int(number)) for count, number in zip(counts, wanted, strict=True)]
+
+
+@lru_cache(maxsize=4096)
+def _spread_out(count: int, wanted: int) -> Indices:
+    return np.arange(wanted + 1) * (count - 1) // wanted if wanted else np.array([count // 2])
+
+
+def _lengths_m(lines_m: list[Array]) -> tuple[Indices, Array]:
+    """How many points lines (P, 3) have, at least two each, and how long they are."""
+    counts = np.array([len(line) for line in lines_m])
+    x, y, z = np.diff(np.concatenate(lines_m), axis=0).T
+    step_m = np.sqrt(x * x + y * y + z * z)
+    ends = np.cumsum(counts)
+    # Each by itself, and not by reduceat: many lengths lie between two numbers of samples, and a last bit decides.
+    lengths = [step_m[end - count : end - 1].sum() for end, count in zip(ends, counts, strict=True)]
+    return counts, np.array(lengths)
 
 
 def _lattice(sheets: tuple[Sheet, ...]) -> _Lattice:
-    points, normals, rows, columns = [], [], [], []
-    for s in sheets:
-        r = _picked(s.points_m[:, s.points_m.shape[1] // 2])
-        c = _picked(s.points_m[s.points_m.shape[0] // 2])
-        points.append(s.points_m[r][:, c].reshape(-1, 3))
-        normals.append(s.normals[r][:, c].reshape(-1, 3))
-        rows.append(r)
-        columns.append(c)
+    rows = _picked(*_lengths_m([s.points_m[:, s.points_m.shape[1] // 2] for s in sheets]))
+    columns = _picked(*_lengths_m([s.points_m[s.points_m.shape[0] // 2] for s in sheets]))
+    points, normals = [], []
+    for s, r, c in zip(sheets, rows, columns, strict=True):
+        at = (r[:, None], c)
+        points.append(s.points_m[at].reshape(-1, 3))
+        normals.append(s.normals[at].reshape(-1, 3))
     return _Lattice(np.concatenate(points), np.concatenate(normals), rows, columns)
 
 
@@ -110,31 +123,19 @@ def _spread(coarse: Array, r: Indices, c: Indices, shape: tuple[int, int]) -> Ar
             return values
         if len(at) == 1:
             return np.repeat(values, count, 0)
-        k = np.searchsorted(at, np.arange(count), side="right").clip(1, len(at) - 1)
-        t = ((np.arange(count) - at[k - 1]) / (at[k] - at[k - 1]))[:, None, None]
-        return values[k - 1] * (1 - t) + values[k] * t
+        k, t, rest = _between(at.tobytes(), count)
+        return values[k - 1] * rest + values[k] * t
 
     return along(along(coarse, r, shape[0]).swapaxes(0, 1), c, shape[1]).swapaxes(0, 1)
 
 
-def _first_hit(origins_m: Array, directions: Array, boxes_m: Array) -> Array:
-    """(N,) distance in units of the directions, (N, 3) or (3,), to the nearest box (B, 2, 3) entered from outside.
-
-    Infinite where there is none. Single precision: sums and products, so every processor agrees.
-    """
-    if not len(boxes_m):
-        return np.full(len(origins_m), np.inf)
-    enter = np.full((len(boxes_m), len(origins_m)), -np.inf, np.float32)
-    leave = np.full_like(enter, np.inf)
-    for k in range(3):
-        d = directions[..., k]
-        inverse = np.float32(1.0) / np.where(abs(d) < 1e-6, 1e-6, d).astype(np.float32)
-        o = origins_m[:, k]
-        a, b = (boxes_m[:, 0, k, None] - o) * inverse, (boxes_m[:, 1, k, None] - o) * inverse
-        np.maximum(enter, np.minimum(a, b), out=enter)
-        np.minimum(leave, np.maximum(a, b), out=leave)
-    hit = np.where((enter < leave) & (enter > 0), enter, np.inf)
-    return hit.min(0)
+@lru_cache(maxsize=4096)
+def _between(at_bytes: bytes, count: int) -> tuple[Indices, Array, Array]:
+    """For each of `count` numbers the sampled number after it, and the shares of that one and of the one before."""
+    at = np.frombuffer(at_bytes, np.int64)
+    k = np.searchsorted(at, np.arange(count), side="right").clip(1, len(at) - 1)
+    t = ((np.arange(count) - at[k - 1]) / (at[k] - at[k - 1]))[:, None, None]
+    return k, t, 1 - t
 
 
 def _within(boxes_m: Array, low: Array, high: Array) -> Array:
@@ -142,14 +143,15 @@ def _within(boxes_m: Array, low: Array, high: Array) -> Array:
     return boxes_m[((boxes_m[:, 0] < high) & (boxes_m[:, 1] > low)).all(1)]
 
 
-def _room_distance(origins_m: Array, d: Array, lighting: Lighting) -> Array:
-    """(N,) distance along a direction to the walls, floor or ceiling; points in a window's reveal see out."""
-    best = np.full(len(origins_m), np.inf)
+def _room_distance(origins_m: Array, directions: Array, lighting: Lighting) -> Array:
+    """(D, N) distance along directions (D, 3) to the walls, floor or ceiling; points in a window's reveal see out."""
+    best = np.full((len(directions), len(origins_m)), np.inf)
     for k in range(3):
-        if abs(d[k]) > 1e-9:
-            plane = (lighting.high_m if d[k] > 0 else lighting.low_m)[k]
-            ahead = (plane - origins_m[:, k]) / d[k]
-            best = np.minimum(best, np.where(ahead < -1e-3, np.inf, ahead))
+        low, high = (side[k] - origins_m[:, k] for side in (lighting.low_m, lighting.high_m))
+        d = directions[:, k, None]
+        slanted = abs(d[:, 0]) > 1e-9
+        ahead = np.where(d[slanted] > 0, high, low) / d[slanted]
+        best[slanted] = np.minimum(best[slanted], np.where(ahead < -1e-3, np.inf, ahead))
     return np.maximum(best, 0.0)
 
 
@@ -163,71 +165,74 @@ def _sphere(count: int) -> Array:
 
 def _ambient(origins_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> tuple[Array, Array]:
     """(N,) how open the surroundings are, 0 to 1, and (N,) the share of the floor in what is seen."""
-    total, floor, weight = (np.zeros(len(origins_m)) for _ in range(3))
-    low, high = origins_m.min(0), origins_m.max(0)
-    near = _within(boxes_m, low - REACH_M, high + REACH_M)
-    for d in _sphere(_DIRECTIONS):
-        cos = normals[:, 0] * d[0] + normals[:, 1] * d[1] + normals[:, 2] * d[2]
-        k = np.nonzero(cos > 0.05)[0]
-        if not len(k):
-            continue
-        sweep = REACH_M * d
-        met = _within(near, low + np.minimum(sweep, 0), high + np.maximum(sweep, 0))
-        hit = _first_hit(origins_m[k], d, met)
-        free = np.minimum(np.minimum(hit, _room_distance(origins_m[k], d, lighting) * 1.6) / REACH_M, 1.0)
-        total[k] += cos[k] * np.sqrt(free)
-        floor[k] += cos[k] * max(-d[2], 0.0) * free
-        weight[k] += cos[k]
-    weight = np.maximum(weight, 1e-9)
-    return total / weight, floor / weight
+    d = _sphere(_DIRECTIONS)
+    x, y, z = d.T[:, :, None]
+    cos = normals[:, 0] * x + normals[:, 1] * y + normals[:, 2] * z
+    cos = np.where(cos > 0.05, cos, 0.0)
+    hit = first_hits(origins_m, d, boxes_m, REACH_M)
+    free = np.minimum(np.minimum(hit, _room_distance(origins_m, d, lighting) * 1.6) / REACH_M, 1.0)
+    weight = np.maximum(cos.sum(axis=0), 1e-9)
+    return (cos * np.sqrt(free)).sum(axis=0) / weight, (cos * np.maximum(-z, 0.0) * free).sum(axis=0) / weight
 
 
-def _from_point(origins_m: Array, normals: Array, light_m: Array, boxes_m: Array) -> tuple[Array, Array, Array]:
-    """Whether a point of light is visible (N,), 0 to 1, the cosine (N,) at the surface, the vectors (N, 3) to it."""
-    away = light_m - origins_m
-    distance = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2)
-    dot = away[:, 0] * normals[:, 0] + away[:, 1] * normals[:, 1] + away[:, 2] * normals[:, 2]
-    cos = dot / np.maximum(distance, 1e-6)
-    k = np.nonzero(cos > 0)[0]
-    clear = np.zeros(len(origins_m))
-    if len(k):
-        low, high = np.minimum(origins_m[k].min(0), light_m), np.maximum(origins_m[k].max(0), light_m)
-        clear[k] = _first_hit(origins_m[k], away[k], _within(boxes_m, low, high)) >= 1.0
-    return clear, np.maximum(cos, 0.0), away
+@dataclass(frozen=True)
+class _Seen:
+    """Points of light from points (N, 3): whether each is visible (L, N), the cosine at the surface, the vectors."""
+
+    clear: Array
+    cos: Array
+    away: Array
+
+    @property
+    def square(self) -> Array:
+        """(L, N) squared distances."""
+        return self.away[..., 0] ** 2 + self.away[..., 1] ** 2 + self.away[..., 2] ** 2
+
+
+def _seen(origins_m: Array, normals: Array, lights_m: Array, boxes_m: Array) -> _Seen:
+    away = lights_m[:, None] - origins_m
+    x, y, z = away[..., 0], away[..., 1], away[..., 2]
+    distance = np.sqrt(x**2 + y**2 + z**2)
+    dot = x * normals[:, 0] + y * normals[:, 1] + z * normals[:, 2]
+    cos = np.maximum(dot / np.maximum(distance, 1e-6), 0.0)
+    return _Seen((cos > 0) & ~hidden(origins_m, lights_m, away, boxes_m), cos, away)
 
 
 def _windows(origins_m: Array, normals: Array, boxes_m: Array, windows: tuple[Window, ...]) -> Array:
     """(N,) daylight: each window is a grid of points on the wall's inner face."""
-    total = np.zeros(len(origins_m))
+    if not windows:
+        return np.zeros(len(origins_m))
+    parts = [np.zeros((1, len(origins_m)))]
     for window in windows:
         low, high, z_low, z_high = window.hole_m
         cells = (high - low) * (z_high - z_low) / 9
-        for i in range(3):
-            for j in range(3):
-                # The rows are skewed, so that straight edges do not cast shadows in steps.
-                at = np.empty(3)
-                at[1 - window.axis] = low + (high - low) * (i + 0.25 + 0.25 * j) / 3
-                at[window.axis] = window.plane_m - 0.005 * window.side
-                at[2] = z_low + (z_high - z_low) * (j + 0.5) / 3
-                clear, cos, away = _from_point(origins_m, normals, at, boxes_m)
-                square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
-                ahead = np.maximum(window.side * away[:, window.axis], 0)
-                total += clear * cos * ahead / np.sqrt(square + 1e-9) * cells / (square + 0.12)
-    return total
+        grid = np.empty((9, 3))
+        i, j = np.divmod(np.arange(9), 3)
+        # The rows are skewed, so that straight edges do not cast shadows in steps.
+        grid[:, 1 - window.axis] = low + (high - low) * (i + 0.25 + 0.25 * j) / 3
+        grid[:, window.axis] = window.plane_m - 0.005 * window.side
+        grid[:, 2] = z_low + (z_high - z_low) * (j + 0.5) / 3
+        seen = _seen(origins_m, normals, grid, boxes_m)
+        ahead = np.maximum(window.side * seen.away[..., window.axis], 0)
+        square = seen.square
+        parts.append(seen.clear * seen.cos * ahead / np.sqrt(square + 1e-9) * cells / (square + 0.12))
+    return np.concatenate(parts).sum(axis=0)
+
+
+_CROSS_M = ((0.1, 0.03), (-0.03, 0.1), (-0.1, -0.03), (0.03, -0.1))
 
 
 def _lamps(origins_m: Array, normals: Array, boxes_m: Array, lighting: Lighting) -> Array:
     """(N,) light of the lamps, each a small cross of points."""
-    total = np.zeros(len(origins_m))
     low, high = origins_m.min(0) - lighting.reach_m, origins_m.max(0) + lighting.reach_m
-    for x, y, z, strength in lighting.lamps_m:
-        if not (low[0] < x < high[0] and low[1] < y < high[1]):
-            continue
-        for dx, dy in ((0.1, 0.03), (-0.03, 0.1), (-0.1, -0.03), (0.03, -0.1)):
-            clear, cos, away = _from_point(origins_m, normals, np.array([x + dx, y + dy, z]), boxes_m)
-            square = away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2
-            total += 0.25 * strength * clear * (0.15 + 0.85 * cos) * (cos > 0) / (square + 0.15)
-    return total
+    near = [lamp for lamp in lighting.lamps_m if low[0] < lamp[0] < high[0] and low[1] < lamp[1] < high[1]]
+    if not near:
+        return np.zeros(len(origins_m))
+    points = np.array([(x + dx, y + dy, z) for x, y, z, _ in near for dx, dy in _CROSS_M])
+    strength = np.repeat([lamp[3] for lamp in near], len(_CROSS_M))[:, None]
+    seen = _seen(origins_m, normals, points, boxes_m)
+    lit_by = 0.25 * strength * seen.clear * (0.15 + 0.85 * seen.cos) * (seen.cos > 0) / (seen.square + 0.15)
+    return lit_by.sum(axis=0)
 
 
 def _turned_to_windows(origins_m: Array, normals: Array, lighting: Lighting) -> Array:
@@ -323,7 +328,7 @@ def _through(wall: _SunnyWall, points_m: Array, normals: Array, boxes_m: Array) 
         towards = -travel * (side * (wall.plane_m - o[:, axis]))[:, None]
         if len(o):
             near = _within(boxes_m, np.minimum(o, o + towards).min(0), np.maximum(o, o + towards).max(0))
-            result[k[chunk]] = _first_hit(o, towards, near) >= 1.0
+            result[k[chunk]] = first_hit(o, towards, near) >= 1.0
     return result * share
 
 
@@ -332,28 +337,34 @@ def lit(piece: Piece, lighting: Lighting) -> Array:
     boxes = np.array(piece.blockers_m, np.float32)
     lattice = _lattice(piece.sheets)
     coarse = _gathered(lattice.points_m, lattice.normals, boxes, lighting)
-    colours: list[Array] = []
     points = np.concatenate([s.points_m.reshape(-1, 3) for s in piece.sheets])
     normals = np.concatenate([s.normals.reshape(-1, 3) for s in piece.sheets])
-    sun = _sunlit(points, normals, boxes, lighting)
+    sizes = [s.rgb.size // 3 for s in piece.sheets]
+    glow = np.repeat([min(s.glow, 1.0) for s in piece.sheets], sizes)[:, None]
+    light = np.empty_like(points)
     at, first = 0, 0
-    for s, r, c in zip(piece.sheets, lattice.rows, lattice.columns, strict=True):
+    for s, r, c, size in zip(piece.sheets, lattice.rows, lattice.columns, sizes, strict=True):
         count = len(r) * len(c)
-        if s.glow >= 1:
-            shown = s.rgb
-        else:
-            light = _spread(coarse[at : at + count].reshape(len(r), len(c), 3), r, c, s.points_m.shape[:2])
-            own = sun[first : first + s.rgb[..., 0].size].reshape(s.points_m.shape[:2])
-            light = light + SUN_RGB * own[..., None]
-            shown = s.rgb * (np.sqrt(np.maximum(light, 0.0)) * (1 - s.glow) + s.glow)
+        spread = _spread(coarse[at : at + count].reshape(len(r), len(c), 3), r, c, s.points_m.shape[:2])
+        light[first : first + size].reshape(s.points_m.shape)[:] = spread
         at += count
-        first += s.rgb[..., 0].size
-        colours.append(shown.reshape(-1, 3))
-    shown = np.concatenate(colours)
-    return np.round(_shoulder(shown) * 255.0) / 255.0
+        first += size
+    light += SUN_RGB * _sunlit(points, normals, boxes, lighting)[:, None]
+    shown = np.sqrt(np.maximum(light, 0.0, out=light), out=light)
+    shown *= 1 - glow
+    shown += glow
+    shown *= np.concatenate([s.rgb.reshape(-1, 3) for s in piece.sheets])
+    shown = _shoulder(shown)
+    shown *= 255.0
+    return np.divide(np.round(shown, out=shown), 255.0, out=shown)
 
 
 def _shoulder(x: Array) -> Array:
-    """Compress values above 0.75 so that highlights keep hue and detail, and never exceed 1."""
+    """Compress values above 0.75, in place, so that highlights keep hue and detail, and never exceed 1."""
     over = np.maximum(x - 0.75, 0.0)
-    return np.clip(np.minimum(x, 0.75) + over / (1 + over / 0.25), 0.0, 1.0)
+    softer = over / 0.25
+    softer += 1
+    over /= softer
+    np.minimum(x, 0.75, out=x)
+    x += over
+    return np.clip(x, 0.0, 1.0, out=x)

@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The commands that make a dataset in shards, as lines to paste into a shell, on any machine that sees its folder."""
+
+import argparse
+import shlex
+import shutil
+import sys
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from .arguments import preset_words
+
+if TYPE_CHECKING:
+    from ..core.planning.shards import Shard
+
+COMMAND = "noisy-world"
+
+
+def shard_words(options: argparse.Namespace, shard: "Shard") -> list[str]:
+    """Return the command that makes a shard. options: those that name the dataset."""
+    return [*shard_beginning(options), shard.name]
+
+
+def shard_beginning(options: argparse.Namespace) -> list[str]:
+    """Return the command that makes a shard, whose name comes last."""
+    return [*_own_words(), "shard", *preset_words(options, anywhere=True), "--shard"]
+
+
+def shard_beginning_on(options: argparse.Namespace, threads: int) -> list[str]:
+    """Return the same command for some threads of the renderer."""
+    *words, last = shard_beginning(options)
+    return [*words, "--threads", str(threads), last]
+
+
+def merge_words(options: argparse.Namespace, count: int | None = None) -> list[str]:
+    """Return the command that merges shards. count: into how many the plan was cut."""
+    cut = [] if count is None else ["--shards", str(count)]
+    return [*_own_words(), "merge", *preset_words(options, anywhere=True), *cut]
+
+
+def shard_lines(options: argparse.Namespace, shards: Iterable["Shard"]) -> Iterator[str]:
+    """Yield a line for each shard."""
+    return (shlex.join(shard_words(options, shard)) for shard in shards)
+
+
+def _own_words() -> list[str]:
+    """Return the command, or how this Python starts it where the shell does not find it."""
+    return [COMMAND] if shutil.which(COMMAND) else [sys.executable, "-m", "noisy_world"]

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`materialise`: make a part of a recipe's dataset again, from its inputs, and verify it."""
+
+import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ..core.requirements import NEEDED
+from .arguments import frame_slice, positive
+from .entry import INTERRUPTED, Entry, say
+from .missing import missing_package
+from .part import add_part_options, recipe_part
+from .places import folder, path
+
+if TYPE_CHECKING:
+    from ..core.planning.plan import Plan
+    from ..recipes.recipe import Recipe
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse_arguments(arguments, entry)
+    if problem := missing_package(NEEDED, entry):
+        entry.complain(problem)
+        return 1
+    from ..core.errors import InterruptedRunError, NoisyWorldError
+    from ..recipes.recipe import read_recipe
+
+    try:
+        recipe = read_recipe(options.recipe)
+        plan = recipe_part(recipe, options)
+        return make(recipe, plan, options, entry)
+    except InterruptedRunError:
+        say(
+            f"stopped; finished frames stay, and the same command continues from there:\n  {entry.pasteable(arguments)}"
+        )
+        return INTERRUPTED
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+
+
+def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Make a recipe's dataset again, or a part of it, from the inputs that the recipe names, and verify "
+        "every file. The same command again resumes, and other parts can be added to the same folder.",
+    )
+    parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
+    parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the dataset's folder")
+    add_part_options(parser)
+    parser.add_argument(
+        "--frames", metavar="A:B", type=frame_slice, help="only frames A to B-1; they keep their numbers"
+    )
+    parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    return parser.parse_args(arguments)
+
+
+def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the plan's dataset, verify it, and return the exit status: 0 where all is as it can be here."""
+    from ..recipes.verifying import verify
+    from .command import own_entry
+    from .generate import generate
+    from .running import listener
+
+    status = generate(plan, _generate_options(options, entry), replace(entry, words=own_entry("generate").words))
+    if status != 0:
+        return status
+    progress, stop = listener("text")
+    findings = verify(recipe, options.out, progress, stop)
+    for line in [*findings.lines(), *findings.told()]:
+        print(line)
+    return 0 if findings.sound else 1
+
+
+def _generate_options(options: argparse.Namespace, entry: Entry) -> argparse.Namespace:
+    """Return the options that `generate` has for this."""
+    from .arguments import parse_arguments as generates
+
+    words = [str(options.recipe.absolute()), "--out", str(options.out.absolute()), "--jobs", str(options.jobs)]
+    return argparse.Namespace(**{**vars(generates(words, entry)), **vars(options)})

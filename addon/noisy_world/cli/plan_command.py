@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`plan`: print what a preset comes to, or the commands that make its dataset in shards."""
+
+import argparse
+import json
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.requirements import NEEDED
+from .arguments import add_preset_options, out_address, out_folder, positive, settled
+from .command_lines import merge_words, shard_beginning_on, shard_words
+from .entry import Entry
+from .generate import fail
+from .listing import duration, print_plan
+from .missing import missing_package
+from .part import planned
+
+MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
+
+if TYPE_CHECKING:
+    from ..core.planning.plan import Plan
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse(arguments, entry)
+    if problem := missing_package(NEEDED, entry):
+        return fail(problem, options, entry)
+    from ..core.errors import NoisyWorldError
+
+    try:
+        plan = planned(options)
+    except NoisyWorldError as error:
+        return fail(str(error), options, entry)
+    return (
+        print_plan(plan, out_address(options) or out_folder(options))
+        if options.shards is None
+        else print_shards(plan, options)
+    )
+
+
+def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Print what a preset comes to; with --shards the commands that make its dataset in shards, one a "
+        "line, in any order and on any machines that see the dataset's folder, and last the one that merges them.",
+    )
+    add_preset_options(parser)
+    parser.add_argument(
+        "--shards", metavar="N", type=positive, help="about how many shards, of equal cost; at least one a render"
+    )
+    parser.add_argument("--format", choices=["text", "json"], default="text", help="how shards are printed")
+    parser.add_argument(
+        "--slurm",
+        action="store_true",
+        help="print the shards as a bash script for Slurm instead, which submits them and a job that merges them",
+    )
+    parser.add_argument(
+        "--cpus", metavar="N", type=positive, default=2, help="with --slurm: processors for each shard (default: 2)"
+    )
+    options = settled(parser, parser.parse_args(arguments))
+    if options.slurm and options.shards is None:
+        parser.error("--slurm needs --shards N")
+    options.progress = "text"
+    return options
+
+
+def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
+    """Print the shards, each with its command, and the command that merges them."""
+    from ..core.planning.shards import seconds_of, shards_of
+
+    shards = shards_of(plan, options.shards)
+    seconds = seconds_of(plan, shards)
+    merging = merge_words(options, options.shards)
+    if options.slurm:
+        print(_slurm(plan, options, [shard.name for shard in shards], max(seconds, default=0.0)), end="")
+        return 0
+    if options.format == "json":
+        listed = [
+            {"name": shard.name, "command": shard_words(options, shard), "seconds": round(value, 1)}
+            for shard, value in zip(shards, seconds, strict=True)
+        ]
+        print(json.dumps({"shards": listed, "merge": merging}, indent=1))
+        return 0
+    for shard in shards:
+        print(shlex.join(shard_words(options, shard)))
+    longest = duration(max(seconds, default=0.0))
+    print(f"# {len(shards)} shards, {longest} each at most on two cores (rough); when all have ended:")
+    print(f"# {shlex.join(merging)}")
+    return 0
+
+
+def _slurm(plan: "Plan", options: argparse.Namespace, names: list[str], longest_s: float) -> str:
+    """Return the script for Slurm. longest_s: what the longest shard takes on two cores."""
+    from ..cluster.slurm import SlurmJob, slurm_script
+    from ..core.planning.estimate import estimate
+
+    job = SlurmJob(
+        name=f"noisy-{options.preset.stem}",
+        folder=Path.cwd(),
+        shards=names,
+        shard=shard_beginning_on(options, options.cpus),
+        merge=merge_words(options, options.shards),
+        longest_s=longest_s * 2 / min(options.cpus, 2),
+        merge_s=estimate(plan).bytes_written / MERGED_BYTES_PER_S,
+        cpus=options.cpus,
+    )
+    return slurm_script(job)

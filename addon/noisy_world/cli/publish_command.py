@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`publish`: pack a finished dataset as tars, with tables that describe it, at an address or in a folder."""
+
+import argparse
+
+from .entry import INTERRUPTED, Entry, say
+from .places import address_text, path, place
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse_arguments(arguments, entry)
+    from ..core.errors import InterruptedRunError, NoisyWorldError
+    from ..storage.address import open_address
+    from ..storage.publishing import publish
+    from .running import listener
+
+    progress, stop = listener("text")
+    try:
+        address = open_address(address_text(options.address))
+        done = publish(options.dataset, address, progress, stop)
+    except InterruptedRunError:
+        say("stopped; finished tars stay, and the same command continues from there")
+        return INTERRUPTED
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+    finally:
+        progress.finish()
+    if done.new:
+        print(f"wrote {address.text}: {done.sequences} tars, {done.frames} frames")
+    else:
+        print(f"{address.text}: holds this dataset already; nothing to do")
+    return 0
+
+
+def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
+        epilog="The same command again goes on where it was stopped. Addresses need the extra 'cloud'.",
+    )
+    parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder that generate wrote")
+    parser.add_argument(
+        "address",
+        metavar="ADDRESS",
+        type=place,
+        help="where to: s3://bucket/name, another address of fsspec's, or a folder",
+    )
+    return parser.parse_args(arguments)

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`recipe`: write what a dataset was made from and the digests of its files, some hundred kilobytes for terabytes."""
+
+import argparse
+import sys
+
+from ..core.requirements import NEEDED
+from .entry import Entry, say
+from .missing import missing_package
+from .places import folder, path
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
+        "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
+    )
+    parser.add_argument("dataset", metavar="DATASET", type=folder, help="the dataset's folder")
+    parser.add_argument("--out", metavar="FILE", type=path, help="the file to write (default: standard output)")
+    options = parser.parse_args(arguments)
+    if problem := missing_package(NEEDED, entry):
+        entry.complain(problem)
+        return 1
+    from ..core.datasets.storage import storage_errors
+    from ..core.errors import NoisyWorldError
+    from ..recipes.making import unnamed_sequences
+    from ..recipes.of_dataset import recipe_of
+    from .running import listener
+
+    try:
+        progress, _ = listener("text")
+        recipe = recipe_of(options.dataset, progress)
+        text = recipe.text()
+        if options.out is None:
+            sys.stdout.write(text)
+        else:
+            with storage_errors(options.out):
+                options.out.write_text(text, encoding="utf-8")
+        if others := unnamed_sequences(recipe):
+            say(
+                f"the preset that this dataset was last made with does not name {others}: the recipe verifies that, "
+                "but cannot make it again"
+            )
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+    return 0

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`shard`: make one shard of the dataset that a preset describes, on any machine that sees the dataset's folder."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from ..core.requirements import NEEDED
+from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
+from .entry import INTERRUPTED, Entry, say
+from .generate import fail, lacking_blender
+from .missing import missing_package
+from .outcome import tell_outcome
+from .part import planned
+
+BUSY = 75  # sysexits.h, EX_TEMPFAIL: another process makes the shard, so it may be worth trying again later
+
+if TYPE_CHECKING:
+    from ..core.planning.plan import Plan
+    from ..core.planning.shards import Shard
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse(arguments, entry)
+    if problem := missing_package(NEEDED, entry):
+        return fail(problem, options, entry)
+    from ..core.errors import BusyError, InterruptedRunError, NoisyWorldError
+
+    try:
+        return do(options, entry)
+    except InterruptedRunError:
+        again = entry.pasteable([*preset_words(options), "--shard", options.shard])
+        say(f"stopped; finished frames stay, and the same command continues from there:\n  {again}")
+        return INTERRUPTED
+    except BusyError as error:
+        fail(str(error), options, entry)
+        return BUSY
+    except NoisyWorldError as error:
+        return fail(str(error), options, entry)
+
+
+def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Make one shard of a dataset: a range of source frames of one render, with every image that shows "
+        "them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' puts shards together.",
+        epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file.",
+    )
+    add_preset_options(parser)
+    parser.add_argument(
+        "--shard", metavar="NAME", required=True, type=shard_name, help="the shard, such as room0.000000-000100"
+    )
+    parser.add_argument(
+        "--threads", metavar="N", type=positive, default=0, help="threads of the renderer (default: all there are)"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace what is finished of the shard")
+    parser.add_argument("--progress", choices=["text", "json"], default="text", help="as for generate")
+    return settled(parser, parser.parse_args(arguments))
+
+
+def shard_name(text: str) -> str:
+    """Check the name of a shard."""
+    from ..core.planning.shards import Shard
+
+    try:
+        return Shard.parse(text).name
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def do(options: argparse.Namespace, entry: Entry) -> int:
+    """Make the shard, and print the outcome."""
+    from ..core.planning.shards import Shard, render_of
+
+    plan = planned(options)
+    shard = Shard.parse(options.shard)
+    render_of(plan, shard)
+    if problem := lacking_blender(plan.only(render_of(plan, shard)), entry):
+        return fail(problem, options, entry)
+    if out_address(options) is not None:
+        return make_there(plan, shard, options, entry)
+    return make(plan, shard, options)
+
+
+def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
+    """Make the shard in its folder in the dataset."""
+    from ..core.datasets.dataset import Dataset
+    from ..pipeline.shard import ShardMaker, shard_folder
+    from .running import listener
+
+    progress, stop = listener(options.progress)
+    folder = shard_folder(out_folder(options), shard)
+    there = Dataset(out_folder(options), plan.format)
+    with ShardMaker(plan, progress=progress, stop=stop, threads=options.threads) as maker:
+        maker.check_dataset(there, shard)
+        report = maker.make(folder, shard, there, overwrite=options.overwrite)
+    print(f"wrote {folder}")
+    tell_outcome(report, options)
+    return 0
+
+
+def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry: Entry) -> int:
+    """Make the shard in the scratch folder, and put it to the address."""
+    from .at_address import run_at, told_of
+    from .running import listener
+
+    if options.overwrite:
+        return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
+    progress, stop = listener(options.progress)
+    run = run_at(plan, options, progress, stop)
+    return told_of(run.make_shard(shard, threads=options.threads), options)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`status`: how far a dataset has come, what is missing or damaged, and how long the rest will take."""
+
+import argparse
+import json
+import sys
+
+from ..core.requirements import NEEDED
+from .arguments import frame_slice, path
+from .entry import Entry
+from .missing import missing_package
+from .status_table import LONGEST_TABLE, content, told
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line; return 0, or 1 where files are lost or damaged or there is no dataset."""
+    options = _parse(arguments, entry)
+    if problem := missing_package(NEEDED, entry):
+        entry.complain(problem)
+        return 1
+    from ..core.errors import NoisyWorldError
+
+    try:
+        return _tell(options)
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+
+
+def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
+        "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",
+    )
+    parser.add_argument("out", metavar="OUT", type=path, help="the dataset's folder")
+    parser.add_argument("--check", action="store_true", help="read every file and compare its SHA-256")
+    parser.add_argument("--frames", metavar="A:B", type=frame_slice, help="ask for frames A to B-1 of each path alone")
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help=f"a row for each setting, also where there are more than {LONGEST_TABLE}; else severities share a row",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead")
+    return parser.parse_args(arguments)
+
+
+def _tell(options: argparse.Namespace) -> int:
+    from ..core.progress import Progress
+    from ..perturbations import registry
+    from ..pipeline.status import read_status
+    from .running import text_listener
+
+    listener: Progress = text_listener(sys.stderr) if options.check else _Silent()
+    status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
+    print(json.dumps(content(status), indent=1) if options.json else told(status, every_setting=options.all))
+    return 1 if status.lost or status.damaged else 0
+
+
+class _Silent:
+    """A listener that shows nothing: without --check, looking takes seconds."""
+
+    def start(self, label: str, total: int, done: int = 0) -> None:
+        """Show nothing."""
+
+    def advance(self, count: int = 1) -> None:
+        """Show nothing."""
+
+    def note(self, text: str, subject: str = "") -> None:
+        """Show nothing."""
+
+    def finish(self) -> None:
+        """Show nothing."""

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`verify`: hash every file of a dataset, and compare it with a recipe."""
+
+import argparse
+
+from ..core.requirements import NEEDED
+from .entry import INTERRUPTED, Entry, say
+from .missing import missing_package
+from .places import folder, path
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status: 0 where all that is there is as the recipe says."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Hash every file of a dataset and say what is missing, damaged, extra, or not as a recipe says. A "
+        "dataset with a part of the recipe's settings, scenes or frames is compared in that part.",
+    )
+    parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
+    parser.add_argument("dataset", metavar="DATASET", type=folder, help="the dataset's folder")
+    options = parser.parse_args(arguments)
+    if problem := missing_package(NEEDED, entry):
+        entry.complain(problem)
+        return 1
+    from ..core.errors import InterruptedRunError, NoisyWorldError
+    from ..recipes.recipe import read_recipe
+    from ..recipes.verifying import verify
+    from .running import listener
+
+    try:
+        progress, stop = listener("text")
+        findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
+    except InterruptedRunError as stopped:
+        say(str(stopped))
+        return INTERRUPTED
+    except NoisyWorldError as error:
+        entry.complain(str(error))
+        return 1
+    for line in [*findings.lines(), *findings.told()]:
+        print(line)
+    return 0 if findings.as_the_recipe else 1

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Journals: the records of finished frames, a line for each, which a process appends while it works."""
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from .json_text import parse_json
+from .records import FrameRecord
+from .storage import storage_errors
+
+
+class Journal:
+    """The lines of finished frames, appended one by one."""
+
+    def __init__(self, path: Path) -> None:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _cut_torn_line(path)
+            self._file = path.open("ab", buffering=0)
+        self._path = path
+
+    def append(self, record: FrameRecord) -> None:
+        """Add a frame whose files are written."""
+        self.append_line(record.line())
+
+    def append_line(self, text: str) -> None:
+        """Add a line, which ends with a line feed."""
+        line = text.encode()
+        with storage_errors(self._path):
+            if self._file.write(line) != len(line):  # an unbuffered write may write only a part when the disk is full
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _cut_torn_line(path: Path) -> None:
+    """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
+    with contextlib.suppress(FileNotFoundError):
+        data = path.read_bytes()
+        if data and not data.endswith(b"\n"):
+            with path.open("r+b") as file:
+                file.truncate(data.rfind(b"\n") + 1)
+
+
+def append_line(path: Path, text: str) -> None:
+    """Append a line to a file of lines. Raises StorageError."""
+    journal = Journal(path)
+    try:
+        journal.append_line(text)
+    finally:
+        journal.close()
+
+
+def read_lines(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the mappings in a file of JSON lines, without torn lines; none where there is no such file."""
+    with contextlib.suppress(FileNotFoundError):
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            with contextlib.suppress(ValueError):
+                if isinstance(value := parse_json(line), dict):
+                    yield value

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Merging shards into the dataset: their files are moved, not copied, and every one is hashed on the way.
+
+Files first, then records, then the shard's folder goes: a process that ends in between leaves what the next one merges
+again, and a file that is in its place already, as the record says, counts.
+"""
+
+import contextlib
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
+
+from ..errors import BusyError
+from ..presets.preset import canonical
+from .agreement import disagreement
+from .journal import append_line, read_lines
+from .layouts import OutputFormat
+from .records import FrameRecord, joined_records, read_records
+from .removal import remove_dataset, remove_journals, remove_work_folder
+from .shard_record import SHARD, ShardRecord, read_shard, shard_folders
+from .standing import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_standing
+from .storage import FolderLock, Hasher, Mover, storage_errors, write_atomic
+
+PATIENCE_S = 2.0  # how long the lock of a process is waited for that may have been killed; chosen
+
+type Frames = dict[str, tuple[FrameRecord, ...]]
+"""Records of frames by the sequence's folder."""
+
+
+class Receiver(Protocol):
+    """A dataset that shards are merged into, and which is open."""
+
+    out: Path
+    scratch: Path
+    format: OutputFormat
+
+    def make_folders(self, folder: str) -> None:
+        """Create the folders of a sequence."""
+        ...
+
+    def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
+        """Record frames of a sequence whose files were moved here from a shard."""
+        ...
+
+
+@dataclass(frozen=True)
+class Merged:
+    """What merging a shard did.
+
+    frames: how many records went to the dataset. damaged: the files that are not as their records say, by their names
+    in the dataset; they were not merged, so their frames are missing. record: of the shard; None where it was not
+    finished.
+    """
+
+    frames: int
+    damaged: tuple[str, ...]
+    record: ShardRecord | None
+
+
+@dataclass(frozen=True)
+class ShardRules:
+    """Which shards are merged.
+
+    unfinished: also the finished frames of those that are unfinished, where nobody is making them. any_processor: also
+    those of another kind of processor than the dataset's.
+    """
+
+    unfinished: bool
+    any_processor: bool
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """What became of all the shards of a dataset.
+
+    merged: those that were merged. refused: by folder, why a shard does not belong to the dataset. left: those that are
+    unfinished, or under way.
+    """
+
+    merged: list[Merged]
+    refused: dict[Path, str]
+    left: list[Path]
+
+
+def merge_shard(dataset: Receiver, folder: Path, record: ShardRecord | None = None) -> Merged:
+    """Move what is finished of a shard into a dataset, which is open, and remove the shard's folder.
+
+    folder: on any file system. record: of the shard, where it has been read. A file that is not as its record says is
+    not merged. Raises BusyError where the shard is being made, ValueError where its record cannot be used, StorageError
+    where the disk refuses.
+    """
+    lock = FolderLock(folder / WORK_FOLDER / "lock")
+    try:
+        record = record or read_shard(folder)
+        frames = _recorded(folder) if record is None else record.frames
+        merged, damaged = _move(dataset, folder, frames)
+        for sequence, records in merged.items():
+            dataset.append_merged(sequence, records)
+        if record is not None:
+            append_line(dataset.out / WORK_FOLDER / MERGED, json.dumps(record.summary()) + "\n")
+        _remove(folder)
+    finally:
+        lock.release()
+    return Merged(sum(map(len, merged.values())), tuple(damaged), record)
+
+
+def merge_shards(dataset: Receiver, identity: dict[str, Any], rules: ShardRules) -> Gathered:
+    """Merge the shards in a dataset's own folder that were made from what an identity says."""
+    found = Gathered([], {}, [])
+    for folder in shard_folders(dataset.out):
+        record, made_from, reason = _made_from(folder)
+        if made_from is not None and not reason:
+            reason = disagreement(identity, made_from, any_processor=rules.any_processor)
+        if reason:
+            found.refused[folder] = reason
+        elif rules.unfinished or record is not None:
+            merged = _merge_when_free(dataset, folder, record)
+            if merged is None:
+                found.left.append(folder)
+            else:
+                found.merged.append(merged)
+        else:
+            found.left.append(folder)
+    return found
+
+
+def take_up(folder: Path, record: ShardRecord) -> None:
+    """Make a finished shard, whose lock is held, an unfinished one again: its records become journals."""
+    work = folder / WORK_FOLDER
+    unfinished = work / "unfinished"
+    with storage_errors(folder):
+        unfinished.mkdir(parents=True, exist_ok=True)
+    for sequence, records in record.frames.items():
+        with storage_errors(work / sequence):
+            (work / sequence).mkdir(parents=True, exist_ok=True)
+        lines = "".join(item.line() for item in records)
+        write_atomic(work / sequence / "journal-kept.jsonl", lines.encode(), unfinished)
+    write_atomic(work / IDENTITY, canonical(record.identity).encode(), unfinished)
+    with storage_errors(folder):
+        (folder / SHARD).unlink()
+
+
+def finish_shard(folder: Path, record: ShardRecord) -> None:
+    """Write the record of a shard, whose lock is held, and remove what was needed while it was made."""
+    work = folder / WORK_FOLDER
+    write_atomic(folder / SHARD, record.text(), work / "unfinished")
+    tidy(folder)
+
+
+def tidy(folder: Path) -> None:
+    """Remove from a finished shard, whose lock is held, what was needed while it was made."""
+    work = folder / WORK_FOLDER
+    for sequence in journal_folders(work):
+        remove_journals(work, sequence)
+    remove_work_folder(work, work / "unfinished")
+
+
+def _merge_when_free(dataset: Receiver, folder: Path, record: ShardRecord | None) -> Merged | None:
+    """Merge a shard; None where another process is making it. A process that was just killed is waited for."""
+    end_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return merge_shard(dataset, folder, record)
+        except BusyError:
+            if time.monotonic() > end_s:
+                return None
+            time.sleep(0.05)
+
+
+def drop_unfinished(folders: Iterable[Path]) -> None:
+    """Remove shards that are unfinished and that nobody is making, when all their frames are in the dataset."""
+    for folder in folders:
+        with contextlib.suppress(BusyError):
+            if not (folder / SHARD).exists():
+                remove_shard(folder)
+
+
+def merged_shards(out: Path) -> list[dict[str, Any]]:
+    """Return the summaries of the shards that were merged since the dataset was last complete, each shard's once."""
+    return list({summary["shard"]: summary for summary in read_lines(out / WORK_FOLDER / MERGED)}.values())
+
+
+def remove_shard(folder: Path) -> None:
+    """Remove a shard. Raises BusyError where it is being made, StorageError where the disk refuses."""
+    lock = FolderLock(folder / WORK_FOLDER / "lock")
+    try:
+        _remove(folder)
+    finally:
+        lock.release()
+
+
+def remove_shards(out: Path) -> None:
+    """Remove the shards of a dataset that nobody is making, finished or not. Raises StorageError."""
+    for folder in shard_folders(out):
+        with contextlib.suppress(BusyError):
+            remove_shard(folder)
+
+
+def shards_hold_frames(out: Path) -> bool:
+    """Tell whether a shard of a dataset has finished a frame."""
+    return any((path / SHARD).is_file() or journal_folders(path / WORK_FOLDER) for path in shard_folders(out))
+
+
+def _made_from(folder: Path) -> tuple[ShardRecord | None, dict[str, Any] | None, str]:
+    """Return a shard's record, if it is finished; what it was made from, if it has a frame; why that is unknown."""
+    try:
+        record = read_shard(folder)
+    except ValueError as error:
+        return None, None, f"{SHARD} {error}"
+    if record is not None:
+        return record, record.identity, ""
+    standing = read_standing(folder)
+    if standing is None or not standing.holds_frames:
+        return None, None, ""
+    return None, standing.identity, standing.problem or standing.note
+
+
+def _recorded(folder: Path) -> Frames:
+    """Return what the journals of an unfinished shard say."""
+    work = folder / WORK_FOLDER
+    return {
+        sequence: tuple(
+            joined_records(
+                record for path in sorted((work / sequence).glob(JOURNALS)) for record in read_records(path)
+            ).values()
+        )
+        for sequence in sorted(journal_folders(work))
+    }
+
+
+def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, list[FrameRecord]], list[str]]:
+    """Move the files that are as the records say; return the records of these, and the names of the others."""
+    hasher, mover = Hasher(), Mover(dataset.scratch)
+    merged: dict[str, list[FrameRecord]] = {}
+    damaged: list[str] = []
+
+    def arrived(sequence: str, name: str, digest: str) -> bool:
+        source, target = folder / sequence / name, dataset.out / sequence / name
+        if str(PurePosixPath(name).parent) not in dataset.format.folders:
+            return False
+        if hasher.sha256(target) == digest:  # moved by a process that was killed then, or made twice
+            return True
+        if source.is_symlink() or hasher.sha256(source) != digest:
+            return False
+        mover.move(source, target)
+        return True
+
+    for sequence, records in frames.items():
+        dataset.make_folders(sequence)
+        for record in records:
+            there = {name: digest for name, digest in record.files.items() if arrived(sequence, name, digest)}
+            damaged += [f"{sequence}/{name}" for name in record.files if name not in there]
+            if there:
+                merged.setdefault(sequence, []).append(replace(record, files=there))
+    return merged, damaged
+
+
+def _remove(folder: Path) -> None:
+    """Remove the folder of a shard, whose lock is held; what is not ours stays in it."""
+    work = folder / WORK_FOLDER
+    inside = [path for path in folder.glob("*/*") if WORK_FOLDER not in path.parts[-2:]]
+    remove_dataset(folder, work, [path.relative_to(folder).as_posix() for path in inside if path.is_dir()])
+    with storage_errors(folder):
+        (folder / SHARD).unlink(missing_ok=True)
+    remove_work_folder(work, work / "unfinished")
+    with contextlib.suppress(OSError):
+        folder.rmdir()

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Completing a dataset whose frames are all there: text files, overview, manifest."""
+
+from collections.abc import Callable
+
+from ..core.datasets.dataset import Dataset
+from ..core.datasets.depth_range import RangeLoss, range_loss
+from ..core.datasets.layouts import SequenceFacts
+from ..core.datasets.overview import draw_overview
+from ..core.datasets.provenance import cameras_agree, cameras_of, manifest
+from ..core.datasets.records import FrameRecord
+from ..core.datasets.standing import OVERVIEW
+from ..core.planning.motion_record import motion_of_frames
+from ..core.planning.plan import Plan, Render
+from ..core.planning.sequence import Sequence, written_paths
+from ..core.trajectories.sensor_paths import SensorPaths
+
+
+class Completion:
+    """Writes what a dataset has beside its images."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        dataset: Dataset,
+        paths_of: Callable[[Render], SensorPaths],
+        note: Callable[[str], None],
+    ) -> None:
+        """Take a dataset that is open. paths_of: returns the sensors' paths in a render. note: tells the user."""
+        self._plan = plan
+        self._dataset = dataset
+        self._paths_of = paths_of
+        self._note = note
+
+    def write(self) -> None:
+        """Write the text files beside the images, and the manifest."""
+        files: dict[str, object] = {}
+        counts: dict[str, int] = {}
+        pictured: dict[str, list[int]] = {}
+        losses: dict[str, RangeLoss] = {}
+        format_ = self._plan.format
+        one_camera = cameras_agree(self._dataset.identity)
+        for render in self._plan.renders:
+            for sequence in render.sequences:
+                records = self._finished_frames(render, sequence)
+                if not records:
+                    continue  # --frames chose none of it
+                if motion := motion_of_frames(render, sequence, self._paths_of(render)):
+                    records = {frame: record.with_motion(motion[frame]) for frame, record in records.items()}
+                paths = written_paths(sequence, self._paths_of(render))
+                stamps = render.scene.source.frame_stamps
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
+                texts = format_.layout.sequence_texts(facts)
+                if not one_camera:
+                    texts |= format_.setting_texts(render.camera)
+                files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
+                counts[sequence.folder] = len(records)
+                pictured[sequence.folder] = list(records)
+                images = (record.out_of_range for record in records.values())
+                if loss := range_loss(images, self._pixels(sequence.scene)):
+                    losses[sequence.folder] = loss
+        files |= {} if one_camera else self._texts_beside()
+        of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
+        for setting in {folder.split("/")[0]: None for folder in counts}:
+            for name, text in of_setting.items():
+                path = f"{setting}/{name}"
+                files[path] = self._dataset.write_text(path, text)
+        if self._plan.preset.spec.output.overview:
+            stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
+            picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
+            files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
+        self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts, losses))
+        self._note_losses(losses, counts)
+
+    def _note_losses(self, losses: dict[str, RangeLoss], counts: dict[str, int]) -> None:
+        """Say in a note for each scene how much of its depth is lost, and what keeps it."""
+        for scene in self._plan.scenes:
+            of_scene = [sequence for sequence in self._plan.sequences if sequence.scene == scene.name]
+            lost = {item.setting.name: losses[item.folder] for item in of_scene if item.folder in losses}
+            frames = {item.setting.name: counts[item.folder] for item in of_scene if item.folder in losses}
+            if lost:
+                self._note(f"{scene.name}: {self._plan.format.depth_range.told_of_scene(lost, frames)}")
+
+    def _texts_beside(self) -> dict[str, object]:
+        """Write the intrinsics of the sequences that stay beside the plan's: their settings' files no longer say them.
+
+        Returns the files of these sequences by folder.
+        """
+        cameras = cameras_of(self._dataset.identity)
+        files: dict[str, object] = {}
+        for folder, there in self._dataset.kept.items():
+            texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])
+            written = {name: self._dataset.write_text(f"{folder}/{name}", text) for name, text in texts.items()}
+            files[folder] = there | written
+        return files
+
+    def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
+        """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
+        names = self._dataset.format.names(render.scene.source.frame_stamps)
+        records = self._dataset.records(sequence.folder)
+        whole = {frame: record for frame, record in records.items() if set(record.files) >= names.of(frame)}
+        if lost := [frame for frame in sequence.frames if frame not in whole]:
+            raise RuntimeError(f"{sequence.folder}: {len(lost)} frames were not made, {lost[0]} the first")
+        self._dataset.drop_frames(sequence.folder, [records[frame] for frame in records.keys() - whole.keys()])
+        return whole
+
+    def _pixels(self, scene: str) -> int:
+        """Return how many pixels a frame of a scene has."""
+        camera = self._plan.cameras[scene]
+        return camera.width_px * camera.height_px

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Making frames: a source is opened, asked for one moment after another, and what it gives is perturbed and written."""
+
+import contextlib
+import threading
+import time
+from collections.abc import Sequence as Many
+from functools import partial
+from types import TracebackType
+from typing import Self
+
+from ..core.datasets.dataset import Dataset
+from ..core.datasets.layouts import Modality
+from ..core.datasets.provenance import render_seed
+from ..core.errors import InterruptedRunError
+from ..core.planning.plan import Plan, Render, source_paths
+from ..core.planning.source import OpenSource, PreparedSource, RenderOptions
+from ..core.progress import Progress
+from ..core.trajectories.sensor_paths import SensorPaths
+from .clean_frame import Camera, CleanFrame
+from .colour import Colour, colour_of
+from .frame_writer import FrameWriter, Lost
+from .report import Report
+from .spent import LOADING, RENDERING, Spent
+from .stock import Finished
+
+FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
+
+
+class FrameMaker:
+    """Makes frames of a plan, one piece after another.
+
+    A scene stays in memory until another one is asked for, and what perturbs the colour of a render likewise. report:
+    what was done since it was last replaced.
+    """
+
+    def __init__(self, plan: Plan, *, progress: Progress, stop: threading.Event, threads: int = 0) -> None:
+        """Prepare. stop: when set, a piece ends after the current frame. threads: of the renderer; 0 for all."""
+        self._plan = plan
+        self._progress = progress
+        self._stop = stop
+        self._threads = threads
+        self._paths: dict[str, SensorPaths] = {}
+        self._told_lost: set[str] = set()  # the scenes that a note on lost depth has named
+        self._scene = _Kept[PreparedSource]()
+        self._render = _Kept[OpenSource]()
+        self._colour = _Kept[Colour]()
+        self.report = Report()
+
+    def make(self, render: Render, frames: Many[int], target: Dataset, finished: Finished) -> None:
+        """Make the images that show some source frames of a render and are not finished, and write them to a dataset.
+
+        Raises InterruptedRunError when stopped.
+        """
+        start_s, spent = time.perf_counter(), Spent()
+        with spent.rest_on(LOADING):
+            source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
+        loaded_s = time.perf_counter()
+        self.report.loading_s += loaded_s - start_s
+        with spent.rest_on(RENDERING):
+            colour = self._colour_of(render, frames, finished)
+            with FrameWriter(target, render, finished, spent) as writer:
+                self._write(render, frames, source, colour, writer)
+        self.report.add_processor_s(spent.seconds)
+        self.report.rendering_s += time.perf_counter() - loaded_s
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
+
+    @property
+    def _modalities(self) -> tuple[Modality, ...]:
+        return self._plan.format.modalities
+
+    def paths_of(self, render: Render) -> SensorPaths:
+        """Return the sensors' paths in a render; each is made once."""
+        if render.name not in self._paths:
+            self._paths[render.name] = source_paths(self._plan, render)
+        return self._paths[render.name]
+
+    def _open(self, render: Render, *, judging: bool) -> OpenSource:
+        """Return a render's source. judging: whether a path that begins with frames that see nothing is refused."""
+        if (source := self._render.of((render.name,))) is not None:
+            return source
+        self._colour.close()
+        self._render.close()
+        scene = render.scene
+        if (prepared := self._scene.of((scene.name,))) is None:
+            prepared = self._scene.keep(
+                (scene.name,), scene.source.prepare(render.camera, partial(self._note, scene.name))
+            )
+        options = render_options(self._plan, render, judging=judging, threads=self._threads)
+        opened = prepared.open(self.paths_of(render), options, partial(self._note, render.name))
+        return self._render.keep((render.name,), contextlib.nullcontext(opened))
+
+    def _note(self, name: str, text: str) -> None:
+        """Say something about a scene or a render."""
+        self.report.notes.append(f"{name}: {text}")
+        self._progress.note(f"{name}: {text}")
+
+    def _colour_of(self, render: Render, frames: Many[int], finished: Finished) -> Colour:
+        """Return what perturbs the colour of those sequences that lack some of it."""
+        coloured = render.sequences if "rgb" in self._modalities else ()
+        lacking = [item for item in coloured if item.frames and finished.lacks(item, "rgb", frames)]
+        key = (render.name, *(item.folder for item in lacking))
+        if (colour := self._colour.of(key)) is not None:
+            return colour
+        camera = Camera(render.camera, render.scene.source.stamps_s)
+        size_px = (render.camera.width_px, render.camera.height_px)
+        return self._colour.keep(key, colour_of(lacking, camera, size_px))
+
+    def _write(
+        self, render: Render, frames: Many[int], source: OpenSource, colour: Colour, writer: FrameWriter
+    ) -> None:
+        paths = self.paths_of(render)
+        for frame in frames:
+            if self._stop.is_set():
+                break
+            start_s = time.perf_counter()
+            clean = CleanFrame(frame, source.frame(paths.moment(frame)))
+            if self.report.first_frame_s is None:
+                self.report.first_frame_s = time.perf_counter() - start_s
+            self._count(writer.submit(clean, colour.of(clean)), writer)
+        self._count(writer.drain(), writer)
+
+    def _count(self, frames: int, writer: FrameWriter) -> None:
+        self._tell_lost(writer.first_lost)
+        self.report.frames_rendered += frames
+        if frames:
+            self._progress.advance(frames)
+
+    def _tell_lost(self, lost: Lost | None) -> None:
+        """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""
+        if lost is None or lost.sequence.scene in self._told_lost:
+            return
+        scene, range_ = lost.sequence.scene, self._plan.format.depth_range
+        camera = self._plan.cameras[scene]
+        self._told_lost.add(scene)
+        told = range_.told_of_image(lost.out_of_range, camera.width_px * camera.height_px)
+        told = range_.with_remedy(told, lost.out_of_range.farthest_m)
+        self._progress.note(f"{scene}: frame {lost.frame} of {lost.sequence.setting.name}: {told}", subject=scene)
+
+    def close(self) -> None:
+        """Close what is open."""
+        with contextlib.ExitStack() as closing:
+            for kept in (self._scene, self._render, self._colour):
+                closing.callback(kept.close)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Kept[T]:
+    """What a context manager gave, kept open until something else takes its place."""
+
+    def __init__(self) -> None:
+        self._key: tuple[str, ...] | None = None
+        self._value: T | None = None
+        self._opened = contextlib.ExitStack()
+
+    def of(self, key: tuple[str, ...]) -> T | None:
+        """Return what is kept under a key; None where something else is, or nothing."""
+        return self._value if self._key == key else None
+
+    def keep(self, key: tuple[str, ...], made: contextlib.AbstractContextManager[T]) -> T:
+        """Close what was kept, and open and keep something else."""
+        self.close()
+        value = self._opened.enter_context(made)
+        self._key, self._value = key, value
+        return value
+
+    def close(self) -> None:
+        """Close what is kept."""
+        self._key = self._value = None
+        self._opened.close()
+
+
+def render_options(plan: Plan, render: Render, *, judging: bool = False, threads: int = 0) -> RenderOptions:
+    """Return how frames of a render are made.
+
+    judging: whether the first frames of the path are looked at, whoever makes them, unless the preset allows that they
+    see nothing. threads: of the renderer, 0 for all that there are.
+    """
+    spec = plan.preset.spec
+    looked_at = render.frames[:FIRST_FRAMES] if judging and not spec.render.allow_empty else ()
+    return RenderOptions(
+        near_m=spec.mesh_camera.near_m,
+        far_m=spec.mesh_camera.far_m,
+        samples=spec.render.samples,
+        seed=render_seed(spec.seed),
+        engine=spec.render.engine,
+        device=spec.render.device,
+        rgb="rgb" in plan.format.modalities or render.needs_rgb,
+        depth="depth" in plan.format.modalities or render.needs_depth,
+        threads=threads,
+        first_frames=looked_at,
+    )

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Any frame of a sequence, made by the reference from the clean frames that it shows, without writing anything."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.layouts import OutputFormat
+from ..core.errors import InputError
+from ..core.perturbing.execution import Notes, perturb_depth, perturb_rgb
+from ..core.planning.sequence import Sequence
+from .clean_frame import Camera, CleanFrame
+
+
+@dataclass(frozen=True)
+class SequenceMaker:
+    """Makes frames of a sequence.
+
+    colour, depth: the cameras of both images. clean: returns a source frame by its number.
+    """
+
+    sequence: Sequence
+    colour: Camera
+    depth: Camera
+    clean: Callable[[int], CleanFrame]
+
+    def frame(self, index: int) -> "MadeFrame":
+        """Return a frame of the sequence; nothing is done before it is asked. Raises ValueError if it is left out."""
+        shown = self.sequence.shown(index)
+        shown_rgb = self.clean(shown.rgb_source)
+        same = shown.depth_source == shown.rgb_source
+        shown_depth = shown_rgb if same else self.clean(shown.depth_source)
+        return MadeFrame(self, index, shown.depth_frame, shown_rgb, shown_depth)
+
+
+class MadeFrame:
+    """A frame of a sequence, each of its images made when it is first needed."""
+
+    def __init__(self, maker: SequenceMaker, index: int, depth_frame: int, rgb: CleanFrame, depth: CleanFrame) -> None:
+        """Take the clean frames that its colour and its depth are of. depth_frame: to which the depth belongs."""
+        self._maker = maker
+        self._index = index
+        self._depth_frame = depth_frame
+        self._clean_rgb = rgb
+        self._clean_depth = depth
+
+    @cached_property
+    def _rgb(self) -> tuple[NDArray[np.uint8] | None, Notes]:
+        maker, clean = self._maker, self._clean_rgb
+        steps = maker.sequence.setting.rgb
+        return perturb_rgb(steps, clean.rgb, maker.colour.context(maker.sequence, self._index, clean))
+
+    @cached_property
+    def _depth_m(self) -> tuple[NDArray[np.float32] | None, Notes]:
+        maker, clean = self._maker, self._clean_depth
+        steps = maker.sequence.setting.depth
+        return perturb_depth(steps, clean.depth_m, maker.depth.context(maker.sequence, self._depth_frame, clean))
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, before it is encoded."""
+        pixels, _ = self._rgb
+        return self._clean_rgb.byte_rgb() if pixels is None else pixels
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void, before it is rounded to steps."""
+        depth_m, _ = self._depth_m
+        return self._clean_depth.depth_m if depth_m is None else depth_m
+
+    def stored_rgb(self, written: OutputFormat) -> NDArray[np.uint8]:
+        """Return colour (H, W, 3), RGB, as a dataset's image holds it if nothing is lost in encoding."""
+        pixels, _ = self._rgb
+        return written.stored_rgb(self._clean_rgb.rgb if pixels is None else pixels)
+
+    def rgb_bytes(self, written: OutputFormat) -> bytes:
+        """Return the colour image as a dataset holds it."""
+        pixels, _ = self._rgb
+        if pixels is not None:
+            return written.encode_rgb(pixels)
+        if (path := self._clean_rgb.file_as("rgb", written)) is not None:
+            return _content(path)
+        return written.encode_rgb(self._clean_rgb.rgb)
+
+    def depth_bytes(self, written: OutputFormat) -> bytes:
+        """Return the depth image as a dataset holds it."""
+        depth_m, _ = self._depth_m
+        if depth_m is None and (path := self._clean_depth.file_as("depth", written)) is not None:
+            return _content(path)
+        return written.encode_depth(self.depth_m)
+
+    def done(self, written: OutputFormat) -> dict[str, Any]:
+        """Return what was done to the images, as frames.jsonl has it; motion is not in it."""
+        found: dict[str, Any] = {}
+        if "rgb" in written.modalities and (notes := self._rgb[1]):
+            found["rgb"] = notes
+        if "depth" in written.modalities and (notes := self._depth_m[1]):
+            found["depth"] = notes
+        if "depth" in written.modalities and self._maker.sequence.paired:
+            found["pairing"] = {"depth_of_frame": self._depth_frame}
+        return found
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error

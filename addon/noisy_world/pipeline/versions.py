@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The versions of what renders a plan, and of what perturbs its colour."""
+
+from ..core.planning.plan import Plan
+
+
+def versions_of(plan: Plan) -> dict[str, str]:
+    """Return the versions of Blender and of what else renders the plan.
+
+    Raises MissingDependencyError where that cannot run here.
+    """
+    render, versions = plan.preset.spec.render, {}
+    if plan.renders_anything and render.engine == "embree":
+        from ..rays.embree import embree_version
+
+        versions = embree_version()
+    elif plan.renders_anything and render.engine != "embree":
+        from ..blender.session import renderer_versions
+
+        return renderer_versions(render.engine, render.device)
+    if plan.composites:
+        from ..blender.session import blender_version
+
+        versions = versions | blender_version()
+    return versions

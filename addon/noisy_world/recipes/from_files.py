@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sequences on disk, opened: of a dataset of Noisy World, or in a plain layout."""
+
+import json
+import re
+from collections.abc import Collection
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.layouts import LAYOUTS, find_sequence
+from ..core.datasets.records import FRAMES
+from ..core.datasets.standing import MANIFEST, Standing, read_standing
+from ..core.datasets.stored import StoredFrame, StoredSequence
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics
+from .digests import series_of
+from .frame_numbers import FrameNumbers
+from .opened import Frame, Opened, OpenedSequence
+
+KEPT = 64  # sequences whose files and poses stay in memory, a megabyte or two each
+AGAIN = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
+_RECORD = re.compile(rb'\{"frame": ([0-9]{1,18}), "time_s": ')
+
+
+class OpenedFolder(Opened):
+    """A folder that holds sequences, or is one."""
+
+    def __init__(self, folder: Path) -> None:
+        """Find the sequences. Raises InputError where there is none."""
+        super().__init__(str(folder))
+        self._folder = folder
+        standing = read_standing(folder)
+        if standing is None:
+            self._places, self._whole = _plain_sequences(folder), dict[str, int]()
+        else:
+            self._places, self._whole = _finished(folder, standing)
+        self._opened = lru_cache(maxsize=KEPT)(self._open)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return OpenedFolder, (self._folder,)
+
+    @property
+    def _names(self) -> Collection[str]:
+        return self._places.keys()
+
+    def _numbers(self, name: str) -> FrameNumbers:
+        """Return the numbers without opening the sequence, where the manifest says that it is whole."""
+        return FrameNumbers([range(self._whole[name])]) if name in self._whole else self._opened(name).frames
+
+    def _sequence(self, name: str) -> "SequenceOfFiles":
+        return self._opened(name)
+
+    def _open(self, name: str) -> "SequenceOfFiles":
+        return SequenceOfFiles(name, self._places[name])
+
+
+def _finished(folder: Path, standing: Standing) -> tuple[dict[str, Path], dict[str, int]]:
+    """Return the folders of a dataset's sequences by name, and the number of frames of those that have all of them."""
+    if standing.problem and (folder / MANIFEST).exists():
+        raise InputError(folder, standing.problem)  # without one, somebody copied sequences, which say enough
+    there = {name: folder / name for name in sorted(standing.sequences) if (folder / name / FRAMES).is_file()}
+    if not there:
+        problem = "holds no finished sequence"
+        raise InputError(folder, problem, remedy="run the command that makes it again; it goes on where it stopped")
+    if standing.manifest is None:
+        return there, {}
+    frames, paths = standing.manifest["frames"], standing.manifest["identity"]["sequences"]
+    whole = {name: frames[name] for name in there if name in frames and frames[name] == paths.get(name)}
+    return there, whole
+
+
+def _plain_sequences(folder: Path) -> dict[str, Path]:
+    """Return the sequences of a folder without a manifest: itself, or those one or two folders deeper, by name."""
+    if _recognised(folder):
+        return {folder.resolve().name: folder}
+    for depth in ("*", "*/*"):
+        found = {path.relative_to(folder).as_posix(): path for path in sorted(folder.glob(depth)) if _recognised(path)}
+        if found:
+            return found
+    known = " or ".join(layout.label for layout in LAYOUTS.values())
+    problem = "holds no sequence" if folder.is_dir() else "no such folder"
+    raise InputError(folder, problem, remedy=f"name a recipe, a dataset, or a folder with files as {known} has them")
+
+
+def _recognised(folder: Path) -> bool:
+    return folder.is_dir() and any(layout.recognises(folder) for layout in LAYOUTS.values())
+
+
+class SequenceOfFiles(OpenedSequence):
+    """A sequence on disk."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        """Find its files. Raises InputError where they are missing or do not match."""
+        self.name = name
+        self.stored = find_sequence(folder)
+        self._records = _Records.of(folder / FRAMES, self.stored)
+
+    @property
+    def frames(self) -> FrameNumbers:
+        """The numbers in frames.jsonl; without one, frames are counted from 0."""
+        return self._records.numbers
+
+    @property
+    def camera(self) -> Intrinsics | None:
+        """What its files say."""
+        return self.stored.known_camera
+
+    def _frame(self, index: int) -> "FrameOfFiles":
+        place = self._records.place(index)
+        return FrameOfFiles(self.name, index, place, self.stored, self._records)
+
+
+class _Records:
+    """What frames.jsonl says, a line read when it is asked for: parsed, thousands would take megabytes."""
+
+    def __init__(self, path: Path, numbers: FrameNumbers, order: NDArray[np.int64], offsets: NDArray[np.int64]) -> None:
+        """Take the frames' numbers in order. offsets: of their lines; none where there is no file."""
+        self.path = path
+        self.numbers = numbers
+        self._order = order
+        self._offsets = offsets
+
+    @classmethod
+    def of(cls, path: Path, stored: StoredSequence) -> "_Records":
+        """Find the lines. Raises InputError where they are not those of the images."""
+        count = len(stored.rgb_files)
+        if not path.is_file():
+            nothing = np.zeros(0, np.int64)
+            return cls(path, FrameNumbers([range(count)]), np.arange(count), nothing)
+        data = path.read_bytes()
+        starts = [0, *(match.end() for match in re.finditer(rb"\n", data))]
+        found = [(int(match[1]), start) for start in starts if (match := _RECORD.match(data, start))]
+        frames = sorted(found)
+        if len({frame for frame, _ in frames}) != count:
+            raise InputError(path, f"tells of {len(frames)} frames, and there are {count} images", remedy=AGAIN)
+        order, offsets = (np.array(values, dtype=np.int64) for values in zip(*frames, strict=True))
+        return cls(path, FrameNumbers.of(order.tolist()), order, offsets)
+
+    def place(self, frame: int) -> int:
+        """Return the place of a frame among the images."""
+        return int(np.searchsorted(self._order, frame))
+
+    def record(self, place: int) -> dict[str, Any]:
+        """Return the line of the frame at a place; {} where there is none. Raises InputError where it is damaged."""
+        if not self._offsets.size:
+            return {}
+        with self.path.open("rb") as file:
+            file.seek(self._offsets[place])
+            line = file.readline()
+        try:
+            record: dict[str, Any] = json.loads(line)
+            _ = (float(record["time_s"]), float(record.get("depth_time_s", 0)), dict(record["sha256"]))
+        except (ValueError, KeyError, TypeError) as error:
+            where = f"frame {self._order[place]}"
+            raise InputError(self.path, "its line is damaged", where=where, remedy=AGAIN) from error
+        return record
+
+
+class FrameOfFiles(Frame):
+    """A frame on disk."""
+
+    def __init__(self, sequence: str, index: int, place: int, stored: StoredSequence, records: _Records) -> None:
+        """Read its record. place: among the images."""
+        self.sequence = sequence
+        self.index = index
+        record = records.record(place)
+        self._done: dict[str, Any] = record.get("perturbed", {})
+        stamps = stored.stamps
+        self.stamp_s = float(record.get("time_s", stamps.rgb.seconds[place]))
+        depth_s = self.stamp_s if record else stamps.depth.seconds[place]
+        self.depth_stamp_s = float(record.get("depth_time_s", depth_s))
+        self.c2w = stored.trajectory.c2w[place].copy()
+        self._files = _files(stored, place, record, records.path)
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB. Raises InputError where the file is no image."""
+        return self._files.rgb
+
+    @property
+    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
+        path = self._files.rgb_file
+        if path.suffix != ".png":
+            remedy = "open the recipe for what it was before, or take rgb"
+            raise InputError(path, "is compressed with loss", remedy=remedy)
+        return self.rgb
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
+        return self._files.depth_m
+
+    @property
+    def done(self) -> dict[str, Any]:
+        """What frames.jsonl says was done to it; {} where there is none."""
+        return self._done
+
+    def rgb_bytes(self) -> bytes:
+        """Return the content of the colour image's file."""
+        return _content(self._files.rgb_file)
+
+    def depth_bytes(self) -> bytes:
+        """Return the content of the depth image's file."""
+        return _content(self._files.depth_file)
+
+
+def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Path) -> StoredFrame:
+    """Return the images of a frame: those that its record names, which pairs them."""
+    frame = stored.frame(place)
+    names = {series_of(name): name for name in record.get("sha256", ())}
+    if not names:
+        return frame
+    rgb, depth = (
+        names.get(series_of(file.relative_to(stored.folder).as_posix())) for file in (frame.rgb_file, frame.depth_file)
+    )
+    if rgb is None or depth is None or stored.folder / rgb != frame.rgb_file:
+        where = f"frame {record['frame']}"
+        raise InputError(path, f"does not name {frame.rgb_file.name} and its depth", where=where, remedy=AGAIN)
+    size_px, colour, scale = frame.size_px, frame.colour, frame.depth_scale_per_m
+    return StoredFrame(frame.rgb_file, stored.folder / depth, scale, size_px, colour)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=AGAIN) from error

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A recipe, opened: its frames are made on the spot from clean ones, equal to the bytes of a dataset's files."""
+
+import json
+import threading
+import warnings
+from collections import OrderedDict
+from collections.abc import Collection
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics
+from ..core.perturbing.steps import Setting
+from ..core.planning.motion_record import motion_of_frames
+from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings, source_paths
+from ..core.planning.sequence import written_paths
+from ..core.planning.source import OpenSource, PreparedSource, Scene, SourceFrame
+from ..core.trajectories.sensor_paths import SensorPaths
+from ..perturbations import registry
+from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.frame_maker import render_options
+from ..pipeline.made_frame import MadeFrame, SequenceMaker
+from ..pipeline.versions import versions_of
+from ..sources import find_scenes
+from .clean_store import CleanStore, read_store
+from .frame_numbers import FrameNumbers
+from .inputs import check_inputs, same_path
+from .made_with import made_here, made_otherwise
+from .making import preset_of
+from .opened import Frame, Opened, OpenedSequence
+from .recipe import Recipe, read_recipe
+
+KEPT_SEQUENCES = 256  # whose frames are laid out; some hundred kilobytes each
+KEPT_FRAMES = 2  # clean frames that stay in memory: colour and depth of a late pair, or one frame for many settings
+
+
+class OpenedRecipe(Opened):
+    """A recipe with what its frames are made from: a store of clean frames, or inputs that need no Blender."""
+
+    def __init__(self, recipe: Recipe, store: CleanStore | None, data: Path | None) -> None:
+        """Read its settings. data: the folder that the paths of its scenes begin at; default the recipe's.
+
+        Raises InputError where its preset cannot be read by this version.
+        """
+        super().__init__(str(recipe.path))
+        self.recipe = recipe
+        self._store = store
+        self._data = data
+        self._preset = preset_of(recipe, data)
+        self._settings = {setting.name: setting for setting in read_settings(self._preset, registry())}
+        self._scenes: dict[tuple[str, bool], Scene] = {}  # by name, and whether it is a store's
+        self._opened = lru_cache(maxsize=KEPT_SEQUENCES)(self._open)
+        self._recent: OrderedDict[tuple[str, int], CleanFrame] = OrderedDict()
+        self._paths: dict[str, SensorPaths] = {}
+        self._prepared: dict[str, PreparedSource] = {}
+        self._live: dict[str, tuple[str, OpenSource]] = {}  # by the scene: the render that is open, and its frames
+        self._closing = ExitStack()
+        self._lock = threading.RLock()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        folder = None if self._store is None else self._store.folder
+        return _reopened, (self.recipe.path, folder, self._data, self._scenes)
+
+    @property
+    def _names(self) -> Collection[str]:
+        return self.recipe.sequences.keys()
+
+    def _numbers(self, name: str) -> FrameNumbers:
+        return self.recipe.sequences[name].frames
+
+    def _sequence(self, name: str) -> "SequenceOfRecipe":
+        return self._opened(name)
+
+    def _open(self, name: str) -> "SequenceOfRecipe":
+        setting, scene = name.split("/")
+        if setting not in self._settings:
+            remedy = "the dataset had grown by another preset; take a recipe from when it was made"
+            raise InputError(self.place, f"its preset does not name {setting}", remedy=remedy)
+        if self._store is not None and self._store.has_scene(scene):
+            self._store.check(self.recipe.identity, scene, setting)
+        return SequenceOfRecipe(self, name, self._settings[setting], self._scene(scene))
+
+    # --- scenes ---
+
+    def _scene(self, name: str, *, real: bool = False) -> Scene:
+        """Return a scene: with the store's path, if it is there, or else with its inputs. real: with its inputs."""
+        with self._lock:
+            stored = not real and self._store is not None and self._store.has_scene(name)
+            if (name, stored) not in self._scenes:
+                self._scenes[name, stored] = self._stored_scene(name) if stored else self._real_scene(name)
+            return self._scenes[name, stored]
+
+    def _stored_scene(self, name: str) -> Scene:
+        assert self._store is not None
+        return Scene(name, self._preset.place("scenes.0"), self._store.source(name))
+
+    def _real_scene(self, name: str) -> Scene:
+        (scene,) = find_scenes(preset_of(self.recipe, self._data, scenes=[name]))
+        wanted = self.recipe.identity["scenes"][name]
+        check_inputs(self.recipe.path, wanted, scene)
+        if not same_path(wanted, scene):
+            other = made_otherwise(self.recipe.identity, made_here())
+            problem = f"{name}: its path is not the recipe's"
+            if not other:
+                raise InputError(self.place, problem, remedy="were its keys changed?")
+            warnings.warn(f"{self.place}: {problem} to the last digit, so pixels may differ", stacklevel=2)
+        return scene
+
+    # --- clean frames ---
+
+    def plan(self, setting: Setting, scene: Scene) -> Plan:
+        """Return the plan of one sequence."""
+        return lay_out_plan(self._preset, (setting,), [scene])
+
+    def paths(self, plan: Plan, render: Render) -> SensorPaths:
+        """Return the sensors' paths of a render; each is made once."""
+        with self._lock:
+            if render.name not in self._paths:
+                self._paths[render.name] = source_paths(plan, render)
+            return self._paths[render.name]
+
+    def clean(self, sequence: "SequenceOfRecipe", source: int) -> CleanFrame:
+        """Return a source frame of a sequence's render."""
+        key = (sequence.render.name, source)
+        with self._lock:
+            if key not in self._recent:
+                self._recent[key] = CleanFrame(source, self._clean_image(sequence, source))
+                if len(self._recent) > KEPT_FRAMES:
+                    self._recent.popitem(last=False)
+            return self._recent[key]
+
+    def _clean_image(self, sequence: "SequenceOfRecipe", source: int) -> SourceFrame:
+        stored = None if self._store is None else self._store.frame(sequence.render.name, source)
+        return stored or self._open_source(sequence).frame(sequence.paths.moment(source))
+
+    def _open_source(self, sequence: "SequenceOfRecipe") -> OpenSource:
+        """Return what gives the clean frames of a render. Raises InputError where that needs Blender."""
+        render, scene = sequence.render, sequence.render.scene.name
+        name, source = self._live.get(scene, ("", None))
+        if source is not None and name == render.name:
+            return source
+        if self._preset.spec.render.in_blender and self._store is not None and self._store.has_scene(scene):
+            raise self._lacking(sequence)  # before the inputs are looked for, which nobody needs who has a store
+        real = self._scene(scene, real=True)
+        plan = self.plan(sequence.sequence.setting, real)
+        if plan.renders_in_blender:
+            raise self._lacking(sequence)
+        if scene not in self._prepared:
+            self._check_renderer(plan)
+            prepared = real.source.prepare(render.camera, _ignore)
+            self._prepared[scene] = self._closing.enter_context(prepared)
+        options = replace(render_options(sequence.plan, render), rgb=True, depth=True)
+        self._live[scene] = render.name, self._prepared[scene].open(sequence.paths, options, _ignore)
+        return self._live[scene][1]
+
+    def _check_renderer(self, plan: Plan) -> None:
+        """Say where what renders here is of another version than the recipe's. Raises MissingDependencyError."""
+        if plan.renders_anything:
+            here = {**made_here(), "versions": versions_of(plan)}
+            if other := made_otherwise({**here, "versions": self.recipe.identity["versions"]}, here):
+                warnings.warn(f"{self.place}: {other}", stacklevel=2)
+
+    def _lacking(self, sequence: "SequenceOfRecipe") -> InputError:
+        setting, scene = sequence.name.split("/")
+        where = "DIR" if self._store is None else str(self._store.folder)
+        problem = f"{sequence.name} needs clean frames of {sequence.render.name}, which Blender renders"
+        if self._store is not None:
+            problem += f"; {where} lacks them"
+        command = f"noisy-world clean {self.place} --out {where} --scenes {scene} --settings {setting}"
+        opening = "" if self._store is not None else ", and open(..., clean=DIR) takes them"
+        return InputError(self.place, problem, remedy=f"'{command}' makes them{opening}")
+
+    def close(self) -> None:
+        """Let go of the sources that are open."""
+        self._live.clear()
+        self._prepared.clear()
+        self._closing.close()
+
+
+def _reopened(path: Path, store: Path | None, data: Path | None, scenes: dict[tuple[str, bool], Scene]) -> OpenedRecipe:
+    """Open a recipe again in another process, with the scenes that are found and checked."""
+    opened = OpenedRecipe(read_recipe(path), None if store is None else read_store(store), data)
+    opened._scenes.update(scenes)
+    return opened
+
+
+def _ignore(text: str) -> None:
+    """Notes on inputs were told when the dataset was made."""
+    del text
+
+
+class SequenceOfRecipe(OpenedSequence):
+    """A sequence that is made on the spot."""
+
+    def __init__(self, opened: OpenedRecipe, name: str, setting: Setting, scene: Scene) -> None:
+        """Lay out its frames."""
+        self.name = name
+        self._opened = opened
+        self.plan = opened.plan(setting, scene)
+        (self.render,) = self.plan.renders
+        (self.sequence,) = self.render.sequences
+        self.paths = opened.paths(self.plan, self.render)
+        self.written = written_paths(self.sequence, self.paths).rgb
+        self.stamps = scene.source.frame_stamps
+        stamps_s = (scene.source.stamps_s, self.stamps.depth.seconds)
+        colour, depth = (Camera(self.render.camera, part) for part in stamps_s)
+        self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _sequence_of, (self._opened, self.name)
+
+    @property
+    def frames(self) -> FrameNumbers:
+        """The numbers of its frames, as the recipe has them."""
+        return self._opened.recipe.sequences[self.name].frames
+
+    @property
+    def camera(self) -> Intrinsics:
+        """The intrinsics of its frames."""
+        return self.render.camera
+
+    @cached_property
+    def motion(self) -> list[dict[str, Any]]:
+        """What motion did to each frame; [] where it did nothing."""
+        return motion_of_frames(self.render, self.sequence, self.paths)
+
+    def check_executable(self) -> None:
+        """Raise InputError where colour is perturbed by Blender's compositor."""
+        if self.sequence.setting.composited:
+            problem = f"the colour of {self.name} is made by Blender's compositor, in Blender's own thread alone"
+            remedy = "'noisy-world materialise' makes its files; with render.backend: reference colour needs no Blender"
+            raise InputError(self._opened.place, problem, remedy=remedy)
+
+    def _frame(self, index: int) -> "FrameOfRecipe":
+        return FrameOfRecipe(self, index)
+
+
+def _sequence_of(opened: Opened, name: str) -> OpenedSequence:
+    return opened[name]
+
+
+class FrameOfRecipe(Frame):
+    """A frame that is made when it is asked for."""
+
+    def __init__(self, made_in: SequenceOfRecipe, index: int) -> None:
+        """Look up what it shows."""
+        self.sequence = made_in.name
+        self.index = index
+        self._in = made_in
+        self._format = made_in.plan.format
+        self.stamp_s, depth_s = made_in.stamps.told(index)
+        self.depth_stamp_s = self.stamp_s if depth_s is None else depth_s
+        self.c2w = made_in.written.c2w[index].copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _frame_of, (self._in, self.index)
+
+    @cached_property
+    def _made(self) -> MadeFrame:
+        return self._in.maker.frame(self.index)
+
+    def _coloured(self) -> MadeFrame:
+        self._check("rgb", "colour")
+        self._in.check_executable()
+        return self._made
+
+    def _check(self, modality: str, what: str) -> None:
+        if modality not in self._format.modalities:
+            remedy = f"its preset's output.modalities lacks {modality}"
+            raise InputError(self._in.plan.preset.path, f"makes no {what}", remedy=remedy)
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, encoded and decoded. Raises InputError where Blender's compositor makes it."""
+        return self.rgb_uncompressed if self._format.image == "png" else _decoded(self.rgb_bytes())
+
+    @property
+    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB. Raises InputError where Blender's compositor makes it."""
+        return self._coloured().stored_rgb(self._format)
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void, in the steps of the file."""
+        self._check("depth", "depth")
+        return self._format.stored_depth_m(self._made.depth_m)
+
+    @property
+    def done(self) -> dict[str, Any]:
+        """What was done to it, as frames.jsonl has it; both images are made for that."""
+        return self._done
+
+    @cached_property
+    def _done(self) -> dict[str, Any]:
+        if "rgb" in self._format.modalities:
+            self._in.check_executable()
+        found = self._made.done(self._format)
+        if motion := self._in.motion:
+            found["motion"] = motion[self.index]
+        return json.loads(json.dumps({name: found[name] for name in sorted(found)}))
+
+    def rgb_bytes(self) -> bytes:
+        """Return the colour image's file. Raises InputError where Blender's compositor makes it."""
+        return self._coloured().rgb_bytes(self._format)
+
+    def depth_bytes(self) -> bytes:
+        """Return the depth image's file."""
+        self._check("depth", "depth")
+        return self._made.depth_bytes(self._format)
+
+
+def _frame_of(sequence: OpenedSequence, index: int) -> Frame:
+    return sequence[index]
+
+
+def _decoded(data: bytes) -> NDArray[np.uint8]:
+    import cv2
+
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None, "what was encoded can be decoded"
+    return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether the inputs of a scene are those that a recipe was made from."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..core.datasets.provenance import path_sha256, plain_values
+from ..core.errors import InputError
+from ..core.planning.source import Scene
+
+HASHED = "_sha256"
+
+
+def different_input(wanted: Mapping[str, Any], here: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return the first key in which the inputs of a scene differ, with both values in words; None where none does.
+
+    A file may be called otherwise, if it is the same.
+    """
+    for name in sorted({*wanted, *here}):
+        hashed = f"{name}{HASHED}"
+        renamed = bool(wanted.get(hashed)) and wanted.get(hashed) == here.get(hashed)
+        if wanted.get(name) != here.get(name) and not renamed:
+            return name, f"is {_told(here.get(name))}, and the recipe's {_told(wanted.get(name))}"
+    return None
+
+
+def check_inputs(file: Path, wanted: Mapping[str, Any], scene: Scene) -> None:
+    """Raise InputError where a scene's files are not those that a recipe was made from.
+
+    file: the recipe. wanted: the scene in its identity.
+    """
+    here = plain_values(scene.source.hashes())
+    if found := different_input(wanted["inputs"], here):
+        name, told = found
+        key = name.removesuffix(HASHED)
+        what = scene.source.location if key in ("mesh", "sequence") else f"{here.get(key, key)}"
+        problem = f"{what} is not what the recipe was made from: its {name} {told}"
+        raise InputError(file, problem, where=f"scenes: {scene.name}", remedy="--data DIR names the folder of another")
+
+
+def same_path(wanted: Mapping[str, Any], scene: Scene) -> bool:
+    """Tell whether a scene has the recipe's path to the last bit. wanted: the scene in its identity."""
+    source, path = scene.source, wanted["path"]
+    if len(source.stamps_s) != path["frames"]:
+        return False
+    return path_sha256(source.trajectory(), source.stamps_s, path["frames"]) == path["sha256"]
+
+
+def _told(value: object) -> str:
+    return f"{value[:12]}..." if isinstance(value, str) and len(value) == 64 else repr(value)

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whether two datasets are made with the same versions on the same kind of processor: only then bytes are equal."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..core.datasets.differences import was_is
+from ..core.datasets.provenance import base_versions, processor
+
+BOUND = "pixels may differ by 1/255, and by more where noise falls on the other side of a threshold"
+
+
+def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in a line what makes other bytes than a recipe's, "" where nothing does.
+
+    recipe, here: identities. Versions of what only one of them needs do not count.
+    """
+    versions = {
+        name: (recipe["versions"][name], version)
+        for name, version in here["versions"].items()
+        if name != "python" and recipe["versions"].get(name, version) != version  # Python itself decides no byte
+    }
+    parts = [f"{name} {was_is(*pair)}" for name, pair in versions.items()]
+    if other := _processor(recipe["processor"], here["processor"]):
+        parts.append(other)
+    return f"made with others than the recipe: {'; '.join(parts)}: {BOUND}" if parts else ""
+
+
+def _processor(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    if there == here:
+        return ""
+    for key in ("machine", "byte_order"):
+        if there[key] != here[key]:
+            return f"processor {was_is(there[key], here[key])}"
+    lacks, more = sorted({*there["features"]} - {*here["features"]}), sorted({*here["features"]} - {*there["features"]})
+    told = [f"{word} {', '.join(names)}" for word, names in (("without", lacks), ("with", more)) if names]
+    return f"a processor {' and '.join(told)}"
+
+
+def made_here() -> dict[str, Any]:
+    """Return what this process would make frames with, apart from what renders them, as an identity has it."""
+    return {"versions": base_versions(), "processor": processor()}

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A dataset or a recipe that is open: sequences by name, frames by number, and lists of frames for training.
+
+All of it can be pickled: another process opens the same again.
+"""
+
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Self, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics
+from ..core.presets.selection import near_names, selected
+from ..core.schema import Place, shown
+from .frame_numbers import FrameNumbers
+
+
+class Frame(ABC):
+    """A frame of a sequence; each image is read or made when it is first asked for.
+
+    sequence: the name of its sequence. index: its number there. stamp_s, depth_stamp_s: when its colour and its depth
+    were taken, seconds. c2w: (4, 4) float64 camera-to-world of its colour, OpenCV axes, metres. done: what was done to
+    it, as in frames.jsonl: for colour and depth a list of steps, for pairing and motion what it shows; {} if nothing
+    was.
+    """
+
+    sequence: str
+    index: int
+    stamp_s: float
+    depth_stamp_s: float
+    c2w: NDArray[np.float64]
+
+    @property
+    @abstractmethod
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, as the file decodes; grey in three equal channels."""
+
+    @property
+    @abstractmethod
+    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, as it is before it is encoded as JPEG, which costs more time than most perturbations.
+
+        Raises InputError where only a JPEG is there.
+        """
+
+    @property
+    @abstractmethod
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void, as the file decodes."""
+
+    @property
+    @abstractmethod
+    def done(self) -> dict[str, Any]:
+        """What was done to it."""
+
+    @abstractmethod
+    def rgb_bytes(self) -> bytes:
+        """Return the colour image's file."""
+
+    @abstractmethod
+    def depth_bytes(self) -> bytes:
+        """Return the depth image's file."""
+
+
+class OpenedSequence(ABC):
+    """A sequence: its frames by their numbers, in any order.
+
+    name: its name. frames: the numbers of its frames. camera: the intrinsics of its frames, None where unknown.
+    """
+
+    name: str
+
+    @property
+    @abstractmethod
+    def frames(self) -> FrameNumbers:
+        """The numbers of its frames, increasing."""
+
+    @property
+    @abstractmethod
+    def camera(self) -> Intrinsics | None:
+        """The intrinsics of its frames; None where no file says them."""
+
+    @abstractmethod
+    def _frame(self, index: int) -> Frame:
+        """Return a frame that there is."""
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return map(self._frame, self.frames)
+
+    def __contains__(self, index: object) -> bool:
+        return index in self.frames
+
+    def __getitem__(self, index: int) -> Frame:
+        """Return the frame of a number. Raises IndexError where there is no such frame."""
+        number = _whole_number(index)
+        if number not in self.frames:
+            raise IndexError(f"{self.name} has no frame {number}; its frames are {self.frames}")
+        return self._frame(number)
+
+
+class Opened(Mapping[str, OpenedSequence]):
+    """A dataset or a recipe that is open: its sequences by name, such as "fog_s3_static/room0"."""
+
+    def __init__(self, place: str) -> None:
+        """Keep the place, the file or folder that messages name."""
+        self.place = place
+
+    @property
+    @abstractmethod
+    def _names(self) -> Collection[str]:
+        """The names of its sequences, in order."""
+
+    @abstractmethod
+    def _numbers(self, name: str) -> FrameNumbers:
+        """Return the numbers of the frames of a sequence that there is."""
+
+    @abstractmethod
+    def _sequence(self, name: str) -> OpenedSequence:
+        """Return a sequence that there is."""
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __getitem__(self, name: str) -> OpenedSequence:
+        """Return a sequence. Raises InputError, with the names that are near, where there is no such sequence."""
+        if name not in self._names:
+            raise self._unknown(name)
+        return self._sequence(name)
+
+    def close(self) -> None:
+        """Let go of what is in memory; a `with` does it too."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a sequence, or the default where there is no such sequence."""
+        try:
+            return self[name]
+        except InputError:
+            return default
+
+    @property
+    def settings(self) -> list[str]:
+        """The names of the settings."""
+        return list(dict.fromkeys(name.split("/")[0] for name in self))
+
+    @property
+    def scenes(self) -> list[str]:
+        """The names of the scenes."""
+        return list(dict.fromkeys(name.split("/")[-1] for name in self))
+
+    def frames(
+        self,
+        settings: str | Sequence[str] = "*",
+        scenes: str | Sequence[str] = "*",
+        frames: slice = slice(None),
+        *,
+        compressed: bool = True,
+    ) -> "FrameList":
+        """Return all frames of some sequences as one list, in order, as a map-style dataset of PyTorch.
+
+        settings, scenes: names or globs. frames: start and stop of their numbers, if not all. compressed: whether
+        colour is as the file decodes; False spares the time of encoding and decoding a JPEG.
+
+        Raises InputError where a name or glob matches nothing.
+        """
+        place = Place(self.place)
+        of_settings = set(selected(self.settings, _globs(settings), place.at("settings")))
+        of_scenes = set(selected(self.scenes, _globs(scenes), place.at("scenes")))
+        if frames.step not in (None, 1):
+            raise TypeError("frames is a slice with a step; choose every n-th from the list")
+        parts = [
+            (name, self._numbers(name).within(frames))
+            for name in self._names
+            if name.split("/")[0] in of_settings and name.split("/")[-1] in of_scenes
+        ]
+        return FrameList(self, [part for part in parts if part[1]], compressed=compressed)
+
+    def _unknown(self, name: object) -> InputError:
+        near = ", ".join(near_names(str(name), list(self._names)))
+        return InputError(self.place, f"holds no sequence {shown(str(name))}", remedy=f"near it: {near}")
+
+
+class Sample(TypedDict):
+    """A frame as PyTorch's default collation takes it: arrays, numbers and texts.
+
+    rgb: (H, W, 3) uint8. depth_m: (H, W) float32, 0 = void. c2w: (4, 4) float64. stamp_s, depth_stamp_s: seconds.
+    sequence, index: which frame it is.
+    """
+
+    rgb: NDArray[np.uint8]
+    depth_m: NDArray[np.float32]
+    c2w: NDArray[np.float64]
+    stamp_s: float
+    depth_stamp_s: float
+    sequence: str
+    index: int
+
+
+class FrameList(Sequence[Sample]):
+    """Frames of several sequences in a row: a map-style dataset, for PyTorch's DataLoader and any number of workers."""
+
+    def __init__(self, opened: Opened, parts: list[tuple[str, FrameNumbers]], *, compressed: bool = True) -> None:
+        """Take sequences with the numbers of their frames, at least one each."""
+        self._opened = opened
+        self._parts = parts
+        self._compressed = compressed
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        return list(accumulate(len(numbers) for _, numbers in self._parts))
+
+    def __len__(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def where(self, place: int) -> tuple[str, int]:
+        """Return the sequence and the number of a frame in the list. Raises IndexError."""
+        count, asked = len(self), _whole_number(place)
+        if not -count <= asked < count:
+            raise IndexError(f"the list has {count} frames, counted from 0; {asked} is none of them")
+        asked %= count
+        part = bisect_right(self._ends, asked)
+        name, numbers = self._parts[part]
+        return name, numbers[asked - (self._ends[part - 1] if part else 0)]
+
+    def __getitem__(self, place: Any) -> Any:
+        """Return a frame, or a list of those of a slice."""
+        if isinstance(place, slice):
+            return [self[index] for index in range(len(self))[place]]
+        name, index = self.where(place)
+        return self._sample(self._opened[name][index])
+
+    def __iter__(self) -> Iterator[Sample]:
+        for name, numbers in self._parts:
+            sequence = self._opened[name]
+            for index in numbers:
+                yield self._sample(sequence[index])
+
+    def _sample(self, frame: Frame) -> Sample:
+        return {
+            "rgb": frame.rgb if self._compressed else frame.rgb_uncompressed,
+            "depth_m": frame.depth_m,
+            "c2w": frame.c2w,
+            "stamp_s": frame.stamp_s,
+            "depth_stamp_s": frame.depth_stamp_s,
+            "sequence": frame.sequence,
+            "index": frame.index,
+        }
+
+
+def _whole_number(value: Any) -> int:
+    """Return a whole number of any type. Raises TypeError."""
+    if isinstance(value, bool) or not hasattr(value, "__index__"):
+        raise TypeError(f"frames are counted by whole numbers, not by {type(value).__name__}")
+    return value.__index__()
+
+
+def _globs(given: str | Sequence[str]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What renders a mesh: Blender, or rays alone."""
+
+from contextlib import AbstractContextManager
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics
+from ..core.planning.source import RenderedFrame, RenderOptions
+from ..core.scenes.mesh import Mesh
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
+
+
+class RenderSession(Protocol):
+    """A mesh in a renderer, ready to be seen from any pose. origin_m: (3,) float64, around which it is rendered."""
+
+    origin_m: NDArray[np.float64]
+
+    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
+        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
+        ...
+
+    def frame(self, moment: Moment) -> RenderedFrame:
+        """Render the frame of a moment."""
+        ...
+
+
+def open_session(
+    mesh: Mesh, name: str, paths: SensorPaths, camera: Intrinsics, options: RenderOptions
+) -> AbstractContextManager[RenderSession]:
+    """Hand a mesh to the renderer that the options ask for. Raises MissingDependencyError where it cannot run here."""
+    if options.engine == "embree":
+        from ..rays.session import RaySession
+
+        return RaySession(mesh, paths, camera, options)
+    from ..blender.session import Session
+
+    return Session(mesh, name, paths, camera, options)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a store's refusal means, in a line with the address and what to do."""
+
+import contextlib
+import errno
+import sys
+from collections.abc import Iterator
+
+from ..core.errors import MissingDependencyError, StorageError
+
+EXTRA = "noisy-world[cloud]"
+IN_EXTRA = ("fsspec", "s3fs", "pyarrow")
+AGAIN = "the same command goes on from here"
+
+# The errors of the libraries that fsspec's file systems are made of, by the module that has them. They are looked up
+# where the module is loaded: a library that nobody loaded raises nothing.
+_LIBRARIES = {
+    "botocore.exceptions": ("BotoCoreError", "ClientError"),
+    "aiohttp": ("ClientError",),
+    "google.auth.exceptions": ("GoogleAuthError",),
+    "gcsfs.retry": ("HttpError",),
+    "azure.core.exceptions": ("AzureError",),
+}
+
+
+def store_errors() -> tuple[type[Exception], ...]:
+    """Return the exceptions by which a store says no, of the libraries that are loaded."""
+    found: list[type[Exception]] = [OSError, NotImplementedError]
+    for module, names in _LIBRARIES.items():
+        if module in sys.modules:
+            found += [getattr(sys.modules[module], name) for name in names]
+    return tuple(found)
+
+
+@contextlib.contextmanager
+def told(address: str, doing: str) -> Iterator[None]:
+    """Turn a store's refusal into one line. doing: "read" or "written"."""
+    try:
+        yield
+    except store_errors() as error:  # an expression: it is evaluated once something is raised, with what is loaded then
+        raise refusal(address, doing, error) from error
+
+
+def refusal(address: str, doing: str, error: BaseException) -> StorageError:
+    """Return the error that says what a store refused, and what to do."""
+    problem, remedy = _meaning(error)
+    return StorageError(f"{address}: cannot be {doing}: {problem}; {remedy}")
+
+
+def _meaning(error: BaseException) -> tuple[str, str]:
+    """Return what a store's exception means, and what to do."""
+    kinds = {kind.__name__ for kind in type(error).__mro__}
+    text = " ".join(str(error).split())
+    code = getattr(error, "response", {}).get("Error", {}).get("Code", "") if hasattr(error, "response") else ""
+    if kinds & {"NoCredentialsError", "PartialCredentialsError", "ProfileNotFound", "GoogleAuthError"}:
+        return f"there are no credentials ({text})", (
+            "set them in the environment or the store's own configuration, such as AWS_ACCESS_KEY_ID and "
+            "AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
+        )
+    if isinstance(error, PermissionError) or code in ("AccessDenied", "403"):
+        return (
+            f"access is refused ({text})",
+            "the credentials have to allow listing, reading, writing and deleting there",
+        )
+    if isinstance(error, FileNotFoundError):
+        return f"it is not there ({text})", "make the bucket or folder first, or mend the name"
+    if kinds & {
+        "EndpointConnectionError",
+        "HTTPClientError",
+        "ClientConnectionError",
+        "ConnectionError",
+        "TimeoutError",
+    }:
+        return f"the store does not answer ({text})", f"see to the network and the endpoint; {AGAIN}"
+    if isinstance(error, NotImplementedError):
+        return "its kind of store takes no files", "choose another address with --out"
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return "no space is left there", f"make room; {AGAIN}"
+    return text or type(error).__name__, f"mend that; {AGAIN}"
+
+
+def missing(address: str, package: str) -> MissingDependencyError:
+    """Return the error that says which package reads and writes an address, and the command that installs it."""
+    wanted = EXTRA if package in IN_EXTRA else package
+    return MissingDependencyError(f"{address}: needs {package}, which is not installed: pip install '{wanted}'")

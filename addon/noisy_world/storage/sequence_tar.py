@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sequence as one tar, which serves two kinds of readers.
+
+Streams take `SETTING/SCENE/frames/000012.rgb.jpg`, `.depth.png` and `.json`, which follow one another: a sample of
+WebDataset's, with all that a reader needs in its JSON. Unpacked, the tar is the folder that loaders of the layout read:
+each image and text has the layout's name too, as a hard link, which streams pass over. Text files are stored under
+names without a dot, by which streams pass over them as well.
+"""
+
+import json
+import threading
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ..core.datasets.layouts import Modality
+from ..core.errors import InterruptedRunError
+from .content import Content, Images, PackedFrame, ReadImage
+from .tar_stream import Sink, TarStream
+
+FRAMES_FOLDER = "frames"
+TAR_SUFFIX = ".tar"
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where the content of a file lies in its tar. offset, size: in bytes."""
+
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True)
+class FrameSpans:
+    """Where a frame lies in its sequence's tar: its JSON and its images."""
+
+    json: Span
+    images: dict[Modality, Span]
+
+
+def tar_name(sequence: str) -> str:
+    """Return the name of a sequence's tar, from the dataset's address on."""
+    return f"{sequence}{TAR_SUFFIX}"
+
+
+def member_name(sequence: str, frame: int, ending: str) -> str:
+    """Return the name of a file of a frame inside the tar; ending: "json" for instance."""
+    return f"{sequence}/{FRAMES_FOLDER}/{frame:06d}.{ending}"
+
+
+def write_sequence(
+    content: Content, sequence: str, images: Images, sink: Sink, stop: threading.Event
+) -> list[FrameSpans]:
+    """Write the tar of a sequence; return where its frames lie. Raises InterruptedRunError where `stop` is set."""
+    tar = TarStream(sink)
+    frames = content.frames(sequence)
+    read = images.reader(sequence, frames)
+    spans: list[FrameSpans] = []
+    for frame in frames:
+        if stop.is_set():
+            raise InterruptedRunError("stopped")
+        spans.append(_write_frame(tar, content, sequence, frame, read))
+    for name, digest in content.texts(sequence).items():
+        stored = f"{sequence}/{FRAMES_FOLDER}/texts/{name.removeprefix(f'{sequence}/').replace('.', '_')}"
+        tar.add(stored, content.file(name, digest))
+        tar.link(name, stored)
+    tar.close()
+    return spans
+
+
+def _write_frame(tar: TarStream, content: Content, sequence: str, frame: PackedFrame, read: ReadImage) -> FrameSpans:
+    images: dict[Modality, Span] = {}
+    links: dict[str, str] = {}
+    for modality, (name, digest) in frame.images.items():
+        stored = member_name(sequence, frame.number, f"{modality}.{content.suffix(modality)}")
+        data = read(name, digest)
+        images[modality] = Span(tar.add(stored, data), len(data))
+        links[f"{sequence}/{name}"] = stored
+    told = json.dumps(told_of_frame(content, sequence, frame), separators=(",", ":")).encode()
+    at = tar.add(member_name(sequence, frame.number, "json"), told)
+    for name, stored in links.items():
+        tar.link(name, stored)
+    return FrameSpans(Span(at, len(told)), images)
+
+
+def told_of_frame(content: Content, sequence: str, frame: PackedFrame) -> dict[str, Any]:
+    """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
+
+    c2w: 4 x 4. camera: its intrinsics in pixels. perturbed: what was done to the frame, as a text of JSON, since it has
+    other keys for other perturbations.
+    """
+    setting, scene = sequence.split("/")
+    return {
+        "setting": setting,
+        "scene": scene,
+        "frame": frame.number,
+        "time_s": frame.record.time_s,
+        "depth_time_s": frame.depth_time_s,
+        "c2w": frame.c2w.tolist(),
+        "camera": asdict(content.camera(sequence)),
+        "depth_scale_per_m": content.depth_scale_per_m,
+        "perturbed": perturbed_text(frame),
+    }
+
+
+def perturbed_text(frame: PackedFrame) -> str:
+    """Return what was done to a frame, as a text of JSON."""
+    return json.dumps(frame.record.perturbed, separators=(",", ":"))

@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`engine: embree` as a user types it: without Blender, refused in a line where it cannot be, and no less checked."""
+
+import json
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from analytic import box_depth
+from worlds import GENERATE, HIGH, LOW, content, generate_here, path_poses, write_world
+
+from noisy_world.core.geometry import Intrinsics
+
+EMBREE = {"engine": "embree", "samples": 1, "backend": "reference"}
+SIZE = (64, 48)
+
+
+@pytest.fixture
+def world(tmp_path):
+    return write_world(tmp_path / "world", frames=4, size=SIZE, render=EMBREE, settings=[
+        {"name": "clean"}, {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 2}}]},
+        {"name": "deviated", "perturb": [{"motion_deviation": {"rotation_deg": 1.0, "translation_m": 0.02}}]},
+    ])  # fmt: skip
+
+
+def without(modules, *arguments):
+    """Run the command in a Python in which these modules cannot be imported."""
+    code = (
+        f"import runpy, sys\nsys.modules.update(dict.fromkeys({modules!r}))\n"
+        f"sys.argv = [{str(GENERATE)!r}, *{[str(item) for item in arguments]!r}]\n"
+        f"runpy.run_path({str(GENERATE)!r}, run_name='__main__')"
+    )
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=300)
+
+
+def test_a_dataset_without_blender(world, tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+    result = without(["bpy"], world, "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    camera = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)
+    for index, pose in enumerate(path_poses(4)):
+        steps = cv2.imread(str(tmp_path / f"out/clean/box/results/depth{index:06d}.png"), cv2.IMREAD_UNCHANGED)
+        expected, sure = box_depth(camera, pose, LOW, HIGH)
+        assert np.abs(steps / 6553.5 - expected)[sure].max() < 1.01 / 6553.5 / 2
+    identity = json.loads((tmp_path / "out/manifest.json").read_text())["identity"]
+    assert identity["render"] == {"engine": "embree", "device": "cpu", "samples": 1}
+    assert "embreex" in identity["versions"]
+    assert "blender" not in identity["versions"]
+    shared = without(["bpy"], world, "--out", tmp_path / "shared", "--jobs", 2)
+    assert shared.returncode == 0, shared.stderr
+    assert content(tmp_path / "shared") == content(tmp_path / "out")
+    other = generate_here(world, "--out", tmp_path / "out", "--set", "render.engine=cycles", check=False)
+    assert other.returncode == 1
+    assert "engine" in other.stderr.splitlines()[-1]
+
+
+def test_a_path_that_sees_nothing_ends_the_run(world, tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+    poses = path_poses(4, shift_m=(0.0, 0.0, 90.0))
+    text = "\n".join(" ".join(map(repr, map(float, pose.ravel()))) for pose in poses)
+    (world.parent / "traj.txt").write_text(text)
+    result = generate_here(world, "--out", tmp_path / "out", check=False)
+    assert result.returncode == 1
+    assert "frames 0 to 2 of traj.txt see nothing of mesh.ply" in result.stderr
+
+
+def test_where_embreex_is_missing_one_line_says_so(world, tmp_path):
+    result = without(["bpy", "embreex"], world, "--out", tmp_path / "out")
+    assert result.returncode == 1
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    assert result.stderr == (
+        f"generate.py: render.engine is embree, but embreex is missing in this Python {version}; "
+        "run: pip install 'noisy-world[embree]', or use render.engine: cycles\n"
+    )
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("render.samples=4", "render.samples: is 4, but embree casts one ray through each pixel's centre"),
+        ("render.device=gpu", "render.device: is gpu, but embree casts its rays on the processor"),
+    ],
+)
+def test_what_embree_cannot_do_is_refused(world, tmp_path, change, told):
+    result = generate_here(world, "--out", tmp_path / "out", "--set", change, check=False)
+    assert result.returncode == 1
+    assert result.stderr.strip() == f"generate.py: {world}: {told}; leave it out, or use cycles"

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shards that are made apart and merged are the dataset of one process, to the byte, whatever the cutting."""
+
+import errno
+import hashlib
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import fake_session
+import pytest
+from cases import cases
+from worlds import content, write_world
+
+from noisy_world.cli.merge_command import missing_shards
+from noisy_world.core.datasets.dataset import Dataset
+from noisy_world.core.datasets.shard_record import read_shard, shard_folder
+from noisy_world.core.errors import BusyError, StorageError
+from noisy_world.core.planning.shards import Shard, shards_of
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.pipeline.shard import make_shard, merge_shard
+from noisy_world.planning import make_plan
+
+
+pytestmark = pytest.mark.usefixtures("no_blender")
+
+
+class MissingError(StorageError):
+    """Stands for the message of the command."""
+
+
+def plan_of(preset, frames=None, overrides=()):
+    return make_plan(read_preset(preset, overrides), frames)
+
+
+def make(plan, folder, shard, there=None, stop=None):
+    listener = PlainProgress(sys.stderr)
+    return make_shard(plan, folder, shard, progress=listener, stop=stop or threading.Event(), there=there)
+
+
+def merge(plan, out):
+    """Merge; return the source frames that are missing, by render."""
+    found = {}
+
+    def missing(work, left):
+        found.update(work)
+        return MissingError(f"{len(left)} left")
+
+    try:
+        Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event()).merge(missing)
+    except MissingError:
+        assert found
+    return found
+
+
+def names_of_files(folder):
+    """The names of each file that has several, in sorted tuples."""
+    found = {}
+    for path in folder.rglob("*"):
+        if path.is_file():
+            found.setdefault(path.stat().st_ino, []).append(str(path.relative_to(folder)))
+    return {tuple(sorted(names)) for names in found.values()}
+
+
+def marks_in(folder):
+    return {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in folder.rglob("*") if path.is_file()}
+
+
+def images_in(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*.png")}
+
+
+@cases("seed", range(5))
+def test_any_cutting_in_any_order_makes_the_same_dataset(world, out, tmp_path, seed):
+    rng = random.Random(seed)
+    plan = plan_of(world)
+    cut = sorted(rng.sample(range(1, 8), rng.randint(0, 6)))
+    shards = [Shard("box", start, stop) for start, stop in zip([0, *cut], [*cut, 8], strict=True)]
+    shards += list(shards_of(plan, 16))[-rng.choice([1, 3, 8]) :]  # of the other render, and some of the last frames
+    shards += [shard for shard in shards_of(plan, 2) if shard.render == "box@shaky"]  # overlapping
+    rng.shuffle(shards)
+    made = tmp_path / "made"
+    for shard in shards:
+        make(plan, shard_folder(made, shard), shard)
+        if rng.random() < 0.3:
+            merge(plan, made)
+    assert merge(plan, made) == {}
+    assert content(made) == content(out)
+    assert names_of_files(made / "late") == names_of_files(out / "late")
+    files = [found for found in names_of_files(made) if "run.json" not in found]
+    assert sorted(files) == sorted(found for found in names_of_files(out) if "run.json" not in found)
+
+
+def test_the_record_of_a_shard(world, out, tmp_path):
+    plan = plan_of(world)
+    report = make(plan, tmp_path / "apart", Shard("box", 2, 4))
+    assert report.frames_rendered == 2
+    said = json.loads((tmp_path / "apart/shard.json").read_text())
+    assert said["shard"] == "box.000002-000004"
+    there = {str(path.relative_to(tmp_path / "apart")): path for path in (tmp_path / "apart").rglob("*.png")}
+    named = {
+        f"{folder}/{name}": digest
+        for folder, items in said["frames"].items()
+        for item in items
+        for name, digest in item["sha256"].items()
+    }
+    assert named == {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in there.items()}
+    assert said["bytes"] == sum({path.stat().st_ino: path.stat().st_size for path in there.values()}.values())
+    whole = content(out)
+    assert {name: whole[name] for name in named} == named
+    # Desynchronisation: source frames 2 and 3 are the depth of frames 0 and 1 of `late`, and the colour of 2 and 3.
+    assert {item["frame"]: sorted(item["sha256"]) for item in said["frames"]["late/box"]} == {
+        0: ["results/depth000000.png"], 1: ["results/depth000001.png"],
+        2: ["results/frame000002.png"], 3: ["results/frame000003.png"],
+    }  # fmt: skip
+    assert not (tmp_path / "apart/.noisy_world").exists()
+    assert said["processor"]["features"]
+    assert said["versions"]["numpy"]
+    assert read_shard(tmp_path / "apart").frame_count == sum(map(len, said["frames"].values()))
+
+
+def test_a_finished_shard_is_checked_and_left_alone(world, tmp_path):
+    plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
+    make(plan, folder, shard)
+    before = marks_in(folder)
+    fake_session.Session.rendered.clear()
+    report = make(plan, folder, shard)
+    assert (report.frames_rendered, report.frames_kept) == (0, 2)
+    assert fake_session.Session.rendered == []
+    assert marks_in(folder) == before
+    damaged = folder / "mixed/box/results/depth000000.png"
+    damaged.write_bytes(damaged.read_bytes()[:-3])
+    make(plan, folder, shard)
+    assert set(fake_session.Session.rendered) == {0, 2}, "the first frame is looked at"
+    assert images_in(folder) == {path: data for path, (_, data) in before.items() if path.suffix == ".png"}
+    said = (folder / "shard.json").read_text()
+    (folder / "shard.json").write_text(said.replace("box", "bax", 1))
+    make(plan, folder, shard)
+    assert images_in(folder) == {path: data for path, (_, data) in before.items() if path.suffix == ".png"}
+
+
+def test_what_is_damaged_is_not_merged(world, out, tmp_path):
+    plan, made = plan_of(world), tmp_path / "made"
+    for shard in shards_of(plan, 4):
+        make(plan, shard_folder(made, shard), shard)
+    (first, *_) = [shard for shard in shards_of(plan, 4) if shard.render == "box"]
+    damaged = shard_folder(made, first) / "noise/box/results/frame000000.png"
+    data = damaged.read_bytes()
+    damaged.write_bytes(data[:-5] + b"x" + data[-4:])
+    assert merge(plan, made) == {"box": [0]}
+    assert not (made / "noise/box/results/frame000000.png").exists()
+    again = Shard("box", 0, 1)
+    make(plan, shard_folder(made, again), again)
+    assert merge(plan, made) == {}
+    assert content(made) == content(out)
+
+
+def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, monkeypatch):
+    plan, far = plan_of(world), tmp_path / "far"
+    shards = shards_of(plan, 5)
+    for shard in shards:
+        make(plan, far / shard.name, shard)
+    replace = Path.replace
+
+    def elsewhere(self, target):
+        if far in self.parents:
+            raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+        return replace(self, target)
+
+    made = tmp_path / "made"
+    monkeypatch.setattr(Path, "replace", elsewhere)
+
+    def workers(_shards, _made, _progress):
+        raise AssertionError("everything is there")
+
+    class Opened(Dataset):
+        def open(self, *arguments, **options):
+            super().open(*arguments, **options)
+            for shard in shards:
+                merge_shard(self, far / shard.name)
+
+    monkeypatch.setattr("noisy_world.pipeline.run.Dataset", Opened)
+    Run(plan, made, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
+    assert content(made) == content(out)
+    assert list(far.iterdir()) == []
+    assert {found for found in names_of_files(made) if "run.json" not in found} == {
+        found for found in names_of_files(out) if "run.json" not in found
+    }
+
+
+def test_a_shard_of_something_else_is_refused(world, tmp_path):
+    plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
+    make(plan, folder, shard)
+    other = plan_of(world, overrides=["render.samples=2"])
+    with pytest.raises(StorageError, match=r"holds another shard: render\.samples was 1, is 2; remove that folder"):
+        make(other, folder, shard)
+    lying = shard_folder(tmp_path / "made", shard)
+    shutil.copytree(folder, lying)
+    with pytest.raises(StorageError, match=r"does not belong to the dataset: render\.samples was 2, is 1") as error:
+        merge(other, tmp_path / "made")
+    assert "\n" not in str(error.value)
+    assert (lying / "shard.json").exists(), "nothing is lost"
+    assert merge(plan, tmp_path / "made")
+
+
+def test_what_the_dataset_has_is_not_made_again(world, out, tmp_path):
+    plan = plan_of(world)
+    Run(
+        plan_of(world, slice(0, 4)), tmp_path / "made", progress=PlainProgress(sys.stderr), stop=threading.Event()
+    ).make_dataset()
+    fake_session.Session.rendered.clear()
+    shard = Shard("box", 0, 8)
+    make(plan, tmp_path / "apart", shard, there=Dataset(tmp_path / "made", plan.format))
+    assert [frame for frame in fake_session.Session.rendered if frame < 4] == [3], "the depth of frame 4 of `early`"
+
+
+def test_two_processes_on_one_shard(world, tmp_path):
+    plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
+    original, seen = fake_session.Session.frame, []
+
+    def frame(self, moment):
+        if not seen:
+            seen.append(True)
+            with pytest.raises(BusyError, match="another run is writing here"):
+                make(plan, folder, shard)
+        return original(self, moment)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(fake_session.Session, "frame", frame)
+        make(plan, folder, shard)
+    assert seen
+
+
+def test_a_shard_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path, monkeypatch):
+    monkeypatch.setattr(fake_session.Session, "empty", set(range(8)))
+    with pytest.raises(Exception, match="see nothing"):
+        make(plan_of(world), tmp_path / "deep/apart", Shard("box", 2, 4))
+    assert not (tmp_path / "deep/apart").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.parametrize("step", ["merge", "box.000001-000002"])
+def test_a_crash_at_every_step_costs_nothing(tmp_path, step):
+    late = {"name": "late", "perturb": [{"gaussian_noise": None}, {"desync": {"offset": 1}}]}
+    world = write_world(tmp_path / "crash", frames=2, size=(8, 6), settings=[late])
+    plan = plan_of(world)
+    Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    for shard in shards_of(plan, 2):
+        if shard.name != step:
+            make(plan, shard_folder(tmp_path / "shards", shard), shard)
+    # In a process of its own, which has no threads yet and can be forked.
+    script = Path(__file__).with_name("crash_every_step.py")
+    command = [sys.executable, script, world, tmp_path / "whole", tmp_path, tmp_path / "shards", step]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    assert result.returncode == 0, result.stderr
+    assert int(result.stdout) > 50, "the steps were not counted"
+
+
+def test_a_merge_says_what_is_missing(world, tmp_path):
+    plan = plan_of(world)
+    first, *others = shards_of(plan, 4)
+    for shard in others:
+        make(plan, shard_folder(tmp_path / "made", shard), shard)
+    assert merge(plan, tmp_path / "made") == {first.render: list(range(first.start, first.stop))}
+    assert missing_shards(plan, {first.render: [0, 1, 5]}, None) == (
+        Shard(first.render, 0, 2),
+        Shard(first.render, 5, 6),
+    )
+    assert missing_shards(plan, {first.render: [first.stop - 1]}, 4) == (first,)
+
+
+@cases("processors", ["same", "any"])
+def test_unlike_processors(world, tmp_path, processors):
+    shards, made = shards_of(plan_of(world), 2), tmp_path / processors
+    for number, shard in enumerate(shards):
+        with pytest.MonkeyPatch.context() as patched:
+            features = ["SSE2", "AVX2"][: 2 - number]
+            patched.setattr("noisy_world.core.datasets.provenance.processor_features", lambda these=features: these)
+            plan = plan_of(world, overrides=[f"render.processors={processors}"])
+            make(plan, shard_folder(made, shard), shard)
+            if shard is shards[-1] and processors == "same":
+                with pytest.raises(
+                    StorageError, match=r"made on another processor: .*render\.processors: any"
+                ) as error:
+                    merge(plan, made)
+                assert "\n" not in str(error.value)
+                assert (shard_folder(made, shards[0]) / "shard.json").exists()
+            elif shard is shards[-1]:
+                assert merge(plan, made) == {}
+                found = json.loads((made / "run.json").read_text())["processors"]
+                assert {item["shards"][0]: item["processor"]["features"] for item in found} == {
+                    shards[0].name: ["SSE2", "AVX2"],
+                    shards[1].name: ["SSE2"],
+                }

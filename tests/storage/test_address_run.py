@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs at an address against the same dataset made in a folder and published: cuttings, damage, refusals."""
+
+import dataclasses
+import json
+import shutil
+import sys
+import threading
+
+import pytest
+from packed import pack_to, write_preset
+
+from noisy_world.cli.workers import Order, carry_out
+from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
+from noisy_world.core.planning.shards import Shard
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline import address_run
+from noisy_world.pipeline.address_run import AddressRun
+from noisy_world.pipeline.report import Report
+from noisy_world.planning import make_plan
+from noisy_world.storage.address import open_address
+
+
+def run_of(preset, address, scratch, *, frames=None, overrides=(), stop=None):
+    plan = make_plan(read_preset(preset, overrides), frames)
+    stop = stop or threading.Event()
+    return AddressRun(plan, open_address(address), progress=PlainProgress(sys.stderr), stop=stop, scratch=scratch)
+
+
+def files(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def assert_same(folder, packed):
+    found, wanted = files(folder), files(packed)
+    assert sorted(found) == sorted(wanted)
+    assert [name for name in found if found[name] != wanted[name]] in (["run.json"], [])
+
+
+def missing(work, left):
+    return StorageError(f"missing: {work}")
+
+
+@pytest.fixture
+def preset(dataset):
+    return dataset.parent / "preset.json"
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder and its address, and a scratch folder."""
+    return tmp_path / "there/noisy", f"file://{tmp_path}/there/noisy", tmp_path / "scratch"
+
+
+def test_a_run_equals_a_published_folder(preset, packed, place, monkeypatch, capfd):
+    folder, address, scratch = place
+    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)  # several shards
+    report = run_of(preset, address, scratch).make_dataset()
+    assert report.frames_rendered == 12
+    assert_same(folder, packed)
+    assert not list(scratch.iterdir())
+    marks = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    assert run_of(preset, address, scratch).make_dataset().frames_rendered == 0
+    assert "holds this dataset already; nothing to do" in capfd.readouterr().err
+    assert marks == {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def test_any_cutting_and_order_of_shards(preset, packed, place):
+    folder, address, scratch = place
+    # Overlapping and out of order; windows of desync and faster motion cross all borders.
+    names = [
+        "attic.000003-000006",
+        "hall.000005-000006",
+        "hall.000000-000001",
+        "hall.000001-000004",
+        "attic.000000-000004",
+    ]
+    for name in names:
+        run_of(preset, address, scratch).make_shard(Shard.parse(name))
+    with pytest.raises(StorageError, match=r"missing: \{'hall': \[4\]\}"):
+        run_of(preset, address, scratch).merge(missing)
+    kept = files(folder)
+    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000001-000004"))
+    assert files(folder) == kept
+    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000004-000005"))
+    run_of(preset, address, scratch).merge(missing)
+    assert_same(folder, packed)
+    assert not list(scratch.iterdir())
+
+
+def test_a_run_goes_on_from_shards_and_overview_is_the_folder_s(tmp_path, place):
+    from many_settings import run
+
+    folder, address, scratch = place
+    preset = write_preset(tmp_path / "world", overview=True, licence="cc-by-4.0")
+    run(preset, tmp_path / "out")
+    pack_to(tmp_path / "out", f"file://{tmp_path}/packed/noisy")
+    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000002-000005"))
+    report = run_of(preset, address, scratch).make_dataset()
+    assert (report.frames_rendered, report.frames_kept) == (9, 3)
+    assert_same(folder, tmp_path / "packed/noisy")
+    assert json.loads((folder / "croissant.json").read_text())["license"] == "cc-by-4.0"
+    assert "license: cc-by-4.0\n" in (folder / "README.md").read_text()
+
+
+def test_workers_elsewhere_put_shards_themselves(preset, packed, place):
+    # As a node of a cluster does it: an order with the address, then a shard's name.
+    folder, address, scratch = place
+    plan = make_plan(read_preset(preset))
+    order, heard = json.dumps(dataclasses.asdict(Order.of(plan, address, 1, scratch))), []
+
+    def workers(shards, made, progress):
+        for shard in shards:
+            assert carry_out(Lines(order, shard.name), Heard(heard), threading.Event()) == 0
+            made(shard)
+        return Report()
+
+    run_of(preset, address, scratch).make_apart(workers, 5)
+    made = [Shard.parse(message["made"]) for message in heard if "made" in message]
+    assert len(made) == 5
+    for scene in ("attic", "hall"):
+        assert [k for shard in made if shard.render == scene for k in range(shard.start, shard.stop)] == list(range(6))
+    assert_same(folder, packed)
+    assert not list(scratch.iterdir())
+
+
+class Lines:
+    """What a worker is told, in place of its standard input."""
+
+    def __init__(self, *lines):
+        self.lines = iter(lines)
+
+    def next(self):
+        return next(self.lines, None)
+
+
+class Heard(PlainProgress):
+    """What a worker tells, in place of its standard output."""
+
+    def __init__(self, messages):
+        super().__init__(sys.stderr)
+        self.tell = messages.append
+
+
+def test_a_damaged_shard_is_made_again(preset, packed, place):
+    folder, address, scratch = place
+    for name in ("hall.000000-000006", "attic.000000-000006"):
+        run_of(preset, address, scratch).make_shard(Shard.parse(name))
+    tar = folder / ".noisy_world/shards/hall.000000-000006.tar"
+    data = bytearray(tar.read_bytes())
+    at = data.index(b"IDAT") + 8
+    data[at] ^= 1
+    tar.write_bytes(data)
+    with pytest.raises(
+        StorageError, match=r"hall\.000000-000006\.tar: .* is not as it was written; the shard is dropped"
+    ):
+        run_of(preset, address, scratch).merge(missing)
+    assert run_of(preset, address, scratch).make_dataset().frames_rendered == 6
+    assert_same(folder, packed)
+
+
+@pytest.mark.parametrize("name", ["identity.json", "shards/hall.000000-000006.json", "shards/hall.000000-000006.tar"])
+def test_torn_files_do_not_count(name, preset, packed, place):
+    folder, address, scratch = place
+    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000000-000006"))
+    path = folder / ".noisy_world" / name
+    path.write_bytes(path.read_bytes()[:-100])
+    if name == "identity.json":
+        with pytest.raises(StorageError, match=r"identity\.json: is not of this version of Noisy World"):
+            run_of(preset, address, scratch).make_dataset()
+        path.unlink()
+    run_of(preset, address, scratch).make_dataset()
+    assert_same(folder, packed)
+
+
+def test_interrupted_runs_go_on(preset, packed, place, monkeypatch):
+    folder, address, scratch = place
+    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)
+
+    class After(threading.Event):
+        def __init__(self, looks):
+            super().__init__()
+            self.looks = looks
+
+        def is_set(self):
+            self.looks -= 1
+            return self.looks < 0
+
+    for looks in range(3, 60, 4):
+        try:
+            run_of(preset, address, scratch, stop=After(looks)).make_dataset()
+            break
+        except InterruptedRunError:
+            assert not (folder / "manifest.json").exists()
+    else:
+        pytest.fail("no run came to its end")
+    assert looks > 3
+    assert_same(folder, packed)
+
+
+def test_what_is_refused_at_an_address(preset, place, tmp_path):
+    folder, address, scratch = place
+
+    def refusal(**options):
+        with pytest.raises(StorageError) as caught:
+            run_of(preset, address, scratch, **options).make_dataset()
+        assert str(caught.value).startswith(address)
+        return str(caught.value)
+
+    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000000-000003"))
+    begun = "another dataset is being made there: "
+    assert f"{begun}seed was 5, is 6" in refusal(overrides=["seed=6"])
+    assert f"{begun}other frames: --frames was not given, is 0:2" in refusal(frames=slice(0, 2))
+    severity = "settings.1.perturb.0.gaussian_noise.severity=1"
+    assert f"{begun}settings: noise (gaussian_noise.severity) was 3, is 1" in refusal(overrides=[severity])
+    run_of(preset, address, scratch).make_dataset()
+    sealed = "holds another dataset: "
+    assert f"{sealed}seed was 5, is 6; a dataset at an address does not grow" in refusal(overrides=["seed=6"])
+    assert f"{sealed}clean/attic has 6 frames, not 2" in refusal(frames=slice(0, 2))
+    other = json.loads(preset.read_text())
+    other["settings"].append({"name": "more", "perturb": [{"brightness": {"severity": 1}}]})
+    (preset.parent / "more.json").write_text(json.dumps(other))
+    with pytest.raises(StorageError, match=r"holds another dataset: .*more"):
+        run_of(preset.parent / "more.json", address, scratch).make_dataset()
+    with pytest.raises(InputError, match="has no render cellar"):
+        run_of(preset, f"{address}2", scratch).make_shard(Shard.parse("cellar.000000-000003"))
+    shutil.rmtree(folder)
+
+
+def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path):
+    _, address, scratch = place
+    run = run_of(preset, address, scratch)
+    scratch.mkdir()
+    (tmp_path / "theirs").mkdir()
+    run.folder.parent.symlink_to(tmp_path / "theirs")
+    with pytest.raises(StorageError, match=r"is not a folder of this user's own; name another folder with --scratch"):
+        run.make_dataset()
+    with pytest.raises(StorageError, match="cannot be written"):
+        run_of(
+            preset,
+            address,
+            tmp_path / "world.txt/scratch" if (tmp_path / "world.txt").write_text("") else tmp_path / "world.txt",
+        ).make_dataset()
