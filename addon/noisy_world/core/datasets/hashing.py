@@ -6,7 +6,7 @@ import os
 import stat
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import batched
 
@@ -17,7 +17,7 @@ AHEAD = 2  # batches for each thread that are hashed ahead; only their digests a
 CHUNK_BYTES = 2**23  # read at once; most images are smaller
 
 
-def hashed_ahead(paths: Iterable[str], threads: int = 0) -> Iterator[str | None]:
+def hashed_ahead(paths: Iterable[str], threads: int = 0) -> Generator[str | None]:
     """Yield the SHA-256 of files, in their order; None where one is missing, is a link, or cannot be read.
 
     A file that has several names is read once. threads: 0 for as many as the process may run. At most
@@ -61,10 +61,9 @@ class _Known:
     def _of_linked(self, number: tuple[int, int], path: str) -> str | None:
         """Return the SHA-256 of a file that has other names, one of which another thread may be reading."""
         with self._lock:
-            there = self._linked.get(number)
-            if there is None:
-                mine = self._linked[number] = Future[str | None]()
-        if there is not None:
+            mine = Future[str | None]()
+            there = self._linked.setdefault(number, mine)
+        if there is not mine:
             return there.result()
         try:
             mine.set_result(_read(path))
