@@ -248,21 +248,6 @@ def test_severity_zero_is_nothing_and_costs_nothing():
     assert np.array_equal(made, rgb)
 
 
-def test_what_several_settings_do_alike_is_done_once():
-    """Blur draws nothing, so a severity that is drawn for a frame is that of another setting; noise is never shared."""
-    rgb = rgb_bytes(picture(16, 24))
-    chains = {f"{name} {k}": [step_of(name, severity=3)] for name in ("gaussian_blur", "gaussian_noise") for k in "ab"}
-    chains["drawn"] = steps_of([{"gaussian_blur": {"levels": [1, 3], "mode": "dynamic"}}])
-    with Compositor((24, 16), chains, 24) as compositor:
-        for index in range(6):
-            made = compositor.perturb(rgb, {name: (index, (7, "room", name)) for name in chains})
-            images = {name: image for name, (image, _) in made.items()}
-            assert images["gaussian_blur a"] is images["gaussian_blur b"]
-            drawn = made["drawn"][1][0]["severity"]
-            assert np.array_equal(images["drawn"], images["gaussian_blur a"]) == (drawn == 3)
-            assert not np.array_equal(images["gaussian_noise a"], images["gaussian_noise b"])
-
-
 def test_two_processes_make_the_same_bytes():
     script = (
         "import sys, hashlib\n"

@@ -18,7 +18,7 @@ from worlds import ROOT
 from written import RIG, stored
 
 import noisy_world
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, NoisyWorldError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import frames as perturbed_frames
 from noisy_world.pipeline.run import Run
@@ -207,8 +207,8 @@ def test_no_folder_and_no_recipe(tmp_path, made):
             noisy_world.open(path)
     with refused("is no folder of clean frames"):
         noisy_world.open(made.recipe, tmp_path)
-    with refused("s3://bucket/rooms: is an address, whose tars stream; see docs/storage.md"):
-        noisy_world.open("s3://bucket/rooms")
+    with pytest.raises(NoisyWorldError, match=r"^nowhere://bucket/rooms: "):
+        noisy_world.open("nowhere://bucket/rooms")
     with refused("clean goes with a recipe"):
         noisy_world.open(made.out, made.clean)
 

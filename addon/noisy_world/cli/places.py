@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from ..core.home import with_home
+from ..storage.address import address_of
 
 
 def path(text: str) -> Path:
@@ -29,4 +30,4 @@ def folder(text: str) -> Path:
 
 def address_text(given: Path | str) -> str:
     """Return a place as an address: a folder's is file:// and its whole path."""
-    return given if isinstance(given, str) else f"file://{given.resolve()}"
+    return given if isinstance(given, str) else address_of(given)

@@ -7,7 +7,7 @@ import sys
 from ..core.requirements import NEEDED
 from .entry import Entry, say
 from .missing import missing_package
-from .places import folder, path
+from .places import path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -17,7 +17,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
         "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
     )
-    parser.add_argument("dataset", metavar="DATASET", type=folder, help="the dataset's folder")
+    parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
     parser.add_argument("--out", metavar="FILE", type=path, help="the file to write (default: standard output)")
     options = parser.parse_args(arguments)
     if problem := missing_package(NEEDED, entry):

@@ -4,11 +4,13 @@
 import argparse
 import json
 import sys
+from pathlib import Path
 
 from ..core.requirements import NEEDED
-from .arguments import frame_slice, path
+from .arguments import frame_slice
 from .entry import Entry
 from .missing import missing_package
+from .places import address_text, place
 from .status_table import LONGEST_TABLE, content, told
 
 
@@ -33,7 +35,7 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
         "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",
     )
-    parser.add_argument("out", metavar="OUT", type=path, help="the dataset's folder")
+    parser.add_argument("out", metavar="OUT", type=place, help="the dataset's folder or address")
     parser.add_argument("--check", action="store_true", help="read every file and compare its SHA-256")
     parser.add_argument("--frames", metavar="A:B", type=frame_slice, help="ask for frames A to B-1 of each path alone")
     parser.add_argument(
@@ -49,10 +51,18 @@ def _tell(options: argparse.Namespace) -> int:
     from ..core.progress import Progress
     from ..perturbations import registry
     from ..pipeline.status import read_status
+    from ..pipeline.status_at import read_status_at
+    from ..storage.address import open_address
+    from ..storage.packed import is_packed
     from .running import text_listener
 
     listener: Progress = text_listener(sys.stderr) if options.check else _Silent()
-    status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
+    chosen, check = options.frames, options.check
+    if isinstance(options.out, Path) and not is_packed(options.out):
+        status = read_status(options.out, registry(), listener, chosen=chosen, check=check)
+    else:
+        address = open_address(address_text(options.out))
+        status = read_status_at(address, registry(), listener, chosen=chosen, check=check)
     print(json.dumps(content(status), indent=1) if options.json else told(status, every_setting=options.all))
     return 1 if status.lost or status.damaged else 0
 

@@ -6,7 +6,7 @@ import argparse
 from ..core.requirements import NEEDED
 from .entry import INTERRUPTED, Entry, say
 from .missing import missing_package
-from .places import folder, path
+from .places import path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -17,7 +17,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         "dataset with a part of the recipe's settings, scenes or frames is compared in that part.",
     )
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("dataset", metavar="DATASET", type=folder, help="the dataset's folder")
+    parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
     options = parser.parse_args(arguments)
     if problem := missing_package(NEEDED, entry):
         entry.complain(problem)

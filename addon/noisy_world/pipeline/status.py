@@ -7,6 +7,7 @@ Everything is read from the dataset's folder, while a run writes to it or after 
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.merging import merged_identity
@@ -39,12 +40,12 @@ class SequenceStatus:
 class Status:
     """How far a dataset has come.
 
-    ended: whether the last run has come to its end. checked: whether every file was hashed. lost, damaged: files of the
-    dataset that are not there, or are not as they were written, relative to its folder. total_s: how long the run took
-    that has ended, if it says so. shards: those in its folder.
+    out: its folder or address. ended: whether the last run has come to its end. checked: whether every file was hashed.
+    lost, damaged: files of the dataset that are not there, or are not as they were written, relative to its place.
+    total_s: how long the run took that has ended, if it says so. shards: those in its folder, or at its address.
     """
 
-    out: Path
+    out: Path | str
     ended: bool
     checked: bool
     sequences: tuple[SequenceStatus, ...]
@@ -114,7 +115,7 @@ def read_status(
         tuple(lost),
         tuple(damaged),
         pace_of(written, costs, left if known else None, time.time()),
-        _total_s(out) if ended else None,
+        total_s_of(_run(out)) if ended else None,
         shards,
         (*((standing.note,) if standing.note else ()), *shards.notes),
     )
@@ -181,11 +182,15 @@ class _Reader:
         return lost, [name for name in named if name not in gone and self._digest(self._out / name) != named[name]]
 
 
-def _total_s(out: Path) -> float | None:
-    """Return how long the run took that has ended, by run.json; None where it does not say so."""
+def _run(out: Path) -> Any:
+    """Return what run.json says; None where it says nothing."""
     try:
-        content = read_json(out / RUN)
+        return read_json(out / RUN)
     except (FileNotFoundError, ValueError):
         return None
-    found = content.get("total_s") if isinstance(content, dict) else None
+
+
+def total_s_of(run: Any) -> float | None:
+    """Return how long the run took that has ended, by what run.json says; None where it does not say so."""
+    found = run.get("total_s") if isinstance(run, dict) else None
     return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Opening a dataset, a recipe or a folder in a plain layout, whichever a path leads to."""
+"""Opening a dataset, a recipe or a folder in a plain layout, whichever a path or an address leads to."""
 
 import warnings
 from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.home import with_home
+from ..storage.address import address_of, is_address
+from ..storage.packed import is_packed
 from .clean_store import read_store
 from .from_files import OpenedFolder
+from .from_packed import OpenedPacked
 from .from_recipe import OpenedRecipe
 from .made_with import made_here, made_otherwise
 from .opened import Opened
@@ -16,14 +19,13 @@ from .recipe import read_recipe
 
 def open_path(path: str | Path, clean: str | Path | None = None, data: str | Path | None = None) -> Opened:
     """Open what is at a path; see noisy_world.open."""
-    if "://" in str(path):
-        raise InputError(str(path), "is an address, whose tars stream", remedy="see docs/storage.md, or unpack them")
+    if is_address(str(path)):
+        _refuse_inputs(path, "an address", clean, data)
+        return OpenedPacked(str(path))
     place = _place(path)
     if place.is_dir():
-        for name, given in (("clean", clean), ("data", data)):
-            if given is not None:
-                raise InputError(place, f"is a folder, whose files are read: {name} goes with a recipe")
-        return OpenedFolder(place)
+        _refuse_inputs(place, "a folder", clean, data)
+        return OpenedPacked(address_of(place)) if is_packed(place) else OpenedFolder(place)
     recipe = read_recipe(place)
     store = None if clean is None else read_store(_place(clean))
     for made in [made_here()] + ([store.identity] if store is not None else []):
@@ -31,6 +33,12 @@ def open_path(path: str | Path, clean: str | Path | None = None, data: str | Pat
             warnings.warn(f"{place}: {otherwise}", stacklevel=3)
             break
     return OpenedRecipe(recipe, store, None if data is None else _place(data))
+
+
+def _refuse_inputs(path: str | Path, what: str, clean: str | Path | None, data: str | Path | None) -> None:
+    for name, given in (("clean", clean), ("data", data)):
+        if given is not None:
+            raise InputError(path, f"is {what}, whose files are read: {name} goes with a recipe")
 
 
 def _place(path: str | Path) -> Path:

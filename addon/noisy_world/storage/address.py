@@ -9,6 +9,8 @@ import contextlib
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
 from typing import IO, Any
 
 from ..core.errors import StorageError
@@ -20,6 +22,11 @@ BLOCK_BYTES = 16 * 2**20  # of an upload's parts, 10,000 of which an object may 
 def is_address(text: str) -> bool:
     """Tell whether a place that a user gave is an address, rather than a folder."""
     return "://" in text
+
+
+def address_of(folder: Path) -> str:
+    """Return a folder as an address."""
+    return f"file://{folder.resolve()}"
 
 
 @dataclass(frozen=True)
@@ -65,6 +72,16 @@ class Address:
         with told(self.of(name), "written"):
             self.fs.pipe_file(self.path(name), data)
 
+    def times_s(self, folder: str) -> dict[str, float]:
+        """Return when the files in a folder and below were written, since the epoch, by name from the address on.
+
+        Only those of which the store tells it.
+        """
+        with told(self.of(folder), "read"):
+            found = self.fs.find(self.path(folder), detail=True)
+        times = {path[len(self.root) + 1 :]: _time_s(entry) for path, entry in sorted(found.items())}
+        return {name: time_s for name, time_s in times.items() if time_s is not None}
+
     def sizes(self, folder: str) -> dict[str, int]:
         """Return the sizes in bytes of all files in a folder and below, by name from the address on."""
         with told(self.of(folder), "read"):
@@ -107,6 +124,17 @@ class Address:
             with contextlib.suppress(*store_errors()):  # the error that is on its way says more
                 _give_up(file)
             raise
+
+
+def _time_s(entry: dict[str, Any]) -> float | None:
+    """Return when a file was written by what a store tells of it, each under a key of its own; None where none does."""
+    for key in ("LastModified", "mtime", "updated", "last_modified", "created"):
+        value = entry.get(key)
+        if isinstance(value, datetime):
+            return value.timestamp()
+        if isinstance(value, int | float):
+            return float(value)
+    return None
 
 
 def _give_up(file: Any) -> None:

@@ -28,6 +28,8 @@ from .frame_table import TABLE, FrameTable
 from .sequence_tar import FrameSpans, Span, tar_name, write_sequence
 
 ELSEWHERE = "choose another address"
+CLAIM = f"{WORK_FOLDER}/{IDENTITY}"
+PACKED_SEQUENCES = f"{WORK_FOLDER}/sequences"  # a small file for each sequence whose tar is written
 PACKERS = 4  # sequences that are written at once: stores answer late and take much; chosen: 50 MB of memory each
 
 type Packed = tuple[PackedFile, list[FrameSpans]]
@@ -90,13 +92,23 @@ def claim(address: Address, identity: dict[str, Any], chosen: list[int | None] |
     chosen: start and stop of the frames that are made of each sequence, None for all. Returns a mapping of `identity`
     and `chosen`. Raises StorageError where something else is there.
     """
-    name = f"{WORK_FOLDER}/{IDENTITY}"
-    begun = address.read(name)
-    if begun is None:
+    there = claimed(address)
+    if there is None:
         if address.holds_anything() and not address.sizes(WORK_FOLDER):
             raise StorageError(f"{address.text}: is not empty and holds no dataset of Noisy World; {ELSEWHERE}")
-        begun = canonical({"identity": identity, "chosen": chosen}).encode()
-        address.write(name, begun)
+        address.write(CLAIM, canonical({"identity": identity, "chosen": chosen}).encode())
+        there = claimed(address)
+    return {"identity": identity, "chosen": chosen} if there is None else there
+
+
+def claimed(address: Address) -> dict[str, Any] | None:
+    """Return what is begun at an address, as `claim` does; None where nothing is.
+
+    Raises StorageError where it cannot be understood.
+    """
+    begun = address.read(CLAIM)
+    if begun is None:
+        return None
     try:
         there = parse_json(begun.decode())
         if there["identity"]["format"] == FORMAT and "chosen" in there:
@@ -104,7 +116,7 @@ def claim(address: Address, identity: dict[str, Any], chosen: list[int | None] |
     except (ValueError, KeyError, TypeError):
         pass
     raise StorageError(
-        f"{address.of(name)}: is not of this version of Noisy World; {ELSEWHERE}, or remove {WORK_FOLDER}"
+        f"{address.of(CLAIM)}: is not of this version of Noisy World; {ELSEWHERE}, or remove {WORK_FOLDER}"
     )
 
 
@@ -139,7 +151,7 @@ def _packed_sequence(
     content: Content, sequence: str, images: Images, address: Address, stop: threading.Event
 ) -> Packed:
     """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
-    name, note = tar_name(sequence), f"{WORK_FOLDER}/sequences/{sequence}.json"
+    name, note = tar_name(sequence), f"{PACKED_SEQUENCES}/{sequence}.json"
     by = content.identity["versions"]["noisy_world"]
     made_of = sha256_of_bytes(canonical({"texts": content.texts(sequence), "by": by}).encode())
     there = _noted(address.read(note), made_of)

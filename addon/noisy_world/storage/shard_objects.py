@@ -6,6 +6,7 @@ from a shard lies together. The record says where each content is, by its SHA-25
 """
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,33 @@ def get_shard(address: Address, name: str) -> StoredShard | None:
 def shard_records(address: Address) -> list[str]:
     """Return the names of the records of shards at an address, sorted."""
     return [name for name in address.sizes(PLACE) if name.endswith(".json")]
+
+
+def damaged_contents(address: Address, stored: StoredShard) -> frozenset[str]:
+    """Return the contents of a shard's tar that are not as they were written, by the SHA-256 that they should have."""
+    tar = tar_of(stored.record.shard)
+    digests = sorted(stored.spans, key=lambda digest: stored.spans[digest])
+    wrong: set[str] = set()
+    for chunk, start, stop in _chunks(stored, digests):
+        data = address.read_range(tar, start, stop)
+        for digest in chunk:
+            offset, size = stored.spans[digest]
+            if sha256_of_bytes(data[offset - start : offset - start + size]) != digest:
+                wrong.add(digest)
+    return frozenset(wrong)
+
+
+def _chunks(stored: StoredShard, digests: list[str]) -> Iterator[tuple[list[str], int, int]]:
+    """Yield contents that lie together, with where the first begins and the last ends."""
+    chunk: list[str] = []
+    for digest in digests:
+        offset, size = stored.spans[digest]
+        if chunk and offset + size - stored.spans[chunk[0]][0] > CHUNK_BYTES:
+            yield chunk, stored.spans[chunk[0]][0], sum(stored.spans[chunk[-1]])
+            chunk = []
+        chunk.append(digest)
+    if chunk:
+        yield chunk, stored.spans[chunk[0]][0], sum(stored.spans[chunk[-1]])
 
 
 class ShardImages:

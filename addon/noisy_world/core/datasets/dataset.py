@@ -312,9 +312,10 @@ class Dataset:
     def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
         """Record frames of a sequence whose files were moved here from a shard."""
         journal = Journal(self._journal_path(folder, self._fresh))
-        for record in records:
-            journal.append(record)
-        journal.close()
+        try:
+            journal.append_all(records)
+        finally:
+            journal.close()
 
     def _journal_path(self, folder: str, name: str) -> Path:
         return self._work / folder / f"journal-{name}.jsonl"

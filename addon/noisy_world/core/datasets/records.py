@@ -14,6 +14,7 @@ from .json_text import finite_number, parse_json
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
 FRAMES = "frames.jsonl"
 OUT_OF_RANGE = "depth_out_of_range"  # the key in a record, and in the manifest
+_LINES = json.JSONEncoder(separators=(", ", ": "))  # one for all lines: json.dumps makes one for each
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class FrameRecord:
 
     def line(self) -> str:
         """The record as a line of JSON."""
-        return json.dumps(self.content(), separators=(", ", ": ")) + "\n"
+        return _LINES.encode(self.content()) + "\n"
 
     def with_motion(self, motion: dict[str, Any]) -> "FrameRecord":
         """Return the record with what motion did to the frame."""

@@ -8,14 +8,15 @@ again, and a file that is in its place already, as the record says, counts.
 import contextlib
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import BusyError
 from ..presets.preset import canonical
 from .agreement import disagreement
+from .hashing import hashed_ahead
 from .journal import append_line, read_lines
 from .layouts import OutputFormat
 from .records import FrameRecord, joined_records, read_records
@@ -232,30 +233,46 @@ def _recorded(folder: Path) -> Frames:
 
 
 def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, list[FrameRecord]], list[str]]:
-    """Move the files that are as the records say; return the records of these, and the names of the others."""
+    """Move the files that are as the records say; return the records of these, and the names of the others.
+
+    Files are hashed ahead, in threads; they are moved one after another.
+    """
     hasher, mover = Hasher(), Mover(dataset.scratch)
     merged: dict[str, list[FrameRecord]] = {}
     damaged: list[str] = []
+    places = frozenset(dataset.format.folders)
+    names = (f"{folder}/{sequence}/{name}" for sequence, name in _names(frames, places))
 
-    def arrived(sequence: str, name: str, digest: str) -> bool:
-        source, target = folder / sequence / name, dataset.out / sequence / name
-        if str(PurePosixPath(name).parent) not in dataset.format.folders:
-            return False
-        if hasher.sha256(target) == digest:  # moved by a process that was killed then, or made twice
-            return True
-        if source.is_symlink() or hasher.sha256(source) != digest:
-            return False
-        mover.move(source, target)
-        return True
-
-    for sequence, records in frames.items():
-        dataset.make_folders(sequence)
-        for record in records:
-            there = {name: digest for name, digest in record.files.items() if arrived(sequence, name, digest)}
-            damaged += [f"{sequence}/{name}" for name in record.files if name not in there]
-            if there:
-                merged.setdefault(sequence, []).append(replace(record, files=there))
+    with contextlib.closing(hashed_ahead(names)) as digests:
+        for sequence, records in frames.items():
+            dataset.make_folders(sequence)
+            source, target = f"{folder}/{sequence}", f"{dataset.out}/{sequence}"
+            for record in records:
+                there: dict[str, str] = {}
+                for name, digest in record.files.items():
+                    if not _is_image(name, places):
+                        continue
+                    found, path = next(digests), Path(f"{target}/{name}")
+                    if hasher.sha256(path) == digest:  # moved by a process that was killed then, or made twice
+                        there[name] = digest
+                    elif found == digest:
+                        mover.move(Path(f"{source}/{name}"), path)
+                        there[name] = digest
+                damaged += [f"{sequence}/{name}" for name in record.files if name not in there]
+                if there:
+                    whole = len(there) == len(record.files)
+                    merged.setdefault(sequence, []).append(record if whole else replace(record, files=there))
     return merged, damaged
+
+
+def _names(frames: Frames, places: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the sequence and the name of each image that records name. places: the folders of images."""
+    for sequence, records in frames.items():
+        yield from ((sequence, name) for record in records for name in record.files if _is_image(name, places))
+
+
+def _is_image(name: str, places: Collection[str]) -> bool:
+    return name.rpartition("/")[0] in places
 
 
 def _remove(folder: Path) -> None:

@@ -50,7 +50,7 @@ class Standing:
 def read_standing(out: Path) -> Standing | None:
     """Return what a folder holds of a dataset; None where it holds none of ours."""
     opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
-    manifest, why_no_manifest = _read(out / MANIFEST, _manifest_problem)
+    manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
     begun = journal_folders(out / WORK_FOLDER)
     recorded = frozenset[str]() if manifest else _recorded_folders(out)
     if opened is None and manifest is None and not (begun or recorded or why_not_opened):
@@ -70,16 +70,21 @@ def read_standing(out: Path) -> Standing | None:
     )
 
 
+def version_problem(identity: dict[str, Any]) -> str:
+    """Return why a dataset of this identity cannot be understood by this version, or ""."""
+    if identity["format"] == FORMAT:
+        return ""
+    by = "a later" if identity["format"] > FORMAT else "an earlier"
+    return f"made by {by} version of Noisy World, and cannot be continued by this one"
+
+
 def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manifest: str) -> str:
     if why_no_manifest:
         return f"{MANIFEST} {why_no_manifest}"
     if identity is None:
         name, why = (f"{WORK_FOLDER}/{IDENTITY}", why_not_opened) if why_not_opened else (MANIFEST, "is missing")
         return f"{name} {why}, so what the frames were made from is not known"
-    if identity["format"] == FORMAT:
-        return ""
-    by = "a later" if identity["format"] > FORMAT else "an earlier"
-    return f"made by {by} version of Noisy World, and cannot be continued by this one"
+    return version_problem(identity)
 
 
 def journal_folders(work: Path) -> frozenset[str]:
@@ -172,7 +177,8 @@ def _has_cameras(identity: dict[str, Any]) -> bool:
     return True
 
 
-def _manifest_problem(value: Any) -> str:
+def manifest_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the manifest of a dataset, or ""."""
     identity: Any = value.get("identity") if isinstance(value, dict) else None
     if (problem := identity_problem(identity)) or identity["format"] != FORMAT:
         return problem

@@ -77,14 +77,16 @@ class Mover:
     def move(self, source: Path, target: Path) -> None:
         """Move a file, atomically: under its new name it is whole. Raises StorageError."""
         with storage_errors(target):
+            linked = source.lstat().st_nlink > 1
             try:
                 source.replace(target)
             except OSError as error:
                 if error.errno != errno.EXDEV:
                     raise
                 self._copy(source, target)
-            # Renaming one name of a file to another name of the same file does nothing, so both would stay.
-            source.unlink(missing_ok=True)
+                linked = True
+            if linked:  # renaming one name of a file to another name of the same file does nothing: both would stay
+                source.unlink(missing_ok=True)
 
     def _copy(self, source: Path, target: Path) -> None:
         found = source.stat()

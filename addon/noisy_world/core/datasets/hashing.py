@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hashing many files in several threads, in their order: reading and hashing free Python's lock."""
+
+import hashlib
+import os
+import stat
+import threading
+from collections import deque
+from collections.abc import Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import batched
+
+from ..machine import available_threads
+
+BATCH = 32  # files that a thread takes at once: handing over a file by itself costs as much as hashing 50 kB of it
+AHEAD = 2  # batches for each thread that are hashed ahead; only their digests are in memory
+CHUNK_BYTES = 2**23  # read at once; most images are smaller
+
+
+def hashed_ahead(paths: Iterable[str], threads: int = 0) -> Generator[str | None]:
+    """Yield the SHA-256 of files, in their order; None where one is missing, is a link, or cannot be read.
+
+    A file that has several names is read once. threads: 0 for as many as the process may run. At most
+    AHEAD * BATCH * threads files are read before their digests are asked for.
+    """
+    count = threads or available_threads()
+    known = _Known()
+    waiting: deque[Future[list[str | None]]] = deque()
+    pool = ThreadPoolExecutor(count, thread_name_prefix="hasher")
+    try:
+        for batch in batched(paths, BATCH, strict=False):
+            waiting.append(pool.submit(known.sha256_of_each, batch))
+            if len(waiting) > AHEAD * count:
+                yield from waiting.popleft().result()
+        while waiting:
+            yield from waiting.popleft().result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+class _Known:
+    """Hashes files, and remembers those that have several names; threads share it."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._linked: dict[tuple[int, int], Future[str | None]] = {}  # by device and number of the file
+
+    def sha256_of_each(self, paths: Iterable[str]) -> list[str | None]:
+        """Return the SHA-256 of each file."""
+        return [self._sha256(path) for path in paths]
+
+    def _sha256(self, path: str) -> str | None:
+        try:
+            found = os.lstat(path)
+            if not stat.S_ISREG(found.st_mode):
+                return None
+            return _read(path) if found.st_nlink == 1 else self._of_linked((found.st_dev, found.st_ino), path)
+        except OSError:
+            return None
+
+    def _of_linked(self, number: tuple[int, int], path: str) -> str | None:
+        """Return the SHA-256 of a file that has other names, one of which another thread may be reading."""
+        with self._lock:
+            mine = Future[str | None]()
+            there = self._linked.setdefault(number, mine)
+        if there is not mine:
+            return there.result()
+        try:
+            mine.set_result(_read(path))
+        except OSError as error:
+            mine.set_exception(error)
+        return mine.result()
+
+
+def _read(path: str) -> str:
+    """Return the SHA-256 of a file. Raises OSError."""
+    digest = hashlib.sha256()
+    with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path costs as much as the call
+        while data := file.read(CHUNK_BYTES):
+            digest.update(data)
+    return digest.hexdigest()

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A packed dataset, opened: frames are read by ranges of the tars, which the dataset's table gives."""
+
+import json
+import os
+import threading
+from collections.abc import Collection
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.datasets.image_files import damage
+from ..core.datasets.layouts import Modality
+from ..core.datasets.storage import sha256_of_bytes
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics
+from ..storage.packed import Packed, open_packed
+from ..storage.packed_table import AGAIN, PackedTable
+from .frame_numbers import FrameNumbers
+from .opened import Frame, Opened, OpenedSequence
+
+KEPT = 64  # sequences whose rows stay in memory, a megabyte each for some thousand frames
+WORDS = {"rgb": "colour", "depth": "depth"}
+
+
+class OpenedPacked(Opened):
+    """A packed dataset. It can be pickled, and used in a process that was forked: each opens the address itself."""
+
+    def __init__(self, text: str) -> None:
+        """Read the manifest and the table's index. Raises InputError where no finished packed dataset is there."""
+        super().__init__(text)
+        self._lock = threading.Lock()
+        self._open()
+
+    def _open(self) -> None:
+        self._process = os.getpid()
+        self._packed = open_packed(self.place)
+        self._table = PackedTable(self._packed.address)
+        self._opened = lru_cache(maxsize=KEPT)(self._read)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return OpenedPacked, (self.place,)
+
+    @property
+    def packed(self) -> Packed:
+        """The dataset, as this process has opened it: connections do not outlive a fork."""
+        if self._process != os.getpid():
+            self._lock = threading.Lock()  # a thread that is not here may have held the other one
+            with self._lock:
+                self._open()
+        return self._packed
+
+    @property
+    def _names(self) -> Collection[str]:
+        return self._packed.sequences
+
+    def _numbers(self, name: str) -> FrameNumbers:
+        """Return the numbers without the table, where the manifest says that the sequence is whole."""
+        made, planned = self._packed.manifest["frames"][name], self._packed.manifest["identity"]["sequences"].get(name)
+        return FrameNumbers([range(made)]) if made == planned else self._sequence(name).frames
+
+    def _sequence(self, name: str) -> "PackedSequence":
+        _ = self.packed
+        return self._opened(name)
+
+    def _read(self, name: str) -> "PackedSequence":
+        return PackedSequence(self, name)
+
+    def rows(self, name: str, columns: list[str]) -> Any:
+        """Return columns of a sequence's rows."""
+        _ = self.packed
+        return self._table.rows(name, columns)
+
+
+class PackedSequence(OpenedSequence):
+    """A sequence in a tar."""
+
+    def __init__(self, opened: OpenedPacked, name: str) -> None:
+        """Read its rows. Raises InputError where the table is damaged."""
+        self.name = name
+        self._opened = opened
+        columns = ["frame", "time_s", "depth_time_s", "c2w", "perturbed", "tar"]
+        for modality in opened.packed.modalities:
+            columns += [f"{modality}_{what}" for what in ("file", "sha256", "offset", "size")]
+        self._rows = opened.rows(name, columns)
+        self._order: NDArray[np.int64] = self._rows.column("frame").to_numpy().astype(np.int64)
+        if self._order.size != opened.packed.manifest["frames"][name] or (np.diff(self._order) <= 0).any():
+            count = opened.packed.manifest["frames"][name]
+            problem = f"{name}: its table has {self._order.size} rows, and its manifest says {count} frames, in order"
+            raise InputError(opened.place, problem, remedy=AGAIN)
+        self._numbers = FrameNumbers.of(self._order.tolist())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _sequence_of, (self._opened, self.name)
+
+    @property
+    def frames(self) -> FrameNumbers:
+        """The numbers of its frames, as the table has them."""
+        return self._numbers
+
+    @property
+    def camera(self) -> Intrinsics:
+        """The intrinsics of its frames."""
+        return self._opened.packed.cameras[self.name.split("/")[1]]
+
+    def _frame(self, index: int) -> "PackedFrame":
+        (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()
+        return PackedFrame(self._opened, self.name, row)
+
+
+def _sequence_of(opened: Opened, name: str) -> OpenedSequence:
+    return opened[name]
+
+
+class PackedFrame(Frame):
+    """A frame in a tar. It can be pickled: it keeps its row and where the dataset is."""
+
+    def __init__(self, opened: OpenedPacked, sequence: str, row: dict[str, Any]) -> None:
+        """Take a row of the table."""
+        self.sequence = sequence
+        self.index = row["frame"]
+        self.stamp_s = row["time_s"]
+        self.depth_stamp_s = row["depth_time_s"]
+        self.c2w = np.array(row["c2w"], dtype=np.float64).reshape(4, 4)
+        self._opened = opened
+        self._row = row
+
+    @property
+    def done(self) -> dict[str, Any]:
+        """What frames.jsonl says was done to it."""
+        return json.loads(self._row["perturbed"])
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB. Raises InputError where the file is damaged."""
+        import cv2
+
+        return np.ascontiguousarray(self._decoded("rgb", cv2.IMREAD_COLOR)[..., ::-1])
+
+    @property
+    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
+        if not self._row.get("rgb_file", ".png").endswith(".png"):
+            remedy = "open the recipe for what it was before, or take rgb"
+            raise InputError(self._place("rgb"), "is compressed with loss", remedy=remedy)
+        return self.rgb
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is damaged."""
+        import cv2
+
+        steps = self._decoded("depth", cv2.IMREAD_UNCHANGED)
+        return (steps / np.float64(self._opened.packed.manifest["depth_scale_per_m"])).astype(np.float32)
+
+    def rgb_bytes(self) -> bytes:
+        """Return the colour image's file. Raises InputError where it is not as it was written."""
+        return self._content("rgb")
+
+    def depth_bytes(self) -> bytes:
+        """Return the depth image's file. Raises InputError where it is not as it was written."""
+        return self._content("depth")
+
+    def _decoded(self, modality: Modality, mode: int) -> NDArray[Any]:
+        import cv2
+
+        data = self._content(modality)
+        image = None if damage(data) else cv2.imdecode(np.frombuffer(data, np.uint8), mode)
+        if image is None:
+            raise InputError(self._place(modality), "is no image", remedy=AGAIN)
+        return image
+
+    def _content(self, modality: Modality) -> bytes:
+        packed, row = self._opened.packed, self._row
+        if f"{modality}_offset" not in row:
+            raise InputError(packed.address.text, f"holds no {WORDS[modality]}")
+        start = row[f"{modality}_offset"]
+        data = packed.address.read_range(row["tar"], start, start + row[f"{modality}_size"])
+        if sha256_of_bytes(data) != row[f"{modality}_sha256"]:
+            raise InputError(self._place(modality), "is not as it was written", remedy=AGAIN)
+        return data
+
+    def _place(self, modality: Modality) -> str:
+        packed = self._opened.packed
+        return f"{packed.address.of(self._row['tar'])}: {self._row.get(f'{modality}_file', WORDS[modality])}"
