@@ -15,7 +15,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test fuzz bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench lint format lock blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -72,11 +72,18 @@ $(VENV)/.extras: requirements-extras.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) --only-binary :all: --no-binary jsonpath-rw --require-hashes -r $< # all wheels but one
 	touch $(VENV)/.installed $@
 
-test: $(VENV)/.extras ## run the tests; of core and perturbations, count the branches that they take
-	$(PY) -m coverage run -m pytest $(BELOW_BLENDER)
+# Several processes share the tests, a file at a time; tests/conftest.py says which files are the first.
+PYTEST := $(PY) -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+
+test: test-below test-above ## run the tests; of core and perturbations, count the branches that they take
+
+test-below: $(VENV)/.extras
+	$(PYTEST) --cov --cov-report= $(BELOW_BLENDER)
 	$(PY) -m coverage report --include='addon/noisy_world/core/*'
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
-	$(PY) -m pytest tests $(BELOW_BLENDER:%=--ignore=%)
+
+test-above: $(VENV)/.extras
+	$(PYTEST) tests $(BELOW_BLENDER:%=--ignore=%)
 
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))

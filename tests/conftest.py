@@ -11,6 +11,18 @@ pytest.register_assert_rewrite("worlds")
 
 WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sources")
 
+# Files with the longest tests: they begin first, so that no process still has one when the others have ended.
+FIRST = (
+    "ui/window/test_add_on.py",
+    "cluster/test_ray.py",
+    "storage/test_killed_runs.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
+    items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+
 
 @pytest.fixture(autouse=True)
 def _no_bpy(request, monkeypatch):
@@ -33,3 +45,11 @@ def kept_rooms(pytestconfig):
 def room(kept_rooms):
     """The embedded room: one for all."""
     return kept_rooms.room()
+
+
+@pytest.fixture(scope="session")
+def building(pytestconfig):
+    """The lock of the extension's build, which writes the asset library into the package's folder: a function."""
+    from locked import locked
+
+    return lambda: locked(pytestconfig.cache.mkdir("noisy_world_build") / "lock")

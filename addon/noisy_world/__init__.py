@@ -20,7 +20,7 @@ def open(  # noqa: A001 - as in noisy_world.open(...)
         frame = noisy_world.open("out/noisy_rooms")["fog_s3_static/room0"][1234]
         frame.rgb, frame.depth_m, frame.c2w, frame.stamp_s, frame.done
 
-    path: of a dataset, or its address such as s3://bucket/name, of a folder with sequences in a layout, or of a recipe,
+    path: of a dataset, or its address such as s3://bucket/name; of a folder with sequences in a layout; or of a recipe,
     whose frames are made on the spot, equal to the bytes of the dataset's files. clean: for a recipe, the folder of
     clean frames that 'noisy-world clean' made; without one, frames are made of inputs that need no Blender. data: for a
     recipe, the folder that the paths of its scenes begin at; default the recipe's own.

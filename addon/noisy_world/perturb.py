@@ -35,7 +35,7 @@ from .core.perturbing.inputs import (
     plain,
 )
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
-from .core.perturbing.reading import parse_steps
+from .core.perturbing.reading import drawing_by, parse_steps
 from .core.perturbing.steps import Setting, Step
 from .core.planning.sequence import Sequence as PlannedSequence
 from .core.planning.sequence import lay_out, written_paths
@@ -165,6 +165,7 @@ def frames(
     *,
     seed: int = 0,
     setting: str = "setting",
+    stream: str | None = None,
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
     rate_hz: float | None = None,
@@ -172,8 +173,9 @@ def frames(
     """Perturb a sequence in any layout, frame by frame, without writing anything.
 
     perturb: as in a preset, such as [{"fog": {"severity": 3}}]. seed, setting, scene (default: the folder's name):
-    decide the random streams; a preset with equal ones makes equal pixels. intrinsics: of the sequence's camera, for
-    perturbations that ask for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
+    decide the random streams; a preset with equal ones makes equal pixels. stream: the name under which colour and
+    depth draw random patterns, if not the setting's. intrinsics: of the sequence's camera, for perturbations that ask
+    for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
     stamps; default 20. Warns of images without a partner, which are left out.
 
     Raises, when it is called, InputError for a folder that holds no sequence, for values that a preset could not have,
@@ -192,7 +194,9 @@ def frames(
         warnings.warn(f"{folder}: {note}", stacklevel=2)
     check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
-    whole = Setting(setting, parse_steps(plain(perturb), Place("frames"), registry()))
+    stream = None if stream is None else checked_text("stream", stream)
+    steps = parse_steps(plain(perturb), Place("frames"), registry())
+    whole = Setting(setting, drawing_by(steps, setting, stream, Place("frames").at("stream")))
     moving, _ = split_motion(whole.motion)
     if moving:
         told = moving[-1].perturbation.name

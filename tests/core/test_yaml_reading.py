@@ -144,10 +144,10 @@ def test_aliases_are_values_of_their_own():
     ],
 )
 def test_what_is_refused(text, words):
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(InputError) as error:
         read_yaml(text, "a.yaml")
-    assert time.perf_counter() - began < 5  # a second where nothing else runs
+    assert time.process_time() - began < 5  # a second, of this process alone
     message = str(error.value)
     assert message.startswith("a.yaml: ")
     assert words in message

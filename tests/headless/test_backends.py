@@ -18,6 +18,7 @@ SETTINGS = [
     {"name": "bright_reference", "backend": "reference", "perturb": [{"brightness": {"severity": 2}}]},
     {"name": "bright_again", "perturb": [{"brightness": {"severity": 2}}]},
     {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 4, "mode": "dynamic"}}]},
+    {"name": "noise_2", "stream": "noise", "perturb": [{"gaussian_noise": {"severity": 2}}]},
     {"name": "foggy", "perturb": [{"fog_depth": {"severity": 3}}, {"depth_random_missing": {"severity": 2}}]},
     {"name": "late", "perturb": [{"desync": {"offset": 1}}, {"faster_motion": {"factor": 2}}, {"snow": None}]},
     {"name": "shaky", "perturb": [{"motion_deviation": {"rotation_deg": 2}}, {"glass_blur": {"severity": 1}}]},
@@ -45,7 +46,9 @@ def test_what_each_backend_made_is_said(out):
     settings = json.loads((out / "manifest.json").read_text())["identity"]["settings"]
     backends = {name: setting["backend"] for name, setting in settings.items() if setting["backend"]}
     assert backends.pop("bright_reference") == "reference"
-    assert backends == dict.fromkeys(["bright", "bright_again", "noise", "foggy", "late", "shaky"], "compositor")
+    assert backends == dict.fromkeys(
+        ["bright", "bright_again", "noise", "noise_2", "foggy", "late", "shaky"], "compositor"
+    )
     (note,) = json.loads((out / "noise/box/frames.jsonl").read_text().splitlines()[1])["perturbed"]["rgb"]
     assert note["name"] == "gaussian_noise"
     assert 0 <= note["node_seed"] < 2**24
@@ -65,6 +68,16 @@ def test_settings_share_what_one_backend_made(out):
     for frame in range(COUNT):
         assert file("bright", frame).samefile(file("bright_again", frame))
         assert not file("bright", frame).samefile(file("bright_reference", frame))
+    drawn, static = (
+        [json.loads(line)["perturbed"]["rgb"][0] for line in (out / name / "box/frames.jsonl").read_text().splitlines()]
+        for name in ("noise", "noise_2")
+    )
+    levels = [note["severity"] for note in drawn]
+    assert 2 in levels
+    assert set(levels) != {2}
+    for frame, level in enumerate(levels):
+        assert file("noise", frame).samefile(file("noise_2", frame)) == (level == 2)
+        assert drawn[frame]["node_seed"] == static[frame]["node_seed"]
 
 
 def test_jobs_and_choices_of_frames_change_no_byte(world, out, tmp_path):

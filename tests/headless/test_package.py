@@ -215,14 +215,15 @@ def python(code, folder):
 
 
 @pytest.fixture(scope="session")
-def zips(tmp_path_factory):
+def zips(tmp_path_factory, building):
     """The zips of two platforms, by platform; one of them is built twice."""
     folders = [tmp_path_factory.mktemp("zips") for _ in range(2)]
     for folder, platforms in zip(folders, (("linux-x64", "macos-arm64"), ("linux-x64",)), strict=True):
         command = [sys.executable, str(ROOT / "headless/tools/package.py"), "--out", str(folder)]
         for platform in platforms:
             command += ["--platform", platform]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
+        with building():
+            done = subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
         if "pip got no wheels" in done.stderr:
             pytest.skip(f"wheels cannot be fetched here: {done.stderr.strip()}")
         assert done.returncode == 0, done.stderr

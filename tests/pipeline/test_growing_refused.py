@@ -31,6 +31,7 @@ FOG_STEP = "settings.1.perturb.0.fog"
         ({"settings.1.perturb": [{"contrast": None}]}, "settings: fog was fog, is contrast; give it another name, "),
         ({"settings.1.perturb": []}, "settings: fog was fog, is clean; give it another name, "),
         ({"settings.1.backend": "compositor"}, "settings: fog (backend) was reference, is compositor; give it another"),
+        ({"settings.1.stream": "mist"}, "settings: fog (stream) was its own name, is mist; give it another name, "),
         ({"settings.2.perturb.0.desync.offset": 2}, "settings: late (offset) was 1, is 2; give it another name, "),
         ({"seed": 4}, f"seed was 3, is 4; {REMEDY}"),
         ({"camera.fx": 9.0}, f"camera.fx was 8, is 9; {REMEDY}"),

@@ -90,10 +90,10 @@ def test_keys_for_what_content_cannot_tell(planned, tmp_path):
 )
 def test_absurd_numbers_of_poses_are_refused_at_once(planned, tmp_path, keys, words):
     (tmp_path / "gap.txt").write_text("0.5 0 0 1 0 0 0 1\n1000000000.5 0 0 1 0 0 0 1\n")
-    began = time.monotonic()
+    began = time.process_time()
     with pytest.raises(InputError, match=words):
         planned(file="gap.txt", **keys)
-    assert time.monotonic() - began < 1.0
+    assert time.process_time() - began < 1.0
     assert len(source_of(planned(file="gap.txt")).stamps_s) == 2
     assert len(source_of(planned(file="gap.txt", stop=1, resample_hz=1.0e-9)).stamps_s) == 1
 

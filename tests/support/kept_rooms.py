@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+from locked import locked
 
 from noisy_world.core.scenes import room as package
 from noisy_world.core.scenes.mesh import Mesh
@@ -46,8 +47,9 @@ class KeptRooms:
 
     def room(self, seed: int = 0) -> Mesh:
         """Return a room that was kept, or else build it."""
-        if not self._path(seed).is_file():
-            return self.built(seed)
+        with locked(self._folder / f"room{seed}.lock"):  # another process may be building it
+            if not self._path(seed).is_file():
+                return self.built(seed)
         with np.load(self._path(seed)) as parts:
             return _mesh(parts)
 

@@ -13,7 +13,7 @@ from noisy_world.planning import make_plan
 SETTINGS = [
     {"name": "clean"},
     {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]},
-    {"name": "varied", "perturb": [{"gaussian_noise": {"severity": 5, "mode": "dynamic"}}]},
+    {"name": "varied", "stream": "noise", "perturb": [{"gaussian_noise": {"severity": 5, "mode": "dynamic"}}]},
     {"name": "late", "perturb": [{"desync": {"offset": 2}}]},
     {"name": "early", "perturb": [{"desync": {"offset": -1, "edge": "drop"}}]},
     {"name": "fast", "perturb": [{"faster_motion": {"factor": 3}}]},

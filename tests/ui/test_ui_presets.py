@@ -317,6 +317,19 @@ def test_perturbations_that_cannot_be_shown_leave_the_panel_alone(of_ones_own, t
     assert described() == before
 
 
+def test_a_stream_is_refused_where_it_would_be_lost(of_ones_own, tmp_path):
+    before = described()
+    path = tmp_path / "stream.yaml"
+    path.write_text(
+        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
+        "settings: [{name: x, stream: y, perturb: [{fog: {severity: 2}}]}]\n"
+    )
+    with pytest.raises(RuntimeError, match="x: draws by the stream y: the panel cannot show that"):
+        use(path, part="ALL")
+    assert described() == before
+    assert use(path, part="PERTURBATIONS") == {"FINISHED"}, "the panel's setting has a name of its own, and so a stream"
+
+
 # --- home folders ---
 
 

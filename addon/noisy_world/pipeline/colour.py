@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.machine import keep_freed_memory
+from ..core.node_graphs.chain import capacity_of
 from ..core.perturbing.execution import ColourWork, Notes
-from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class ColourImage:
     """The colour of a frame that shows a clean one perturbed.
 
-    key: equal for equal images of a clean frame, in whatever sequences; None where no other is known to be equal.
+    key: equal for equal work on a clean frame, in whatever sequences.
     notes: what is done, for frames.jsonl. pixels: makes it, (H, W, 3) uint8; None where it is the clean image.
     """
 
-    key: Hashable | None
+    key: Hashable
     notes: Notes
     pixels: Callable[[], NDArray[np.uint8] | None]
 
@@ -58,8 +58,7 @@ class ReferenceColour:
 
     def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> ColourImage:
         work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
-        key = None if work.key is None else ("reference", work.key)
-        return ColourImage(key, work.notes, lambda: work.on(clean.rgb))
+        return ColourImage(("reference", work.key), work.notes, lambda: work.on(clean.rgb))
 
 
 class CompositorColour:
@@ -71,26 +70,9 @@ class CompositorColour:
         self._camera = camera
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
-        """Perturb all frames, several sequences in one evaluation; what is the same for several, once."""
-        work = {(item.folder, k): ColourWork.of(item.setting.rgb, self._context(item, k, clean)) for item, k in asked}
-        alike: dict[Hashable, list[tuple[Sequence, int]]] = {}
-        for sequence, frame in asked:
-            place = (sequence.folder, frame)
-            alike.setdefault(work[place].key or place, []).append((sequence, frame))
-        made = self._evaluate(clean, [same[0] for same in alike.values()])
-        for same in alike.values():
-            (first, frame), *others = same
-            key = work[first.folder, frame].key
-            image = replace(made[first.folder, frame], key=None if key is None else ("compositor", key))
-            made[first.folder, frame] = image
-            made |= {(item.folder, k): replace(image, notes=work[item.folder, k].notes) for item, k in others}
-        return {place: partial(_given, image) for place, image in made.items()}
-
-    def _context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
-        return self._camera.context(sequence, frame, clean)
-
-    def _evaluate(self, clean: CleanFrame, waiting: list[tuple[Sequence, int]]) -> dict[tuple[str, int], ColourImage]:
-        made: dict[tuple[str, int], ColourImage] = {}
+        """Perturb all frames, several sequences in one evaluation; what several do alike is evaluated once."""
+        made: dict[tuple[str, int], Callable[[], ColourImage]] = {}
+        waiting = asked
         while waiting:
             # A chain gives one image per evaluation; a sequence that shows the source frame twice takes another one.
             turn = {sequence.folder: (sequence, frame) for sequence, frame in reversed(waiting)}
@@ -98,9 +80,16 @@ class CompositorColour:
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
             pictures = self._compositor.perturb(clean.rgb, frames, clean.depth_m if needs_depth else None)
-            for folder, (pixels, notes) in pictures.items():
-                made[folder, frames[folder][0]] = ColourImage(None, notes, partial(_given, pixels))
+            for folder, (sequence, frame) in turn.items():
+                pixels, notes = pictures[folder]
+                image = ColourImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
+                made[folder, frame] = partial(_given, image)
         return made
+
+    def _key(self, sequence: Sequence, frame: int, clean: CleanFrame) -> Hashable:
+        """Return what of the work decides the image: groups that serve more than by default are others, too."""
+        work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
+        return "compositor", work.key, tuple(tuple(capacity_of(step).items()) for step, _, _ in work.active)
 
 
 def _given[T](value: T) -> T:

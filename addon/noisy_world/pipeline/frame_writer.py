@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Hashable, Iterator
 from collections.abc import Sequence as Many
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes, sha256_of_file
 from ..core.errors import InputError
-from ..core.perturbing.execution import perturb_depth
+from ..core.perturbing.execution import DepthWork
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
@@ -37,14 +37,10 @@ ENCODERS = 2
 
 @dataclass(frozen=True)
 class Written:
-    """An image's file in the dataset, and its SHA-256.
-
-    perturbed: what was done to it. out_of_range: the depth that it cannot hold, None if it holds all.
-    """
+    """An image's file in the dataset, and its SHA-256. out_of_range: the depth that it cannot hold, None for none."""
 
     path: Path
     sha256: str
-    perturbed: list[dict[str, Any]] = field(default_factory=list)
     out_of_range: OutOfRange | None = None
 
 
@@ -137,34 +133,19 @@ class FrameWriter:
             yield self._record(frame, {name: digest}, {"rgb": image.notes})
 
     def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles") -> Iterator[FrameRecord]:
-        taken_already: dict[int, Written] = {}  # by the frame that the depth belongs to
         for frame in self._finished.missing(sequence, "depth", clean.source):
-            name = self._names.depth(frame)
+            name, steps = self._names.depth(frame), sequence.setting.depth
             taken = sequence.shown(frame).depth_frame
-            if taken in taken_already:
-                files.link(taken_already[taken], sequence.folder, name)
+            done: dict[str, Any] = {}
+            if steps:
+                work = DepthWork.of(steps, self._camera.context(sequence, taken, clean))
+                written = files.give_depth(work, _stage(steps), sequence.folder, name)
+                done["depth"] = work.notes
             else:
-                taken_already[taken] = self._write_one_depth(sequence, clean, files, taken, name)
-            written = taken_already[taken]
-            done: dict[str, object] = {"depth": written.perturbed} if written.perturbed else {}
+                written = files.give("depth", sequence.folder, name)
             if sequence.paired:
                 done["pairing"] = {"depth_of_frame": taken}
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
-
-    def _write_one_depth(
-        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", taken: int, name: str
-    ) -> Written:
-        """Write the depth that was taken with a frame, perturbed."""
-        depth_m, notes = None, []
-        if sequence.setting.depth:
-            context = self._camera.context(sequence, taken, clean)
-            clean_m = clean.depth_m
-            with self._spent.on(_stage(sequence.setting.depth)):
-                depth_m, notes = perturb_depth(sequence.setting.depth, clean_m, context)
-        if depth_m is None:
-            path = self._dataset.out / sequence.folder / name
-            return replace(files.give("depth", sequence.folder, name), path=path, perturbed=notes)
-        return replace(files.put_depth(depth_m, sequence.folder, name), perturbed=notes)
 
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
@@ -194,37 +175,51 @@ class FrameFiles:
         self._clean = clean
         self._finished = finished
         self._written: dict[Modality, Written] = {}
-        self._perturbed: dict[Hashable, Written] = {}  # by what was done to the clean image
+        self._perturbed: dict[Hashable, Written] = {}  # by modality and what was done to the clean image
 
     def give_colour(self, image: ColourImage, stage: str, folder: str, name: str) -> Written:
         """Put a colour image under a name into a sequence; return the file that it was first written to.
 
         stage: to which the making of its pixels belongs.
         """
-        if image.key is not None and (there := self._perturbed.get(image.key)) is not None:
-            self.link(there, folder, name)
-            return there
+        key = ("rgb", image.key)
+        if (there := self._perturbed.get(key)) is not None:
+            return self._linked(there, folder, name)
         with self._spent.on(stage):
             pixels = image.pixels()
         if pixels is None:
             return self.give("rgb", folder, name)
-        written = self._put_colour(pixels, folder, name)
-        if image.key is not None:
-            self._perturbed[image.key] = written
+        self._perturbed[key] = written = self._put_colour(pixels, folder, name)
+        return written
+
+    def give_depth(self, work: DepthWork, stage: str, folder: str, name: str) -> Written:
+        """Put perturbed depth under a name into a sequence; return the file that it was first written to.
+
+        stage: to which the making of its pixels belongs.
+        """
+        key = ("depth", work.key)
+        if (there := self._perturbed.get(key)) is not None:
+            return self._linked(there, folder, name)
+        clean_m = self._clean.depth_m
+        with self._spent.on(stage):
+            depth_m = work.on(clean_m)
+        if depth_m is None:
+            return self.give("depth", folder, name)
+        self._perturbed[key] = written = self._put_depth(depth_m, folder, name)
         return written
 
     def give(self, modality: Modality, folder: str, name: str) -> Written:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
         if modality not in self._written and (there := self._existing(modality)) is not None:
-            self.link(there, folder, name)
+            self._linked(there, folder, name)
             # From now on this name is linked: where the existing file is on another disk, it is copied once.
             self._written[modality] = replace(there, path=self._dataset.out / folder / name)
         elif modality in self._written:
-            self.link(self._written[modality], folder, name)
+            self._linked(self._written[modality], folder, name)
         elif modality == "rgb":
             self._written[modality] = self._put_colour(self._clean.rgb, folder, name)
         else:
-            self._written[modality] = self.put_depth(self._clean.depth_m, folder, name)
+            self._written[modality] = self._put_depth(self._clean.depth_m, folder, name)
         return self._written[modality]
 
     def _existing(self, modality: Modality) -> Written | None:
@@ -237,7 +232,7 @@ class FrameFiles:
         found = self._finished.clean_image(modality, self._clean.source)
         return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 
-    def put_depth(self, depth_m: NDArray[np.float32], folder: str, name: str) -> Written:
+    def _put_depth(self, depth_m: NDArray[np.float32], folder: str, name: str) -> Written:
         """Write a depth image under a name into a sequence."""
         format_ = self._dataset.format
         with self._spent.on("encoding depth"):
@@ -256,10 +251,11 @@ class FrameFiles:
             self._dataset.write_file(folder, name, data)
         return Written(self._dataset.out / folder / name, digest)
 
-    def link(self, there: Written, folder: str, name: str) -> None:
-        """Give a file that is written a name in a sequence."""
+    def _linked(self, there: Written, folder: str, name: str) -> Written:
+        """Give a file that is written a name in a sequence; return the file."""
         with self._spent.on("linking"):
             self._dataset.link_file(there.path, folder, name)
+        return there
 
 
 def _stage(steps: Many[Step[Any]]) -> str:

@@ -17,6 +17,7 @@ from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence
 from ..core.planning.shards import Shard
+from ..core.planning.sharing import parts_made
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
         for sequence in render.sequences
     }
     for modality in dataset.format.modalities:
-        alone, shared, held = 0, set[int](), set[int]()
+        missing, shared, held = dict[str, int](), set[int](), set[int]()
         for sequence in render.sequences:
             clean = not getattr(sequence.setting, modality)
             finished = there[sequence.folder]
@@ -48,8 +49,10 @@ def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
                     continue
                 needed.add(source)
                 shared |= {source} if clean else set()
-                alone += not clean
-        size += image_bytes(plan, render, modality) * (alone + len(shared - held))
+                missing[sequence.folder] = missing.get(sequence.folder, 0) + 1
+        made = parts_made((item for item in render.sequences if item.folder in missing), modality)
+        alone = sum(part * missing[folder] for folder, part in made.items())
+        size += int(image_bytes(plan, render, modality) * (alone + len(shared - held)))
     return Lacking(sorted(needed), size)
 
 

@@ -256,6 +256,9 @@ def _take(panel: Any, preset: Preset, wanted: str) -> None:
     spec = preset.spec
     _refuse_unshown(preset)
     found, chosen = _settings_of(preset, wanted)
+    if chosen.stream != chosen.name:
+        problem = f"{chosen.name}: draws by the stream {chosen.stream}: the panel cannot show that"
+        raise preset.place("settings").error(problem, "run it with generate.py")
     with told_once():
         _take_scene(panel, preset)
         _take_rest(panel, spec, chosen)

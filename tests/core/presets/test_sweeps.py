@@ -149,3 +149,49 @@ def test_overrides_count_the_entries_of_the_file(tmp_path):
     settings_of(tmp_path, "{include: other.yaml}, {name: mine}")
     preset = read_preset(tmp_path / "p.yaml", ["settings.1.name=yours"])
     assert [item.name for item in preset.spec.settings] == ["one", "two", "yours"]
+
+
+# --- streams ---
+
+
+def test_a_sweep_names_streams_as_it_names_settings(tmp_path):
+    sweep = "{perturb: [fog, snow], severities: [1, 2], modes: [static, dynamic], stream: '{perturb}-{mode}'}"
+    found = settings_of(tmp_path, f"{{sweep: {sweep}}}, {{name: fog-static, stream: fog-static, perturb: [{{fog: }}]}}")
+    assert [item.stream for item in found[:4]] == ["fog-static", "fog-dynamic"] * 2
+    assert {item.steps[0].stream for item in found[4:8]} == {"snow-static", "snow-dynamic"}
+    assert found[8].stream == found[8].name
+    assert found[8].steps[0].stream is None, "its own name is no other stream"
+
+
+def test_motion_and_pairing_keep_the_settings_own_name(tmp_path):
+    text = (
+        "{name: a, stream: b, perturb: [{motion_deviation: {}}, {fog: {}}, {depth_gaussian_noise: {}}, {desync: {}}]}"
+    )
+    (found,) = settings_of(tmp_path, text)
+    assert [step.stream for step in found.steps] == [None, "b", "b", None]
+
+
+@cases(
+    ("text", "words"),
+    [
+        (
+            "{name: a, stream: b}",
+            r"settings\.0\.stream: goes with perturbations of colour and depth, not with a clean s",
+        ),
+        (
+            "{name: a, stream: b, perturb: [{faster_motion: {factor: 2}}]}",
+            r"0\.stream: goes .*, not with faster_motion",
+        ),
+        ("{name: a, stream: '', perturb: [{fog: {}}]}", r"settings\.0\.stream: is '', but has to be a name"),
+        ("{name: a, stream: 3, perturb: [{fog: {}}]}", r"settings\.0\.stream: is the number 3"),
+        ("{stream: b, sweep: {perturb: [fog]}}", r"settings\.0\.stream: goes with name, .*; write it into the sweep"),
+        ("{sweep: {perturb: [fog], stream: '{perturbe}'}}", r"sweep\.stream: .*did you mean 'perturb'"),
+        (
+            "{sweep: {perturb: [desync], parameters: {offset: [5]}, name: x, stream: b}}",
+            r"settings\.0\.sweep\.stream: goes with perturbations of colour and depth, not with desync",
+        ),
+    ],
+)
+def test_streams_that_name_nothing_are_refused(tmp_path, text, words):
+    with pytest.raises(InputError, match=words):
+        settings_of(tmp_path, text)

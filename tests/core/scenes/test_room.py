@@ -50,7 +50,7 @@ def areas_m2(room, quads):
 
 
 def test_two_builds_are_equal_to_the_byte(other_process, room):
-    out, _ = other_process.communicate(timeout=60)
+    out, _ = other_process.communicate(timeout=300)
     assert out.strip() == digest(room)
 
 

@@ -18,7 +18,7 @@ from types import FrameType, FunctionType
 import bpy
 
 MODULE, RESULT = sys.argv[sys.argv.index("--") + 1 :]
-RELOADS = 20
+RELOADS = 5  # what stays behind, stays each time
 SETTLE_S = 0.2
 SEEN: dict[str, dict] = {}
 

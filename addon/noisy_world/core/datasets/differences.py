@@ -98,7 +98,10 @@ def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
             key, values = found
             nth = f" {names[0][: number + 1].count(left['name'])}" if names[0].count(left["name"]) > 1 else ""
             return f"({key if alone else left['name'] + nth + '.' + key}) {values}"
-    return f"(backend) {was_is(there['backend'], here['backend'])}"
+    for key, absent in (("backend", None), ("stream", "its own name")):
+        if there.get(key, absent) != here.get(key, absent):
+            return f"({key}) {was_is(there.get(key, absent), here.get(key, absent))}"
+    return first_difference(there, here) or was_is(there, here)
 
 
 def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None:

@@ -150,6 +150,7 @@ def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> 
 
 def _setting(setting: Setting) -> dict[str, Any]:
     return {
+        **({} if setting.stream == setting.name else {"stream": setting.stream}),
         "backend": setting.backend if setting.rgb else None,
         "steps": [_step(step) for step in setting.steps],
     }

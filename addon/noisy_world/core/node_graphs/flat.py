@@ -100,6 +100,9 @@ def _chosen(node: Node, inputs: Mapping[str, Any]) -> Socket | None:
 
 def _fits(group: Graph, inputs: Mapping[str, Any]) -> bool:
     """Tell whether no link to or from a group's sockets narrows what it carries."""
-    into = [(inputs[item.name].kind, item.kind) for item in group.inputs if isinstance(inputs.get(item.name), Socket)]
-    out = [(item.socket.kind, item.kind) for item in group.outputs]
-    return all(_WIDTH[source] <= _WIDTH[target] for source, target in into + out)
+    links: list[tuple[Kind, Kind]] = [(item.socket.kind, item.kind) for item in group.outputs]
+    for item in group.inputs:
+        value = inputs.get(item.name)
+        if isinstance(value, Socket):
+            links.append((value.kind, item.kind))
+    return all(_WIDTH[source] <= _WIDTH[target] for source, target in links)

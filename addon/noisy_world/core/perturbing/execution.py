@@ -26,6 +26,38 @@ type MotionPart = tuple[Step[MotionPerturbation], ...]
 type Notes = list[dict[str, Any]]
 """What was done to a frame, step by step, for the provenance."""
 
+type Active[Kind: (ColourPerturbation, DepthPerturbation)] = tuple[tuple[Step[Kind], FrameContext, float | None], ...]
+"""The steps that do something to a frame, each with its context and the severity that it has in this frame."""
+
+
+def _drawn_for[Kind: (ColourPerturbation, DepthPerturbation)](
+    steps: Sequence[Step[Kind]], where: FrameContext
+) -> tuple[Active[Kind], Notes]:
+    """Draw the severities of a frame; return the steps that do something, and what all of them do."""
+    drawn = [(step, step.context(where)) for step in steps]
+    done = [(step, context, step.severity_of(context)) for step, context in drawn]
+    notes = [step.note(context, severity) for step, context, severity in done]
+    return tuple(item for item in done if item[2] != 0), notes
+
+
+def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
+    """Return what makes equal images of the same clean frame, whatever the sequence.
+
+    That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none.
+    """
+    return tuple(
+        (
+            step.perturbation.name,
+            tuple(asdict(step.parameters(severity)).items()),
+            None if _repeats(step.perturbation) else (context.identifiers, context.index, context.temporal),
+        )
+        for step, context, severity in active
+    )
+
+
+def _repeats(perturbation: ColourPerturbation | DepthPerturbation) -> bool:
+    return isinstance(perturbation, ColourPerturbation) and perturbation.repeatable
+
 
 # --- motion ---
 
@@ -134,33 +166,20 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
 
 @dataclass(frozen=True)
 class ColourWork:
-    """What the steps of colour do to one frame of a sequence.
+    """What the steps of colour do to one frame of a sequence. notes: what is done, for the provenance."""
 
-    active: the steps that do something, each with its context and the severity that it has in this frame. notes: what
-    is done, for the provenance. repeatable: whether each of the steps says so.
-    """
-
-    active: tuple[tuple[Step[ColourPerturbation], FrameContext, float | None], ...]
+    active: Active[ColourPerturbation]
     notes: Notes
-    repeatable: bool
 
     @staticmethod
     def of(steps: Sequence[Step[ColourPerturbation]], where: FrameContext) -> "ColourWork":
         """Draw the severities of a frame. where: the frame, with the identifiers of its sequence."""
-        drawn = [(step, step.context(where)) for step in steps]
-        done = [(step, context, step.severity_of(context)) for step, context in drawn]
-        notes = [step.note(context, severity) for step, context, severity in done]
-        active = tuple(item for item in done if item[2] != 0)
-        return ColourWork(active, notes, all(step.perturbation.repeatable for step in steps))
+        return ColourWork(*_drawn_for(steps, where))
 
     @property
-    def key(self) -> Hashable | None:
-        """What makes equal images of the same clean frame, whatever the sequence; None where nothing is known to."""
-        if not self.repeatable:
-            return None
-        return tuple(
-            (step.perturbation.name, *asdict(step.parameters(severity)).items()) for step, _, severity in self.active
-        )
+    def key(self) -> Hashable:
+        """What is equal for equal work on the same clean frame, whatever the sequence."""
+        return work_key(self.active)
 
     def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
         """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
@@ -204,6 +223,34 @@ def perturb_colour(
 # --- depth ---
 
 
+@dataclass(frozen=True)
+class DepthWork:
+    """What the steps of depth do to the depth of one frame. notes: what is done, for the provenance."""
+
+    active: Active[DepthPerturbation]
+    notes: Notes
+
+    @staticmethod
+    def of(steps: Sequence[Step[DepthPerturbation]], where: FrameContext) -> "DepthWork":
+        """Draw the severities. where: the frame that the depth belongs to, as `perturb_depth` says."""
+        return DepthWork(*_drawn_for(steps, where))
+
+    @property
+    def key(self) -> Hashable:
+        """What is equal for equal work on the same clean frame, whatever the sequence."""
+        return work_key(self.active)
+
+    def on(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32] | None:
+        """Do it to planar depth (H, W) in metres, 0 = void; None where it is the identity."""
+        image = None
+        for step, context, severity in self.active:
+            if step.perturbation.needs_rgb and context.read_rgb is None:
+                raise TypeError(f"{step.perturbation.name} needs the frame's colour")
+            before = depth_m if image is None else image
+            image = _checked_image(step, step.perturbation.apply(before, step.parameters(severity), context), before)
+        return image
+
+
 def perturb_depth(
     steps: Sequence[Step[DepthPerturbation]], depth_m: NDArray[np.float32], where: FrameContext
 ) -> tuple[NDArray[np.float32] | None, Notes]:
@@ -212,18 +259,8 @@ def perturb_depth(
     where: the frame that the depth belongs to, with the identifiers of its sequence, and its colour for steps that ask
     for it.
     """
-    image, notes = None, []
-    for step in steps:
-        context = step.context(where)
-        severity = step.severity_of(context)
-        notes.append(step.note(context, severity))
-        if severity == 0:
-            continue
-        if step.perturbation.needs_rgb and context.read_rgb is None:
-            raise TypeError(f"{step.perturbation.name} needs the frame's colour")
-        before = depth_m if image is None else image
-        image = _checked_image(step, step.perturbation.apply(before, step.parameters(severity), context), before)
-    return image, notes
+    work = DepthWork.of(steps, where)
+    return work.on(depth_m), work.notes
 
 
 def _checked_image(step: Step[Any], made: NDArray[np.float32], before: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -58,6 +58,7 @@ class FrameContext:
     numbers as in the whole sequence. temporal: how patterns change from frame to frame. stamp_s: the frame's time
     stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
     not give them. read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
+    chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`.
 
     Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
     """
@@ -69,6 +70,7 @@ class FrameContext:
     intrinsics: Intrinsics | None = field(default=None, compare=False)
     read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
+    chosen_by: Identifiers | None = field(default=None, compare=False)
 
     def stream(self, *purpose: str) -> np.random.Generator:
         """Return the generator of this frame."""

@@ -2,7 +2,7 @@
 """Reading a preset's settings into steps, and checking them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from ..schema import Place, describe, parse, shown, unknown_name
@@ -29,14 +29,17 @@ def parse_settings(
         if (item.name is None) == (item.sweep is None):
             raise where.error("needs either name or sweep", "name the setting, or sweep over several")
         if item.sweep is not None:
-            if item.perturb:
-                raise where.at("perturb").error("goes with name, not with sweep")
-            found += [
-                (Setting(name, parse_steps([step], inside, registry), item.backend or backend), where)
-                for name, step, inside in swept(item.sweep, where.at("sweep"), registry)
-            ]
+            for key in ("perturb", "stream"):
+                if getattr(item, key):
+                    remedy = "write it into the sweep" if key == "stream" else ""
+                    raise where.at(key).error("goes with name, not with sweep", remedy)
+            at_stream = where.at("sweep").at("stream")
+            for name, stream, step, inside in swept(item.sweep, where.at("sweep"), registry):
+                steps = drawing_by(parse_steps([step], inside, registry), name, stream, at_stream)
+                found.append((Setting(name, steps, item.backend or backend), where))
         else:
             steps = parse_steps(item.perturb, where.at("perturb"), registry)
+            steps = drawing_by(steps, item.name, item.stream, where.at("stream"))
             found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
     names: set[str] = set()
     for setting, where in found:
@@ -44,6 +47,21 @@ def parse_settings(
             raise where.error(f"{setting.name!r} is given twice")
         names.add(setting.name)
     return tuple(setting for setting, _ in found)
+
+
+def drawing_by(steps: tuple[Step[Any], ...], name: str, stream: str | None, place: Place) -> tuple[Step[Any], ...]:
+    """Return a setting's steps with the name under which those of colour and depth draw their random patterns.
+
+    name: the setting's, which is what they draw by without a stream. Raises InputError where nothing is drawn by it.
+    """
+    if stream is None or stream == name:
+        return steps
+    if all(isinstance(step.perturbation, SEQUENCE_KINDS) for step in steps):
+        told = ", ".join(step.perturbation.name for step in steps) or "a clean setting"
+        raise place.error(f"goes with perturbations of colour and depth, not with {told}", "leave it out")
+    return tuple(
+        step if isinstance(step.perturbation, SEQUENCE_KINDS) else replace(step, stream=stream) for step in steps
+    )
 
 
 def _check_count(items: Sequence[Any], places: Sequence[Place]) -> None:

@@ -30,7 +30,7 @@ class Step[Kind: Perturbation]:
 
     occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
     given. levels: the severities that each frame's is drawn from in dynamic mode. given: parameters that override the
-    severity's.
+    severity's. stream: the name under which colour and depth draw their random patterns; None is the setting's.
     """
 
     perturbation: Kind
@@ -39,16 +39,22 @@ class Step[Kind: Perturbation]:
     levels: tuple[float, ...] | None
     temporal: Temporal
     given: Mapping[str, Any]
+    stream: str | None = None
 
     def context(self, where: FrameContext) -> FrameContext:
         """Return this step's context for a frame. where: the frame, with the identifiers of its sequence.
 
+        With a `stream` the last of these, the setting's name, is replaced by it, but for the choice of the severity:
+        settings of one stream draw equal patterns, and each has its own levels.
+
         Other images are handed on only to a perturbation that says that it needs them.
         """
         kind = self.perturbation
+        own = (*where.identifiers, kind.name, self.occurrence)
         return replace(
             where,
-            identifiers=(*where.identifiers, kind.name, self.occurrence),
+            identifiers=own if self.stream is None else (*where.identifiers[:-1], self.stream, *own[-2:]),
+            chosen_by=None if self.stream is None else own,
             temporal=self.temporal,
             read_rgb=where.read_rgb if isinstance(kind, DepthPerturbation) and kind.needs_rgb else None,
             read_depth_m=where.read_depth_m if isinstance(kind, ColourPerturbation) and kind.needs_depth else None,
@@ -62,7 +68,8 @@ class Step[Kind: Perturbation]:
         """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame."""
         if self.levels is None:
             return self.severity
-        return self.levels[int(context.stream("severity").integers(len(self.levels)))]
+        choosing = context if context.chosen_by is None else replace(context, identifiers=context.chosen_by)
+        return self.levels[int(choosing.stream("severity").integers(len(self.levels)))]
 
     def parameters(self, severity: float | None) -> Any:
         """Return the parameters of a severity."""
@@ -95,6 +102,11 @@ class Setting:
     name: str
     steps: tuple[Step[Any], ...] = ()
     backend: Backend = "reference"
+
+    @property
+    def stream(self) -> str:
+        """The name under which its steps of colour and depth draw their random patterns: its own, if not another."""
+        return next((step.stream for step in self.steps if step.stream is not None), self.name)
 
     @property
     def motion(self) -> tuple[Step[MotionPerturbation], ...]:

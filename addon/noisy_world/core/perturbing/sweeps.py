@@ -7,7 +7,7 @@ from itertools import product
 from math import prod
 from typing import Any
 
-from ..presets.names import PLACEHOLDER, safe_name
+from ..presets.names import PLACEHOLDER, safe_name, stream_name
 from ..schema import Place, describe, unknown_name
 from .kinds import Perturbation
 
@@ -31,8 +31,8 @@ def sweep_size(sweep: Any, place: Place) -> int:
     return prod(len(axis) for axis in axes)
 
 
-def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, dict[str, Any], Place]]:
-    """Yield each setting of a SweepSpec: its name, its step as a preset has it, and the place of that.
+def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, str | None, dict[str, Any], Place]]:
+    """Yield each setting of a SweepSpec: its name, its stream, its step as a preset has it, and the place of that.
 
     The order is that of the lists, the last one varying first. Raises InputError.
     """
@@ -61,7 +61,7 @@ def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, d
             matching = [item for item in left_out if all(parts.get(key) == value for key, value in item.items())]
             unused -= {id(item) for item in matching}
             if not matching:
-                yield _name(sweep.name, parts, place.at("name")), {name: chosen}, where
+                yield _name(sweep.name, parts, place.at("name")), _stream(sweep, parts, place), {name: chosen}, where
     if unused:
         index = next(k for k, item in enumerate(left_out) if id(item) in unused)
         raise place.at("without").at(index).error("leaves nothing out", "take it out, or mend its values")
@@ -124,13 +124,27 @@ def _name(template: str | None, parts: Mapping[str, Any], place: Place) -> str:
     if template is None:
         suffix = "_dynamic" if parts["mode"] == "dynamic" else ""
         return f"{parts['perturb']}_s{parts['severity']:g}{suffix}"
-    for name in PLACEHOLDER.findall(template):
-        if name not in parts:
-            raise unknown_name(place, "placeholder", name, list(parts))
-    name = PLACEHOLDER.sub(lambda found: _text(parts[found[1]]), template)
+    name = _filled(template, parts, place)
     if problem := safe_name(name):
         raise place.error(problem)
     return name
+
+
+def _stream(sweep: Any, parts: Mapping[str, Any], place: Place) -> str | None:
+    """Return the name of a setting's stream, None where it is the setting's own."""
+    if sweep.stream is None:
+        return None
+    stream = _filled(sweep.stream, parts, place.at("stream"))
+    if problem := stream_name(stream):
+        raise place.at("stream").error(problem)
+    return stream
+
+
+def _filled(template: str, parts: Mapping[str, Any], place: Place) -> str:
+    for name in PLACEHOLDER.findall(template):
+        if name not in parts:
+            raise unknown_name(place, "placeholder", name, list(parts))
+    return PLACEHOLDER.sub(lambda found: _text(parts[found[1]]), template)
 
 
 def _text(value: object) -> str:

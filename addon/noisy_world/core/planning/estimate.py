@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality
 from .plan import Plan, Render
+from .sharing import parts_made
 
 # Measured on two cores at 1200 x 680, and rounded.
 SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
@@ -59,13 +60,13 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         spec = plan.preset.spec.render
         each_s = each_s + pixels * spec.samples * SECONDS_PER_SAMPLE if spec.in_blender else pixels * SECONDS_PER_RAY
     seconds = np.full(max(render.frames, default=-1) + 1, each_s)
-    for sequence in render.sequences:
-        for modality in plan.format.modalities:
-            image_s = SECONDS_PER_LINK
-            if getattr(sequence.setting, modality):
-                image_s = pixels * SECONDS_PER_PERTURBED_PIXEL
-                if modality == "rgb" and plan.composites and sequence.setting.composited:
-                    image_s += pixels * SECONDS_PER_COMPOSITED_PIXEL
+    for modality in plan.format.modalities:
+        made = parts_made(render.sequences, modality)
+        for sequence in render.sequences:
+            pixel_s = SECONDS_PER_PERTURBED_PIXEL
+            if modality == "rgb" and plan.composites and sequence.setting.composited:
+                pixel_s += SECONDS_PER_COMPOSITED_PIXEL
+            image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
             np.add.at(seconds, sequence.sources_shown(modality), image_s)
     return seconds[np.asarray(frames, dtype=np.int64)]
 
@@ -80,10 +81,9 @@ def _bytes_of(plan: Plan, render: Render) -> float:
     format_ = plan.format
     kinds = {modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities}
     clean = len(render.frames) * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
-    perturbed = [
-        (kind, len(sequence.frames))
-        for sequence in render.sequences
-        for modality, kind in kinds.items()
-        if getattr(sequence.setting, modality)
-    ]
-    return pixels * (clean + sum(BYTES_PER_PIXEL[kind] * count for kind, count in perturbed))
+    perturbed = 0.0
+    for modality, kind in kinds.items():
+        made = parts_made(render.sequences, modality)
+        images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
+        perturbed += BYTES_PER_PIXEL[kind] * images
+    return pixels * (clean + perturbed)

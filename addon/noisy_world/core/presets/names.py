@@ -25,6 +25,13 @@ def scene_name(name: str) -> str:
     return "" if "*" in name else safe_name(name)
 
 
+def stream_name(name: str) -> str:
+    """Return why a text cannot name a random stream, or ""."""
+    if not name.strip() or not name.isprintable():
+        return f"is {shown(name)}, but has to be a name"
+    return f"has {len(name)} characters: at most {LONGEST_NAME}" if len(name) > LONGEST_NAME else ""
+
+
 def template(name: str) -> str:
     """Return why a text with {placeholders} cannot become folders' names, or ""."""
     return safe_name(PLACEHOLDER.sub("x", name))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from ..schema import key
-from .names import safe_name, template
+from .names import safe_name, stream_name, template
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,11 @@ class SweepSpec:
         default=None,
         pattern=template,
     )
+    stream: str | None = key(
+        "as a setting's, with what name may have in braces: '{perturb}' lets all severities of one draw equal patterns",
+        default=None,
+        pattern=stream_name,
+    )
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,12 @@ class SettingSpec:
     perturb: tuple[Any, ...] = key(
         "perturbations, each {name: {severity, mode, levels, temporal, or parameters}}; see --list perturbations",
         default=(),
+    )
+    stream: str | None = key(
+        "the name under which its colour and depth draw random patterns; settings of one stream draw the same in the "
+        "same frame, and share images; its own name if none is given",
+        default=None,
+        pattern=stream_name,
     )
     sweep: SweepSpec | None = key("instead of name and perturb: settings by the dozen", default=None)
     include: str | None = key("instead of all others: another preset, whose settings are taken", default=None)

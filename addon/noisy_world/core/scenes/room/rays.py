@@ -100,4 +100,5 @@ def _pairs(
             last = np.where(rate > 0, np.minimum(last, at), last)
             first = np.where(rate < 0, np.maximum(first, at), first)
             last = np.where((rate == 0) & (slack < 0), -1.0, last)
-    return np.nonzero(first <= last)
+    ends, boxes = np.nonzero(first <= last)
+    return ends, boxes

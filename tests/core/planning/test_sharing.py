@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which part of the images is expected to be made: against every possible draw of the severities, one by one."""
+
+from itertools import product
+
+import pytest
+
+from noisy_world.core.perturbing.reading import parse_settings
+from noisy_world.core.planning.sequence import lay_out
+from noisy_world.core.planning.sharing import parts_made
+from noisy_world.core.presets.settings import SettingSpec, SweepSpec
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+
+
+def sequences_of(*items):
+    settings = parse_settings(items, [Place("test")] * len(items), registry())
+    return [lay_out(setting, "room", 4, (1, "room", setting.name)) for setting in settings]
+
+
+def sweep(name, **other):
+    return SettingSpec(sweep=SweepSpec(perturb=(name,), severities=(1.0, 3.0), modes=("static", "dynamic"), **other))
+
+
+@pytest.mark.parametrize("name", ["gaussian_noise", "brightness"])
+def test_the_part_is_the_mean_over_all_draws(name):
+    """In order: static 1, dynamic 0 to 1, static 3, dynamic 0 to 3."""
+    new = [0, 0, 0, 0]
+    draws = list(product([1], range(2), [3], range(4)))
+    for levels in draws:
+        made = {0}
+        for place, level in enumerate(levels):
+            new[place] += level not in made
+            made.add(level)
+    stream = None if name == "brightness" else "{perturb}"
+    found = parts_made(sequences_of(SettingSpec(name="clean"), sweep(name, stream=stream)), "rgb")
+    assert list(found.values()) == pytest.approx([count / len(draws) for count in new])
+
+
+def test_own_streams_share_nothing_but_clean_frames():
+    found = parts_made(sequences_of(sweep("gaussian_noise")), "rgb")
+    assert list(found.values()) == pytest.approx([1, 1 / 2, 1, 3 / 4])
+    assert parts_made(sequences_of(sweep("gaussian_noise")), "depth") == {}
+
+
+def test_chains_share_where_all_steps_are_equal():
+    chain = ({"fog": {"severity": 2}}, {"gaussian_noise": {"levels": [0, 0, 0, 1], "mode": "dynamic"}})
+    fast = SettingSpec(name="fast", stream="s", perturb=({"fog": {"severity": 2}}, {"faster_motion": {"factor": 2}}))
+    fog = SettingSpec(name="fog", stream="s", perturb=({"fog": {"severity": 2}},))
+    found = parts_made(sequences_of(fog, fast, SettingSpec(name="chain", stream="s", perturb=chain)), "rgb")
+    assert found == pytest.approx({"fog/room": 1, "fast/room": 1, "chain/room": 1 / 4})
