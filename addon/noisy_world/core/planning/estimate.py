@@ -79,7 +79,9 @@ def _seconds_of(plan: Plan, render: Render) -> float:
 def _bytes_of(plan: Plan, render: Render) -> float:
     pixels = render.camera.width_px * render.camera.height_px
     format_ = plan.format
-    kinds = {modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities}
+    kinds: dict[Modality, str] = {
+        modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities
+    }
     clean = len(render.frames) * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
     perturbed = 0.0
     for modality, kind in kinds.items():
