@@ -50,7 +50,8 @@ class Cluster:
 
     slots: shards that a node makes at once, with `cpus` cores each; efficiency: of a second core beside the first.
     disk_bytes_per_s, disk_files_per_s: of the shared disk, all nodes together. losses_per_hour: of a node, replaced at
-    once. merge_bytes_per_s: reading and hashing. merge_file_s: what a file takes besides, to be renamed and recorded.
+    once. merge_bytes_per_s: reading and hashing, for each of merge_threads, of which three take what the disk gives.
+    merge_file_s: what a file takes besides, one after another, to be renamed and recorded.
     end_s: text files and manifest. mergers: processes that merge.
     """
 
@@ -62,7 +63,8 @@ class Cluster:
     disk_files_per_s: float = 20_000.0
     losses_per_hour: float = 0.02
     merge_bytes_per_s: float = 1.5e9
-    merge_file_s: float = 4.7e-4
+    merge_threads: int = 3
+    merge_file_s: float = 1.4e-4
     end_s: float = 60.0
     mergers: int = 1
 
@@ -129,7 +131,8 @@ def _speed(cluster: Cluster) -> float:
 
 def merge_seconds(work: Work, cluster: Cluster) -> float:
     """Return what merging all takes, for one process of several that share the work."""
-    each = work.size_bytes / cluster.merge_bytes_per_s + work.files * cluster.merge_file_s
+    hashing_s = work.size_bytes / (cluster.merge_bytes_per_s * cluster.merge_threads)
+    each = hashing_s + work.files * cluster.merge_file_s
     return each / cluster.mergers
 
 
