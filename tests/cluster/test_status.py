@@ -208,6 +208,7 @@ def test_a_dataset_made_in_shards(world, tmp_path, capsys):
     assert "shards   2 finished and to be merged\n" in said.out
 
     image = next(out.rglob("noise/box/results/frame000000.png"))
+    image.unlink()  # another setting's image may be the same file
     image.write_bytes(b"")
     code, found = as_json(capsys, out, "--check")
     assert (code, found["damaged"]) == (1, ["noise/box/results/frame000000.png"])

@@ -107,7 +107,11 @@ def test_a_preset_of_ones_own_comes_before_the_shipped_one(tmp_path, monkeypatch
     [
         ([], 2, "subcommands:"),
         (["--help"], 0, "generate"),
-        (["generat"], 2, "noisy-world: 'generat' is no subcommand; there are generate, list, export"),
+        (
+            ["generat"],
+            2,
+            "noisy-world: 'generat' is no subcommand; there are generate, plan, shard, merge, status, list, ",
+        ),
         (["generate", "nowhere.yaml"], 1, "noisy-world generate: nowhere.yaml"),
         (["list", "perturbations"], 0, "gaussian_noise"),
         (["export", "nowhere.ply", "out.ply"], 1, "noisy-world export: nowhere.ply"),
