@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import OpenEXR
 import pytest
+from dataclasses import replace
 from group_tools import IDENTIFIERS, by_nodes, many_by_nodes, picture, step_of
 from shown import evaluate_scene, image_of
 from worlds import ROOT
@@ -246,6 +247,24 @@ def test_severity_zero_is_nothing_and_costs_nothing():
     with Compositor((24, 16), {"x": steps_of([{"fog": {"severity": 0}}, {"contrast": {"factor": 1.0}}])}, 24) as both:
         made, _ = both.perturb(rgb, {"x": (0, IDENTIFIERS)})["x"]
     assert np.array_equal(made, rgb)
+
+
+def test_what_several_settings_do_alike_is_done_once():
+    """Blur draws nothing, so a severity that is drawn for a frame is that of another setting; noise has its stream."""
+    rgb = rgb_bytes(picture(16, 24))
+    chains = {f"{name} {k}": [step_of(name, severity=3)] for name in ("gaussian_blur", "gaussian_noise") for k in "ab"}
+    chains["drawn"] = steps_of([{"gaussian_blur": {"levels": [1, 3], "mode": "dynamic"}}])
+    chains |= {f"stream {k}": [replace(step_of("gaussian_noise", severity=3), stream="one")] for k in "ab"}
+    with Compositor((24, 16), chains, 24) as compositor:
+        for index in range(6):
+            made = compositor.perturb(rgb, {name: (index, (7, "room", name)) for name in chains})
+            images = {name: image for name, (image, _) in made.items()}
+            assert images["gaussian_blur a"] is images["gaussian_blur b"]
+            drawn = made["drawn"][1][0]["severity"]
+            assert np.array_equal(images["drawn"], images["gaussian_blur a"]) == (drawn == 3)
+            assert not np.array_equal(images["gaussian_noise a"], images["gaussian_noise b"])
+            assert images["stream a"] is images["stream b"]
+            assert not np.array_equal(images["stream a"], images["gaussian_noise a"])
 
 
 def test_two_processes_make_the_same_bytes():

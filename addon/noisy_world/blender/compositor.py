@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluating node groups on arrays: one upload of a frame, one evaluation, an image for each setting."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import batched
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ SCENE = "Noisy World compositor"
 # settings. A file of several costs less than several files, as writing a row costs more than its bytes.
 LAYERS = 16
 FLOATS = 4  # bytes of a float32
-type Evaluated[Pixels] = tuple[dict[str, Pixels | None], dict[str, list[dict[str, Any]]]]
+type SocketValues = dict[str, dict[str, Any]]
+"""The values of sockets by name, by the step's node."""
 
 
 class Compositor:
@@ -99,12 +100,13 @@ class Compositor:
         rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
         and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it.
 
-        Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done.
+        Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done. Chains that do the same
+        to the frame give one array.
         """
         active, notes = self._prepare(rgb, frames, depth_m)
         images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
         for name, layer in self._run(self._bytes, active):
-            images[name] = self._own(_bytes_of(layer[:, 0]))
+            images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
         return {name: (image, notes[name]) for name, image in images.items()}
 
     def evaluate(
@@ -119,7 +121,7 @@ class Compositor:
             self._floats = _Layers(self._tree, self._scratch.path, self._nodes, "Image")
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
         for name, layer in self._run(self._floats, active):
-            images[name] = self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2)))
+            images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
         return images, notes
 
     def _own[T: np.generic](self, image: NDArray[T]) -> NDArray[T]:
@@ -130,31 +132,43 @@ class Compositor:
         rgb: NDArray[Any],
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None,
-    ) -> tuple[list[str], dict[str, list[dict[str, Any]]]]:
-        """Set all sockets and hand the frame over; return the chains that do something, and what each one does."""
+    ) -> tuple[dict[str, list[str]], dict[str, list[dict[str, Any]]]]:
+        """Set all sockets and hand the frame over; return the chains to evaluate, and what each chain does.
+
+        A chain to evaluate stands for all that do the same: a severity that is drawn is often that of another setting,
+        which then gives the same image if it draws nothing, or draws from the same stream.
+        """
         notes: dict[str, list[dict[str, Any]]] = {}
-        active = []
+        active: dict[str, list[str]] = {}
+        first: dict[str, str] = {}
         for name, (index, identifiers) in frames.items():
-            works, notes[name] = self._set_sockets(name, index, identifiers)
-            if works:
-                active.append(name)
+            values, notes[name] = self._values(name, index, identifiers)
+            if not is_active(values):
+                continue
+            done = f"{group_of(self._nodes[name]).name}: {values!r}"
+            if done not in first:
+                self._set_sockets(name, values)
+            active.setdefault(first.setdefault(done, name), []).append(name)
         if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
             raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
         if active:
             self._upload(rgb, depth_m)
         return active, notes
 
-    def _set_sockets(self, name: str, index: int, identifiers: Identifiers) -> tuple[bool, list[dict[str, Any]]]:
-        inputs_of = self._nodes[name].inputs
+    def _values(self, name: str, index: int, identifiers: Identifiers) -> tuple[SocketValues, list[dict[str, Any]]]:
         values, notes = {}, []
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
                 step, index, identifiers, scene_frame=self._scene.frame_current
             )
             notes.append(note)
+        return values, notes
+
+    def _set_sockets(self, name: str, values: SocketValues) -> None:
+        sockets_of = self._nodes[name].inputs
+        for step in self._chains[name]:
             for socket_name, value in values[step_node(step)].items():
-                set_value(inputs_of[socket_of(step, socket_name)], value)
-        return is_active(values), notes
+                set_value(sockets_of[socket_of(step, socket_name)], value)
 
     def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
         values = rgb[::-1]
@@ -168,7 +182,7 @@ class Compositor:
             rgba[..., :3] = depth_m[::-1, :, None]
             set_pixels(self._depth_image, rgba)
 
-    def _run(self, layers: "_Layers", active: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    def _run(self, layers: "_Layers", active: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
         """Evaluate the active chains; yield each with its layer (H, channels, W)."""
         for other in (self._bytes, self._floats):
             if other is not None:
@@ -231,7 +245,7 @@ class _Layers:
         for file in self._files.values():
             file.mute = True
 
-    def batches(self, active: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    def batches(self, active: Iterable[str]) -> Iterator[tuple[str, ...]]:
         """Unmute one file after the other, for those that have layers of active chains; yield the chains of each.
 
         A chain beside them that is not active passes the frame on, as a file has all its layers always.
