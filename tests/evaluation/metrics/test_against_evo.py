@@ -78,13 +78,13 @@ def relative(pair, data, pairs, with_scale):
 
 
 RELATIVE = {
-    "consecutive": (dict(delta=1, delta_unit=Unit.frames), lambda truth: consecutive_pairs(len(truth))),
+    "consecutive": ({"delta": 1, "delta_unit": Unit.frames}, lambda truth: consecutive_pairs(len(truth))),
     "0.3 m": (
-        dict(delta=0.3, delta_unit=Unit.meters, rel_delta_tol=0.1, all_pairs=True, pairs_from_reference=True),
+        {"delta": 0.3, "delta_unit": Unit.meters, "all_pairs": True, "pairs_from_reference": True},
         lambda truth: pairs_apart(travelled_m(truth[:, :3, 3]), 0.3, 0.03),
     ),
     "7 frames": (
-        dict(delta=7, delta_unit=Unit.frames, all_pairs=True),
+        {"delta": 7, "delta_unit": Unit.frames, "all_pairs": True},
         lambda truth: pairs_apart(np.arange(len(truth), dtype=float), 7.0, 0.5),
     ),
 }
