@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from cases import cases
 from trajectory_pairs import moved, path, rotation
+from worlds import ROOT
 
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import FAILURES, METRICS, PAPER_METRICS, Alignment, score_trajectory
+from noisy_world.evaluation.metrics import FAILURES, METRICS, PAPER_METRICS, PROTOCOLS, Alignment, score_trajectory
 from noisy_world.evaluation.metrics.association import associate_poses
 from noisy_world.evaluation.metrics.errors import pairs_apart
 
@@ -363,3 +364,10 @@ def test_pairs_apart_are_those_of_a_search_through_all():
             if min(off) <= tolerance:
                 expected.append([first, first + 1 + off.index(min(off))])
         assert pairs_apart(along, delta, tolerance).tolist() == expected
+
+
+def test_the_page_explains_every_metric_failure_and_fault():
+    page = (ROOT / "docs/metrics.md").read_text()
+    faults = [name for protocol in PROTOCOLS.values() for name, _ in protocol.faults]
+    for name in (*METRICS, *PAPER_METRICS, *FAILURES, *PROTOCOLS, *faults):
+        assert f"`{name}`" in page, name
