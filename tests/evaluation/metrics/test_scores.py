@@ -59,7 +59,10 @@ def test_an_estimate_in_another_world_is_perfect():
 def test_the_scale_of_a_monocular_estimate(scale):
     truth = at(square())
     estimate = as_estimate(truth, c2w=moved(truth.c2w, np.eye(3), [1.0, 2.0, 3.0], scale))
-    assert score_trajectory(estimate, truth, monocular=True).values["ate_rmse_m"] < 1e-9
+    fitted = score_trajectory(estimate, truth, monocular=True).values
+    assert fitted["ate_rmse_m"] < 1e-9
+    assert fitted["scale"] == pytest.approx(1.0 / scale, rel=1e-9)
+    assert fitted["path_share"] == pytest.approx(1.0, rel=1e-9)
     values = score_trajectory(estimate, truth).values
     assert values["scale"] == pytest.approx(1.0 / scale, rel=1e-9)
     # Rigidly laid over its own enlargement, a shape is off by the difference of the scales times its own radius.
