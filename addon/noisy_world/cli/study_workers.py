@@ -48,8 +48,8 @@ def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
         study = _fitting(study, progress, stop)
         _carry_out(study, options, entry, progress, stop)
         write_tables(study.results)
-        shutil.rmtree(study.results.work, ignore_errors=True)
     finally:
+        study.results.tidy()
         lock.release()
     return _tell_outcome(study)
 

@@ -95,8 +95,21 @@ class Results:
         for above in folder.parents:
             if above in (self.folder, *self.folder.parents):
                 return
-            with contextlib.suppress(OSError):  # it holds something, or another process has removed it
-                os.rmdir(above)  # noqa: PTH106 - says the same
+            self.remove_empty(above)
+
+    def tidy(self) -> None:
+        """Remove the working folder, unless it holds frames with which the same command goes on; an empty folder too."""
+        for name in ("making", "clean"):
+            self.remove_empty(self.work / name)
+        if not any((self.work / name).exists() for name in ("making", "clean")):
+            shutil.rmtree(self.work, ignore_errors=True)
+        self.remove_empty(self.folder)
+
+    @staticmethod
+    def remove_empty(folder: Path) -> None:
+        """Remove a folder if nothing is in it."""
+        with contextlib.suppress(OSError):  # it holds something, or another process has removed it
+            os.rmdir(folder)  # noqa: PTH106 - says the same
 
     def runs(self) -> Iterator[SystemRun]:
         """Yield the runs that are whole, sorted."""
