@@ -17,23 +17,26 @@ THUMB_PX = 240  # the width of each of the two images beside each other
 EVENLY = 3  # pictures along the sequence, beside the worst frames
 
 
-def describe(results: Results, case: Case, sequence: CaseSequence, errors: Iterable[FrameErrors]) -> None:
-    """Write what stays of a sequence, if it is not there, the indicators last; and pictures of the worst frames.
-
-    errors: those of the runs that were just scored.
-    """
-    folder = results.of_case(case)
-    numbers = list(sequence.opened.frames)
-    for place in sorted({*_evenly(len(numbers)), *(row for found in errors for row in worst_frames(found))}):
-        path = folder / THUMBS / f"{numbers[place]:06d}.jpg"
-        if not path.is_file():
-            results.write_bytes(path, _thumb(sequence, numbers[place]))
+def describe(results: Results, case: Case, sequence: CaseSequence) -> None:
+    """Write what stays of a sequence, if it is not there; the indicators last."""
     if results.is_described(case):
         return
+    folder = results.of_case(case)
+    numbers = list(sequence.opened.frames)
+    show(results, case, sequence, _evenly(len(numbers)))
     results.write(folder / TRUTH, tum_text(sequence.truth))
     found = indicators_of(sequence.opened, sequence.clean)
     results.write(folder / FRAMES, _frames_text(found.per_frame))
     results.write_json(folder / INDICATORS, {**_plain(found.values), "frames": len(numbers)})
+
+
+def show(results: Results, case: Case, sequence: CaseSequence, places: Iterable[int]) -> None:
+    """Write small pictures of frames, by their places in the sequence, where they are not there."""
+    numbers = list(sequence.opened.frames)
+    for place in places:
+        path = results.of_case(case) / THUMBS / f"{numbers[place]:06d}.jpg"
+        if not path.is_file():
+            results.write_bytes(path, _thumb(sequence, numbers[place]))
 
 
 def worst_frames(errors: FrameErrors) -> list[int]:

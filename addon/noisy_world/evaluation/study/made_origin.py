@@ -121,7 +121,7 @@ class MadeOrigin:
         """
         plan, kept = self._plan(case)
         folder = self._results.making(case, keep=self._keep)
-        Run(plan, folder, progress=NotesOnly(progress), stop=self._stop).make_dataset()
+        Run(plan, folder, progress=NotesOnly(progress, case.scene), stop=self._stop).make_dataset()
         (render,) = plan.renders
         (sequence,) = render.sequences
         opened = open_path(folder)[sequence.folder]

@@ -5,11 +5,12 @@ from ...core.progress import Progress
 
 
 class NotesOnly:
-    """A listener that hands on notes alone."""
+    """A listener that hands on notes on a scene alone."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, scene: str) -> None:
         """Take who hears them."""
         self._progress = progress
+        self._scene = scene
 
     def start(self, label: str, total: int, done: int = 0) -> None:
         """Say nothing."""
@@ -18,8 +19,9 @@ class NotesOnly:
         """Say nothing."""
 
     def note(self, text: str, subject: str = "") -> None:
-        """Hand on a sentence; that on one subject is told once, whoever has it to say."""
-        self._progress.note(text, subject or text)
+        """Hand on a sentence on the scene: what concerns the sequence's files, nobody sees."""
+        if text.startswith(self._scene):
+            self._progress.note(text, subject or text)
 
     def finish(self) -> None:
         """Say nothing."""

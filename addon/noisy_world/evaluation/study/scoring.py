@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run of a system scored, by both protocols: `scores.json` and `errors.csv` in the run's folder."""
+"""A run of a system scored, by both protocols."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,25 +9,28 @@ import numpy as np
 
 from ...core.trajectories.trajectory import Trajectory
 from ..estimate import Estimate
-from ..metrics.frame_errors import FrameErrors, frame_errors_text
+from ..metrics.frame_errors import FrameErrors
 from ..metrics.protocols import paper_protocol
 from ..metrics.score import score_trajectory
 from ..outcome import Outcome, RunRecord
-from ..systems.estimate_file import read_estimate_file
-from .results import ERRORS, SCORES, Results
+from ..systems.estimate_file import ESTIMATE, KEYFRAMES, read_estimate_file
 
-ESTIMATE = "estimate.txt"
-KEYFRAMES = "keyframes.txt"
 STRICT, PAPER = "strict", "paper"
 PROTOCOL_NAMES = (STRICT, PAPER)
 
 NOTHING = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
 
 
-def score_run(
-    results: Results, folder: Path, record: RunRecord, truth: Trajectory, *, protocol: str, monocular: bool
-) -> FrameErrors:
-    """Score a run, and write that into its folder, the scores last. Return the errors of its frames.
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A run that was scored. content: of scores.json. errors: of its frames, by the study's protocol."""
+
+    content: dict[str, Any]
+    errors: FrameErrors
+
+
+def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: str, monocular: bool) -> Scored:
+    """Score the run in a folder.
 
     truth: of all the frames that the system was given. protocol: whose errors of frames are written. monocular: whether
     the system had no depth.
@@ -40,8 +44,5 @@ def score_run(
             estimate, truth, paper_protocol(record.system), monocular=monocular, keyframes=keyframes
         ),
     }
-    errors = scores[protocol].frame_errors
-    results.write(folder / ERRORS, frame_errors_text(errors))
     content: dict[str, Any] = {name: score.values for name, score in scores.items()}
-    results.write_json(folder / SCORES, {"failure": scores[protocol].failure, **content})
-    return errors
+    return Scored({"failure": scores[protocol].failure, **content}, scores[protocol].frame_errors)

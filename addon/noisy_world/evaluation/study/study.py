@@ -8,18 +8,18 @@ from typing import Any
 
 from ...core.presets.preset import check_document
 from ...core.progress import Progress
-from ..metrics.frame_errors import FrameErrors
+from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import System
 from ..systems.registry import find_system
 from ..systems.running import run_system
 from .cases import Case, SystemRun
-from .describing import describe
+from .describing import describe, show, worst_frames
 from .found_origin import FoundOrigin
 from .made_origin import MadeOrigin
 from .order import Order
 from .origin import CaseSequence, Origin
-from .results import Results
+from .results import ERRORS, SCORES, Results
 from .run_files import read_run_record
 from .scoring import score_run
 
@@ -74,22 +74,25 @@ class Study:
         if not missing and self.results.is_described(case):
             return
         with self.origin.sequence(case, progress) as sequence:
-            errors = [self._run(run, sequence, progress) for run in missing]
-            describe(self.results, case, sequence, errors)
+            for run in missing:
+                self._run(run, sequence, progress)
+            describe(self.results, case, sequence)
 
-    def _run(self, run: SystemRun, sequence: CaseSequence, progress: Progress) -> FrameErrors:
-        """Run a system, unless it was run and only its scores are missing; and score it."""
+    def _run(self, run: SystemRun, sequence: CaseSequence, progress: Progress) -> None:
+        """Run a system, unless it was run and only its scores are missing; show its worst frames, and score it."""
         system, folder = self.systems[run.system], self.results.of_run(run)
         record = read_run_record(folder)
         if record is None:
             self.results.remove(folder)  # what a run that was killed has left
             record = run_system(system, sequence.folder, folder, stop=self._stop)
         _tell(run, record, progress)
-        errors = score_run(
-            self.results, folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
+        scored = score_run(
+            folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
         )
+        self.results.write(folder / ERRORS, frame_errors_text(scored.errors))
+        show(self.results, run.case, sequence, worst_frames(scored.errors))
+        self.results.write_json(folder / SCORES, scored.content)
         progress.advance(len(sequence.truth))
-        return errors
 
     @cached_property
     def identity(self) -> dict[str, Any]:
