@@ -4,7 +4,7 @@
 from .alignment import Alignment, Similarity
 from .frame_errors import FrameErrors, frame_errors_text
 from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, Metric, metric_of
-from .protocols import PROTOCOLS, Protocol, paper_protocol
+from .protocols import PROTOCOLS, Protocol, metrics_of, paper_protocol
 from .robustness import Rate, corruption_error, resilience_rate
 from .score import FAILURES, Score, score_trajectory
 
@@ -24,6 +24,7 @@ __all__ = [
     "corruption_error",
     "frame_errors_text",
     "metric_of",
+    "metrics_of",
     "paper_protocol",
     "resilience_rate",
     "score_trajectory",

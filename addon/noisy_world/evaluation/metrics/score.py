@@ -68,8 +68,8 @@ class Score:
 
     protocol: its name. alignment: how the estimate was laid over the truth, by: with what; None where the run failed.
     failure: "" or one of FAILURES. poses: of the estimate that were scored; frames: of the truth; matched: how many of
-    both belong together. values: by the names of METRICS (or PAPER_METRICS), each finite; None where a metric has none.
-    frame_errors: of every true frame.
+    both belong together, their stamps max_difference_s apart at most. values: by the names of METRICS (or
+    PAPER_METRICS), each finite; None where a metric has none. frame_errors: of every true frame.
     """
 
     protocol: str
@@ -79,6 +79,7 @@ class Score:
     poses: int
     frames: int
     matched: int
+    max_difference_s: float
     values: Values
     frame_errors: FrameErrors = field(repr=False)
 
@@ -114,7 +115,7 @@ def score_trajectory(
         matched = _Matched(aligned_poses(matched.estimate, by), truth, frames, rotation_known=by.rotation_known)
     values = _strict(matched, by, failure) if protocol.kind == "strict" else _paper(matched, failure, protocol)
     errors = _frame_errors(matched, failure)
-    return Score(protocol.name, how, by, failure, len(scored), len(truth), len(rows), values, errors)
+    return Score(protocol.name, how, by, failure, len(scored), len(truth), len(rows), within_s, values, errors)
 
 
 @dataclass(frozen=True, eq=False)
