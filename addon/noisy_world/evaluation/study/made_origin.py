@@ -72,9 +72,13 @@ class MadeOrigin:
         """The plan of all sequences of one seed."""
         return lay_out_plan(self.preset, tuple(self._settings.values()), tuple(self._scenes.values()))
 
-    @cached_property
+    @property
     def identity(self) -> dict[str, Any]:
         """What decides the sequences, but for the seeds: as in a dataset's manifest."""
+        return self._identity
+
+    @cached_property
+    def _identity(self) -> dict[str, Any]:
         return plain_identity(self.whole, versions_of(self.whole))
 
     @property
@@ -91,9 +95,13 @@ class MadeOrigin:
         """Whether clean frames follow the seed: Blender's samples do."""
         return self.whole.renders_in_blender
 
-    @cached_property
+    @property
     def frames(self) -> Mapping[Case, int]:
         """The cases, scene by scene: settings that no seed changes have the first one only."""
+        return self._frames
+
+    @cached_property
+    def _frames(self) -> Mapping[Case, int]:
         found: dict[Case, int] = {}
         for scene in self._scenes.values():
             for number, seed in enumerate(self.seeds):
@@ -104,9 +112,11 @@ class MadeOrigin:
         return found
 
     def _varies(self, setting: Setting, scene: Scene) -> bool:
-        one, other = self.seeds[:2]
         return depends_on_seed(
-            setting, scene, (one, other), renders_by_seed=scene.source.gives.rendered and self.renders_by_seed
+            setting,
+            scene,
+            (self.seeds[0], self.seeds[1]),
+            renders_by_seed=scene.source.gives.rendered and self.renders_by_seed,
         )
 
     def condition(self, setting: str) -> Condition:
@@ -180,7 +190,9 @@ def _pinned(preset: Preset) -> Preset:
 
 def _pinned_scene(scene: Any, seed: int) -> Any:
     path = scene.get("trajectory") if isinstance(scene, dict) else None
-    walked = path.get("handheld") if isinstance(path, dict) else None
+    if not isinstance(path, dict):
+        return scene
+    walked = path.get("handheld")
     if not isinstance(walked, dict) or walked.get("seed") is not None:
         return scene
     return {**scene, "trajectory": {**path, "handheld": {**walked, "seed": seed}}}
