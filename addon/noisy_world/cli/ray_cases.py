@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`evaluate --ray`: the cases of a study, evaluated by the nodes of a Ray cluster, which share the folder of results."""
+"""`evaluate --ray`: the cases of a study, evaluated by the nodes of a Ray cluster that share the folder of results."""
 
 import argparse
 import threading

@@ -104,20 +104,17 @@ class MadeOrigin:
     def _frames(self) -> Mapping[Case, int]:
         found: dict[Case, int] = {}
         for scene in self._scenes.values():
-            for number, seed in enumerate(self.seeds):
+            for seed in self.seeds:
                 for setting in self._settings.values():
-                    if number == 0 or self._varies(setting, scene):
+                    if seed == self.seeds[0] or self._varies(setting, scene, seed):
                         laid = lay_out(setting, scene.name, scene.frame_count, (seed, scene.name, setting.name))
                         found[Case(scene.name, setting.name, seed)] = len(laid.frames)
         return found
 
-    def _varies(self, setting: Setting, scene: Scene) -> bool:
-        return depends_on_seed(
-            setting,
-            scene,
-            (self.seeds[0], self.seeds[1]),
-            renders_by_seed=scene.source.gives.rendered and self.renders_by_seed,
-        )
+    def _varies(self, setting: Setting, scene: Scene, seed: int) -> bool:
+        """Tell whether a sequence with a seed is another than that with the first one."""
+        by_seed = scene.source.gives.rendered and self.renders_by_seed
+        return depends_on_seed(setting, scene, (self.seeds[0], seed), renders_by_seed=by_seed)
 
     def condition(self, setting: str) -> Condition:
         """Return what is done in a setting."""
