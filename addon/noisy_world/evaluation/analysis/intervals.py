@@ -2,11 +2,11 @@
 """95 % intervals of what a few scenes say about scenes at large, and of what these scenes say about themselves.
 
 Runs in one scene are alike, so the scene is what counts: all its seeds and repeats stay together. With two to eight
-scenes, intervals of bootstrap quantiles (percentile, BCa) are far too narrow, and studentised ones are without end below
-five scenes (docs/analysis.md has the simulation). So every interval here is an estimate, plus and minus its standard
-error times a quantile of Student's t with one degree of freedom less than there are scenes. The standard error of a mean
-over scenes is in closed form what a bootstrap of scenes gives times sqrt(S / (S - 1)); that of any other number comes
-from such a bootstrap (Cameron, Gelbach and Miller 2008 on few clusters; Davison and Hinkley 1997, 3.8, on resampling
+scenes, intervals of bootstrap quantiles (percentile, BCa) are far too narrow, and studentised ones have no end below five
+scenes (docs/analysis.md has the simulation). So every interval here is an estimate, plus and minus its standard error
+times a quantile of Student's t with one degree of freedom less than there are scenes. The standard error of a mean over
+scenes is in closed form what a bootstrap of scenes gives times sqrt(S / (S - 1)); that of any other number comes from
+such a bootstrap (Cameron, Gelbach and Miller 2008 on few clusters; Davison and Hinkley 1997, 3.8, on resampling
 whole clusters only).
 """
 
@@ -134,6 +134,6 @@ def _around(value: float, half: float) -> Interval:
 
 
 def _quantile_t(freedom: float) -> float:
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.ppf((1.0 + LEVEL) / 2.0, freedom))
+    return float(stdtrit(freedom, (1.0 + LEVEL) / 2.0))
