@@ -110,7 +110,7 @@ def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "
         chance, base = held_out_predictions(features, failed, scenes)
         for scene in [*sorted(set(scenes)), ALL]:
             chosen = np.ones(len(scenes), bool) if scene == ALL else scenes == scene
-            row = {"system": system, "held_out": scene, "n_fitted": 0 if scene == ALL else int((~chosen).sum())}
+            row = {"system": system, "held_out": scene, "n_fitted": np.nan if scene == ALL else int((~chosen).sum())}
             folds.append(row | judged(failed, chance, base, chosen))
         model = fit_failure_model(features, failed)
         for name, *values in zip(names, model.coefficients, model.mean, model.deviation, strict=True):

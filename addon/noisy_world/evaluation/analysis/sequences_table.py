@@ -56,14 +56,14 @@ def _table(sequences: Columns, names: list[str]) -> "DataFrame":
             known = group.where(np.isfinite(group[f"{name}_mean"]))
             values, of_scenes = known[f"{name}_mean"], means_of_scenes(known, f"{name}_mean")
             row: dict[str, Any] = {**dict(zip(SETTING, key, strict=True)), "indicator": name, "n": len(known)}
-            row["n_scenes"] = len(of_scenes)
-            if len(values):
-                row["mean"] = float(np.mean(of_scenes))
-                row["low"], row["high"] = mean_interval(of_scenes)
-                row |= {"minimum": float(values.min()), "maximum": float(values.max())}
-                for end in ("low", "high"):
-                    column = f"{name}_{end}"
-                    row[f"{end}_frames"] = float(known[column].mean()) if column in known else float("nan")
+            if not len(values):
+                continue
+            row |= {"n_scenes": len(of_scenes), "mean": float(np.mean(of_scenes))}
+            row["low"], row["high"] = mean_interval(of_scenes)
+            row |= {"minimum": float(values.min()), "maximum": float(values.max())}
+            for end in ("low", "high"):
+                column = f"{name}_{end}"
+                row[f"{end}_frames"] = float(known[column].mean()) if column in known else float("nan")
             rows.append(row)
     return table_of(rows, COLUMNS)
 

@@ -25,7 +25,7 @@ TESTS = [
 UNITS = {"scene": ["scene"], "scene and seed": ["scene", "seed"]}
 
 
-def tests_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
+def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
     """Return Welch's test and Wilcoxon's signed-rank test of each setting against clean.
 
     Each is done twice: a value for each scene, which speaks for scenes at large, and a value for each scene and seed,

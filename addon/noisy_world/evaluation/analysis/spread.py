@@ -65,8 +65,8 @@ def means_with_intervals(cells: Cells, measure: str) -> Row:
     """Return the mean over scenes with both of its intervals: mean, low, high, here_low, here_high."""
     units = units_of(cells)
     of_scenes = _means(units)
-    runs_of_scenes = np.array([sum(map(len, seeds.values())) for seeds in cells.values()])
-    low, high = _interval(of_scenes, runs_of_scenes, measure)
+    runs = sum(len(values) for seeds in cells.values() for values in seeds.values())
+    low, high = _interval(of_scenes, runs, measure)
     here_low, here_high = _possible(here_interval(units), measure)
     mean = float(np.mean(of_scenes))
     return {"mean": mean, "low": low, "high": high, "here_low": here_low, "here_high": here_high}
@@ -149,9 +149,9 @@ def _means(groups: list[Float64]) -> Float64:
     return np.array([np.mean(group) for group in groups])
 
 
-def _interval(of_scenes: Float64, runs_of_scenes: Float64, measure: str) -> Interval:
-    if is_share(measure):
-        return share_interval(of_scenes, runs_of_scenes)
+def _interval(of_scenes: Float64, runs: int, measure: str) -> Interval:
+    if is_score(measure):
+        return share_interval(of_scenes, runs if is_share(measure) else np.inf)
     return _possible(mean_interval(of_scenes), measure)
 
 

@@ -11,7 +11,7 @@ from .prediction import SUCCESS, prediction_tables
 from .robustness_table import robustness_table
 from .run_table import headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
-from .significance import tests_table
+from .significance import against_clean_table
 from .spread import difference_table, spread_table
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     found = {
         "spread": spread_table(table, measures),
         "differences": difference_table(table, measures),
-        "tests": tests_table(table, headline),
+        "tests": against_clean_table(table, headline),
         "curves": curve_table(table, headline),
         "systems": grouped_table(table, headline, []),
         "by_perturbation": grouped_table(table, headline, ["perturbation"]),
