@@ -58,7 +58,8 @@ def test_every_table_has_a_caption_and_columns(tables):
     assert list(tables) == list(CAPTIONS)
     assert all("\n" not in caption and caption.endswith(".") for caption in CAPTIONS.values())
     empty = {name for name, table in tables.items() if not len(table)}
-    assert empty == {"depth", "perturbation_correlations"}  # no depth is told; no two perturbations share a mode
+    # No depth is told, no two perturbations share a mode, and the model has no features.
+    assert empty == {"depth", "perturbation_correlations", "prediction_coefficients"}
 
 
 def test_spread_over_scenes_and_seeds(tables):

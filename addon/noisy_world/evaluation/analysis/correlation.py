@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .columns import Columns, Key, hashable, table_of
-from .run_table import CLEAN, ERROR, SEQUENCE, indicators_in, worst_if_failed
+from .run_table import CLEAN, SEQUENCE, errors_of, indicators_in
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -81,7 +81,7 @@ def with_indicators(runs: Columns, sequences: Columns, names: list[str]) -> Colu
         name: np.array([key[place] for key, _ in found]) for place, name in enumerate((*SEQUENCE, "perturbation"))
     }
     columns |= {name: sequences[name][at] for name in names}
-    columns["error"] = np.array([float(np.median(_errors(group))) for _, group in found])
+    columns["error"] = np.array([float(np.median(errors_of(group))) for _, group in found])
     return Columns(columns, len(found))
 
 
@@ -127,7 +127,7 @@ def _pairs(mode: str, runs: Columns, cell: list[str], compared: str) -> list[dic
     errors: dict[str, dict[Key, float]] = {}
     for (name, *key), group in runs.groups([compared, *cell]):
         place = hashable(key)
-        errors.setdefault(str(name), {})[place] = float(np.median(_errors(group)))
+        errors.setdefault(str(name), {})[place] = float(np.median(errors_of(group)))
     rows = []
     scene = cell.index("scene")
     for a, b in combinations(sorted(errors), 2):
@@ -136,11 +136,6 @@ def _pairs(mode: str, runs: Columns, cell: list[str], compared: str) -> list[dic
         row = {"mode": mode, "a": a, "b": b, "n": len(both), "n_scenes": len({place[scene] for place in both})}
         rows.append({**row, "spearman": rho, "p": p})
     return rows
-
-
-def _errors(runs: Columns) -> Float64:
-    """Return the ATE of runs, infinite where one failed."""
-    return worst_if_failed(runs, ERROR) if ERROR in runs else np.full(len(runs), np.inf)
 
 
 def _constant(values: Any) -> bool:

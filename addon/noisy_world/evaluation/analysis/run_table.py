@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics import metric_of
+from ..metrics import PAPER_METRICS, metric_of
 from .columns import Columns
 from .indicators import INDICATORS
 
@@ -19,9 +19,10 @@ SEQUENCE = ["scene", "setting", "seed"]
 TEXTS = ("scene", "setting", "perturbation", "mode", "system", "outcome", "failure")
 NOT_MEASURES = {*TEXTS, "severity", "seed", "repeat", "frames", "failed"}
 FAILED = "failed"
-ERROR = "ate_rmse_m"
+ERRORS = ("ate_rmse_m", "ate_m", "paper.ate_m")
+"""The error that ranks and correlations take, the first of these that a table has: a study may be by protocol paper."""
 SCORES = ("success_auc", "f1_auc")
-HEADLINE = (FAILED, ERROR, "rpe_1frame_rmse_m", "tracked_share", *SCORES)
+HEADLINE = (FAILED, "ate_rmse_m", "ate_m", "rpe_1frame_rmse_m", "tracked_share", "sr", *SCORES)
 """Measures of the tests and of the tables by groups; of them, those that a table has."""
 
 
@@ -91,8 +92,14 @@ def is_score(measure: str) -> bool:
 
 def is_error(measure: str) -> bool:
     """Tell whether a measure is a length or an angle that is better the smaller it is: its logarithm is looked at."""
-    metric = metric_of(measure)
+    metric = metric_of(measure) or PAPER_METRICS.get(measure)
     return metric is not None and metric.better == "lower" and metric.unit in ("m", "deg", "rad")
+
+
+def errors_of(runs: Columns) -> NDArray[np.float64]:
+    """Return the ATE of runs, infinite where one failed; 0 for the others where no error is known."""
+    name = next((name for name in ERRORS if name in runs), None)
+    return np.where(runs[FAILED] == 1.0, np.inf, 0.0) if name is None else worst_if_failed(runs, name)
 
 
 def worst_if_failed(table: Columns, measure: str) -> NDArray[np.float64]:
