@@ -211,6 +211,17 @@ def test_damaged_files_are_refused_or_read(tmp_path, recorded):
     assert all(line.startswith(str(path)) for line in told)
 
 
+def test_a_pickle_that_asks_for_much_memory(tmp_path):
+    for part in (b"r\xff\xff\xff\x7f0", b"\x96\x00\x00\x00\x00\x10\x00\x00\x00", b"\x8a\x7f", b"X\xff\xff\xff\x7fa"):
+        for data in (archive(b"\x80\x02N" + part + b"N.", {}), legacy(b"\x80\x02N" + part + b"N.", {})):
+            (tmp_path / "file.pt").write_bytes(data)
+            with (
+                pytest.raises(InputError, match="is no checkpoint of torch, or a damaged one"),
+                open_torch(tmp_path / "file.pt"),
+            ):
+                pass
+
+
 def test_damage_that_is_named(tmp_path):
     data = mapping(a=tensor("0", (12,), (1,), 12))
     with pytest.raises(InputError, match="is damaged: the numbers '0' are not as many as it says"):

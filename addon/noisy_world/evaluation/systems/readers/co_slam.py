@@ -60,7 +60,8 @@ def _poses(file: Path, held: Any, name: str) -> dict[int, NDArray[np.float64]]:
     for number, value in sorted(found.items()):
         if not isinstance(value, Tensor) or value.shape != (4, 4):
             raise InputError(file, "is no pose of 4 x 4", where=f"{name}, frame {number}")
-        poses[number] = value.array().astype(np.float64)
+        with np.errstate(invalid="ignore"):  # of NaN in float32
+            poses[number] = value.array().astype(np.float64)
     return poses
 
 

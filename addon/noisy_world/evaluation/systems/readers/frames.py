@@ -43,7 +43,8 @@ def estimate_of_frames(
     or has two poses.
     """
     stamps_s = stamps_of(index)
-    matrices = _whole(path, np.asarray(poses, dtype=np.float64))
+    with np.errstate(invalid="ignore"):  # of NaN in float32
+        matrices = _whole(path, np.asarray(poses, dtype=np.float64))
     if len(numbers) != len(matrices):
         raise InputError(path, f"has {len(matrices)} poses for {len(numbers)} numbers of frames")
     _check_numbers(path, numbers, len(stamps_s))

@@ -6,10 +6,14 @@ storage, `data/KEY`; before, and with _use_new_zipfile_serialization=False, one 
 the protocol, the machine, the object, the keys of its storages; then each storage, its length before it.
 
 A pickle can name any function. Here a name gives an inert stand-in or is refused, so nothing is ever called but what
-this file defines.
+this file defines; and its operations are looked through before they are done, so that a damaged one asks for no more
+memory than the file has bytes.
 """
 
+import io
+import mmap
 import pickle
+import pickletools
 import struct
 import zipfile
 from collections import OrderedDict
@@ -17,7 +21,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +49,9 @@ _STORAGES: dict[str, tuple[int, str]] = {
     "ComplexDoubleStorage": (16, "c16"),
     "UntypedStorage": (1, "u1"),
 }
+# Operations that no pickle of a checkpoint has: extensions, buffers outside it, instances of classes of old.
+_REFUSED = {"EXT1", "EXT2", "EXT4", "BYTEARRAY8", "NEXT_BUFFER", "READONLY_BUFFER", "INST", "OBJ", "PERSID"}
+_KEEPS = {"PUT", "BINPUT", "LONG_BINPUT"}
 # What checkpoints hold beside tensors and is of no use here: numpy's arrays and numbers, and types and sizes of torch.
 _INERT = {
     ("torch", "Size"),
@@ -146,8 +153,8 @@ def open_torch(path: Path) -> Iterator[Any]:
             if zipfile.is_zipfile(stream):
                 value = _unzipped(path, opened.enter_context(zipfile.ZipFile(stream)))
             else:
-                stream.seek(0)
-                value = _legacy(path, stream)
+                # A mapping, unlike a file, gives no more than there is, however much is asked for.
+                value = _legacy(path, opened.enter_context(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)))
         except OSError as error:
             raise InputError(path, f"cannot be read: {error.strerror or error}") from error
         except _BROKEN as error:
@@ -168,11 +175,11 @@ def _unzipped(path: Path, archive: zipfile.ZipFile) -> Any:
             raise zipfile.BadZipFile("compressed")
         return archive.read(info)
 
-    with archive.open(pickles[0]) as stream:
-        return _Unpickler(stream, _File(path, fetch, ">" if big else "<")).value()
+    data = io.BytesIO(archive.read(pickles[0]))
+    return _Unpickler(data, _File(path, fetch, ">" if big else "<")).value()
 
 
-def _legacy(path: Path, stream: IO[bytes]) -> Any:
+def _legacy(path: Path, stream: mmap.mmap) -> Any:
     at: dict[str, tuple[int, int]] = {}
 
     def fetch(key: str) -> bytes:
@@ -196,23 +203,41 @@ def _legacy(path: Path, stream: IO[bytes]) -> Any:
         if len(count) != 8:
             raise InputError(path, "is damaged: it ends too early")
         size = int.from_bytes(count, "little") * reader.storages[key].item_bytes
+        if size > len(stream) - stream.tell():
+            raise InputError(path, "is damaged: it ends too early")
         at[key] = (stream.tell(), size)
         stream.seek(size, 1)
     return value
 
 
+def _look_through(stream: io.BytesIO | mmap.mmap) -> None:
+    """Look through the operations of the next pickle of a stream, and go back to its beginning.
+
+    Raises UnpicklingError for one that has no place in a checkpoint, and for a number of a kept value that is not one
+    of so many: the unpickler makes room for it.
+    """
+    begin = stream.tell()
+    for count, (operation, number, _) in enumerate(pickletools.genops(cast("IO[bytes]", stream))):
+        far = operation.name in _KEEPS and isinstance(number, int) and number > count
+        if operation.name in _REFUSED or far:
+            raise pickle.UnpicklingError(operation.name)
+    stream.seek(begin)
+
+
 class _Unpickler(pickle.Unpickler):
     """Makes plain values, `Tensor` and `Inert` of a pickle, and refuses every other name."""
 
-    def __init__(self, stream: IO[bytes], file: _File) -> None:
+    def __init__(self, stream: io.BytesIO | mmap.mmap, file: _File) -> None:
         super().__init__(stream)
         self.storages: dict[str, _Storage] = {}
+        self._stream = stream
         self._file = file
         self._refused = ""
 
     def value(self) -> Any:
         """Return the next value of the stream. Raises InputError."""
         try:
+            _look_through(self._stream)
             return self.load()
         except _BROKEN as error:
             if self._refused:
