@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from ....core.errors import NotFiniteError
+from ....core.trajectories.pose_text import FORMATS
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
 from . import arrays, co_slam, colmap, nice_slam, numbered, splatam, stamped, vslamlab
 from .frames import Index
 
-__all__ = ["READERS", "Index", "NotFiniteError", "Reader", "read_estimate"]
+__all__ = ["READERS", "TEXT_FORMATS", "Index", "NotFiniteError", "Reader", "read_estimate"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,9 @@ READERS: dict[str, Reader] = _registry(
     Reader("splatam", "SplaTAM's params.npz", splatam.read),
 )
 """Every reader by the name that a system's definition gives."""
+
+TEXT_FORMATS: tuple[str, ...] = FORMATS
+"""The formats of trajectories, of which `core.trajectories` can tell one by its content."""
 
 
 def read_estimate(
