@@ -85,7 +85,7 @@ def _carry_out(
         if options.ray is not None:
             from .ray_cases import evaluate_on_ray
 
-            evaluate_on_ray(study, list(cases.waiting), options, cases.done, progress, stop)
+            evaluate_on_ray(study, list(cases.waiting), options, cases.done, progress, stop=stop)
         elif jobs == 1:
             while (case := cases.next()) is not None:
                 study.carry_out(case, progress)

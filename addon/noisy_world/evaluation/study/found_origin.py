@@ -57,9 +57,13 @@ class FoundOrigin:
         names = list(dict.fromkeys(getattr(case, what) for case in self._names))
         return set(selected(names, list(globs) or None, Place(self._opened.place).at(f"{what}s")))
 
-    @cached_property
+    @property
     def identity(self) -> dict[str, Any]:
         """The sequences with what their frames and true poses are known by; and what the dataset was made from."""
+        return self._identity
+
+    @cached_property
+    def _identity(self) -> dict[str, Any]:
         return {
             "found": {case.name: self._known_by(case) for case in sorted(self._names)},
             "settings": self._settings,
@@ -74,9 +78,13 @@ class FoundOrigin:
         known = {} if self._made_from is None else self._made_from["settings"]
         return {case.setting: known[case.setting] for case in sorted(self._names) if case.setting in known}
 
-    @cached_property
+    @property
     def frames(self) -> Mapping[Case, int]:
-        """The cases, scene by scene, in the folder's order of settings; the clean one of a scene is the first."""
+        """The cases, scene by scene, their settings by name; the clean one of a scene is the first."""
+        return self._frames
+
+    @cached_property
+    def _frames(self) -> Mapping[Case, int]:
         ordered = sorted(self._names, key=lambda case: (case.scene, case.setting != CLEAN))
         return {case: len(self._opened[self._names[case]]) for case in ordered}
 

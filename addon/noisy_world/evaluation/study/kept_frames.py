@@ -105,7 +105,8 @@ class _Prepared:
                 self._prepared = self._prepare()
             return self._prepared.open(paths, options, note)
 
-        wanted = tuple(name for name, asked in (("rgb", options.rgb), ("depth", options.depth)) if asked)
+        asked: dict[Modality, bool] = {"rgb": options.rgb, "depth": options.depth}
+        wanted: tuple[Modality, ...] = tuple(name for name in MODALITIES if asked[name])
         return _Open(self._kept, wanted, opened)
 
 

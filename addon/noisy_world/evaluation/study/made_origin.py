@@ -72,9 +72,13 @@ class MadeOrigin:
         """The plan of all sequences of one seed."""
         return lay_out_plan(self.preset, tuple(self._settings.values()), tuple(self._scenes.values()))
 
-    @cached_property
+    @property
     def identity(self) -> dict[str, Any]:
         """What decides the sequences, but for the seeds: as in a dataset's manifest."""
+        return self._identity
+
+    @cached_property
+    def _identity(self) -> dict[str, Any]:
         return plain_identity(self.whole, versions_of(self.whole))
 
     @property
@@ -91,23 +95,26 @@ class MadeOrigin:
         """Whether clean frames follow the seed: Blender's samples do."""
         return self.whole.renders_in_blender
 
-    @cached_property
+    @property
     def frames(self) -> Mapping[Case, int]:
         """The cases, scene by scene: settings that no seed changes have the first one only."""
+        return self._frames
+
+    @cached_property
+    def _frames(self) -> Mapping[Case, int]:
         found: dict[Case, int] = {}
         for scene in self._scenes.values():
-            for number, seed in enumerate(self.seeds):
+            for seed in self.seeds:
                 for setting in self._settings.values():
-                    if number == 0 or self._varies(setting, scene):
+                    if seed == self.seeds[0] or self._varies(setting, scene, seed):
                         laid = lay_out(setting, scene.name, scene.frame_count, (seed, scene.name, setting.name))
                         found[Case(scene.name, setting.name, seed)] = len(laid.frames)
         return found
 
-    def _varies(self, setting: Setting, scene: Scene) -> bool:
-        one, other = self.seeds[:2]
-        return depends_on_seed(
-            setting, scene, (one, other), renders_by_seed=scene.source.gives.rendered and self.renders_by_seed
-        )
+    def _varies(self, setting: Setting, scene: Scene, seed: int) -> bool:
+        """Tell whether a sequence with a seed is another than that with the first one."""
+        by_seed = scene.source.gives.rendered and self.renders_by_seed
+        return depends_on_seed(setting, scene, (self.seeds[0], seed), renders_by_seed=by_seed)
 
     def condition(self, setting: str) -> Condition:
         """Return what is done in a setting."""
@@ -180,7 +187,9 @@ def _pinned(preset: Preset) -> Preset:
 
 def _pinned_scene(scene: Any, seed: int) -> Any:
     path = scene.get("trajectory") if isinstance(scene, dict) else None
-    walked = path.get("handheld") if isinstance(path, dict) else None
+    if not isinstance(path, dict):
+        return scene
+    walked = path.get("handheld")
     if not isinstance(walked, dict) or walked.get("seed") is not None:
         return scene
     return {**scene, "trajectory": {**path, "handheld": {**walked, "seed": seed}}}

@@ -98,7 +98,7 @@ class Results:
             self.remove_empty(above)
 
     def tidy(self) -> None:
-        """Remove the working folder, unless it holds frames that are taken up again, and the whole one if it is empty."""
+        """Remove the working folder, unless it holds frames that are taken up again; and an empty folder."""
         for name in ("making", "clean"):
             self.remove_empty(self.work / name)
         if not any((self.work / name).exists() for name in ("making", "clean")):
