@@ -6,7 +6,7 @@ import pytest
 
 from noisy_world.evaluation.maps.fusing import fuse
 from noisy_world.evaluation.maps.volume import ColourVolume
-from tests.support.seen_shapes import CAMERA, around, looking, sphere_view
+from seen_shapes import CAMERA, around, looking, sphere_view
 
 RADIUS_M = 0.5
 
