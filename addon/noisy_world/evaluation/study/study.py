@@ -104,7 +104,8 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
-        return {"maps": self.order.maps, "protocol": self.order.protocol, "subject": self.origin.identity, "systems": systems}
+        how = {"maps": self.order.maps, "protocol": self.order.protocol}
+        return {**how, "subject": self.origin.identity, "systems": systems}
 
 
 def _described(system: System) -> dict[str, Any]:
