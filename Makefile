@@ -72,6 +72,10 @@ $(VENV)/.extras: requirements-extras.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) --only-binary :all: --no-binary jsonpath-rw --require-hashes -r $< # all wheels but one
 	touch $(VENV)/.installed $@
 
+$(VENV)/.evaluate: requirements-evaluate.lock $(VENV)/.installed
+	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
+	touch $(VENV)/.installed $@
+
 # Several processes share the tests, a file at a time; tests/conftest.py says which files are the first.
 PYTEST := $(PY) -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
@@ -127,6 +131,7 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
+	uv pip compile --group pyproject.toml:evaluate --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-evaluate.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 

@@ -8,7 +8,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from analytic import look_at, quads_mesh
+from analytic import interpolated, look_at, quads_mesh
 from ply_files import INDICES, XYZ, ply, vertex
 
 from noisy_world.blender.probe import gl_version
@@ -101,19 +101,9 @@ def test_several_samples_keep_colours(engine):
 def test_between_texels_colours_are_interpolated_as_stored(engine):
     picture = np.array([[[0, 255, 10], [200, 5, 250]], [[100, 30, 60], [20, 40, 255]]], np.uint8)
     image = render(textured([picture]), engine)
-    # 2 x 2 texels over 64 x 48 pixels; the picture repeats, so between the last and the first it runs back
-    x, y = (np.arange(W) + 0.5) / 32 - 0.5, (np.arange(H) + 0.5) / 24 - 0.5
-    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = (x - column)[None, :, None], (y - row)[:, None, None]
-
-    def texel(right, down):
-        return picture[np.ix_((row + down) % 2, (column + right) % 2)].astype(float)
-
-    upper = texel(0, 0) * (1 - fx) + texel(1, 0) * fx
-    lower = texel(0, 1) * (1 - fx) + texel(1, 1) * fx
     # graphics cards and Mesa weigh with 8 bits, so that a step is 1/256 of the span
     tolerance = {"cycles": 0.51, "eevee": 0.7, "workbench": 2.0}[engine]
-    assert np.abs(image - (upper * (1 - fy) + lower * fy)).max() < tolerance
+    assert np.abs(image - interpolated(picture, W, H)).max() < tolerance
 
 
 @each_engine

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
 
-from analytic import look_at, quads_mesh
+from analytic import interpolated, look_at, quads_mesh
 from cases import cases
 from ray_tools import cast, polygons
 
@@ -76,16 +76,7 @@ def test_a_texel_a_pixel_is_its_bytes():
 
 def test_between_texels_colours_are_interpolated_and_the_picture_repeats():
     picture = np.array([[[0, 255, 10], [200, 5, 250]], [[100, 30, 60], [20, 40, 255]]], np.uint8)
-    x, y = (np.arange(W) + 0.5) / 32 - 0.5, (np.arange(H) + 0.5) / 24 - 0.5
-    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = (x - column)[None, :, None], (y - row)[:, None, None]
-
-    def texel(right, down):
-        return picture[np.ix_((row + down) % 2, (column + right) % 2)].astype(float)
-
-    upper = texel(0, 0) * (1 - fx) + texel(1, 0) * fx
-    lower = texel(0, 1) * (1 - fx) + texel(1, 1) * fx
-    assert np.abs(image(textured([picture])) - (upper * (1 - fy) + lower * fy)).max() < 0.51
+    assert np.abs(image(textured([picture])) - interpolated(picture, W, H)).max() < 0.51
 
 
 def test_coordinates_beyond_the_picture_repeat_it():

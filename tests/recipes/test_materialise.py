@@ -28,8 +28,6 @@ def _blender_is_there(monkeypatch):
     """The commands look for bpy; here frames come from arithmetic."""
     monkeypatch.setattr("noisy_world.cli.generate.missing_package", lambda names, entry: "")
     monkeypatch.setattr("noisy_world.cli.generate.blender_problem", lambda: "")
-    monkeypatch.setattr("noisy_world.cli.clean_command.missing_package", lambda names, entry: "")
-    monkeypatch.setattr("noisy_world.cli.clean_command.blender_problem", lambda: "")
     fake_session.Session.rendered.clear()
 
 

@@ -66,6 +66,16 @@ def test_a_run_equals_a_published_folder(preset, packed, place, monkeypatch, cap
     assert marks == {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
 
 
+def test_a_run_that_ended_before_it_tidied_up(preset, place, monkeypatch):
+    _, address, scratch = place
+    with monkeypatch.context() as patched:
+        patched.setattr(AddressRun, "_remove_staging", lambda self: None)
+        run_of(preset, address, scratch).make_dataset()
+    assert list(scratch.iterdir())
+    run_of(preset, address, scratch).make_dataset()
+    assert not list(scratch.iterdir())
+
+
 def test_any_cutting_and_order_of_shards(preset, packed, place):
     folder, address, scratch = place
     # Overlapping and out of order; windows of desync and faster motion cross all borders.

@@ -35,6 +35,22 @@ def rays(camera, c2w):
     return local @ c2w[:3, :3].T
 
 
+def interpolated(picture, width_px, height_px):
+    """A picture (h, w, 3) laid once over an image, its texels interpolated; the picture repeats."""
+    rows, columns = picture.shape[:2]
+    x = (np.arange(width_px) + 0.5) * columns / width_px - 0.5
+    y = (np.arange(height_px) + 0.5) * rows / height_px - 0.5
+    column, row = np.floor(x).astype(int), np.floor(y).astype(int)
+    fx, fy = (x - column)[None, :, None], (y - row)[:, None, None]
+
+    def texel(right, down):
+        return picture[np.ix_((row + down) % rows, (column + right) % columns)].astype(float)
+
+    upper = texel(0, 0) * (1 - fx) + texel(1, 0) * fx
+    lower = texel(0, 1) * (1 - fx) + texel(1, 1) * fx
+    return upper * (1 - fy) + lower * fy
+
+
 def plane_depth(camera, c2w, point, normal):
     """Planar depth (H, W); infinite where the plane is behind or parallel."""
     with np.errstate(divide="ignore"):

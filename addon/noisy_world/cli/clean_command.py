@@ -3,10 +3,10 @@
 
 import argparse
 
-from ..core.requirements import NEEDED
 from .arguments import frame_slice
-from .entry import INTERRUPTED, Entry, say
-from .missing import blender_problem, missing_package
+from .ending import CONTINUES, ended
+from .entry import Entry
+from .generate import need_blender
 from .part import add_part_options, recipe_part
 from .places import folder, path
 
@@ -26,32 +26,22 @@ def main(arguments: list[str], entry: Entry) -> int:
         "--frames", metavar="A:B", type=frame_slice, help="only what frames A to B-1 of each sequence show"
     )
     options = parser.parse_args(arguments)
-    if problem := missing_package(NEEDED, entry):
-        entry.complain(problem)
-        return 1
-    from ..core.errors import InterruptedRunError, NoisyWorldError
+    return ended(lambda: render(options, entry), entry, stopped=f"{CONTINUES}:\n  {entry.pasteable(arguments)}")
+
+
+def render(options: argparse.Namespace, entry: Entry) -> int:
+    """Render the frames, and print how many."""
+    from ..core.errors import InputError
     from ..recipes.clean_making import make_store
     from ..recipes.recipe import read_recipe
     from .running import listener
 
-    try:
-        recipe = read_recipe(options.recipe)
-        plan = recipe_part(recipe, options)
-        if not plan.renders_anything:
-            entry.complain(f"{options.recipe}: its scenes are recordings, which noisy_world.open reads as they are")
-            return 1
-        if plan.needs_blender and (problem := missing_package(["bpy"], entry) or blender_problem()):
-            entry.complain(problem)
-            return 1
-        progress, stop = listener("text")
-        made = make_store(plan, options.out, progress, stop)
-    except InterruptedRunError:
-        say(
-            f"stopped; finished frames stay, and the same command continues from there:\n  {entry.pasteable(arguments)}"
-        )
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    recipe = read_recipe(options.recipe)
+    plan = recipe_part(recipe, options)
+    if not plan.renders_anything:
+        raise InputError(options.recipe, "its scenes are recordings, which noisy_world.open reads as they are")
+    need_blender(plan, entry)
+    progress, stop = listener("text")
+    made = make_store(plan, options.out, progress, stop)
     print(f"{options.out}: {made} frames rendered, {plan.frame_count - made} kept")
     return 0

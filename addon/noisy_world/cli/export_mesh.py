@@ -8,40 +8,42 @@ layout. Many readers cannot read quads and other polygons; --triangulate is for 
 import argparse
 
 from .arguments import path
+from .ending import ended
 from .entry import Entry
-from .missing import missing_package
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    if problem := missing_package(["numpy", "cv2"], entry):
-        entry.complain(problem)
-        return 1
-    from ..core.errors import InputError, NoisyWorldError
-    from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
-    from ..core.scenes.ply import read_ply
-    from ..core.scenes.ply_file import read_header
-    from ..core.scenes.ply_writer import write_ply
-    from ..core.scenes.room import build_room
+    return ended(lambda: write(parse(arguments, entry)), entry, needs=["numpy", "cv2"])
+
+
+def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS
 
     parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
     known = f"a PLY file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
     parser.add_argument("mesh", metavar="MESH", type=path, help=known)
     parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
-    options = parser.parse_args(arguments)
-    try:
-        name = str(options.mesh)
-        mesh = build_room(_one_room(name)) if is_embedded(name) else read_ply(options.mesh)
-        if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
-            problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
-            raise InputError(
-                options.mesh, problem, remedy="transfer them to its vertices first, in MeshLab for instance"
-            )
-        write_ply(options.out, mesh, triangulate=options.triangulate)
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    return parser.parse_args(arguments)
+
+
+def write(options: argparse.Namespace) -> int:
+    """Write the mesh, and print what was written."""
+    from ..core.errors import InputError
+    from ..core.scenes.embedded import is_embedded
+    from ..core.scenes.ply import read_ply
+    from ..core.scenes.ply_file import read_header
+    from ..core.scenes.ply_writer import write_ply
+    from ..core.scenes.room import build_room
+
+    name = str(options.mesh)
+    mesh = build_room(_one_room(name)) if is_embedded(name) else read_ply(options.mesh)
+    if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
+        problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
+        raise InputError(options.mesh, problem, remedy="transfer them to its vertices first, in MeshLab for instance")
+    write_ply(options.out, mesh, triangulate=options.triangulate)
     for note in mesh.notes:
         print(note)
     if mesh.texture is not None:

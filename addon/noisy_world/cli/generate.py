@@ -4,9 +4,9 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from ..core.requirements import NEEDED
 from .arguments import out_address, out_folder, parse_arguments, preset_words
-from .entry import INTERRUPTED, Entry, say
+from .ending import CONTINUES, ended
+from .entry import Entry
 from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_problem, missing_package
 from .outcome import tell_outcome
@@ -23,18 +23,8 @@ if TYPE_CHECKING:
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse_arguments(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        return fail(problem, options, entry)
-    from ..core.errors import InterruptedRunError, NoisyWorldError
-
-    try:
-        return do(options, entry)
-    except InterruptedRunError:
-        again = entry.pasteable(own_arguments(options))
-        say(f"stopped; finished frames stay, and the same command continues from there:\n  {again}")
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        return fail(str(error), options, entry)
+    again = "" if options.preset is None or options.out is None else f":\n  {entry.pasteable(own_arguments(options))}"
+    return ended(lambda: do(options, entry), entry, stopped=CONTINUES + again, options=options)
 
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
@@ -55,8 +45,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from .running import listener
 
-    if problem := lacking_blender(plan, entry):
-        return fail(problem, options, entry)
+    need_blender(plan, entry)
     if out_address(options) is not None:
         return generate_there(plan, options, entry)
     out = out_folder(options)
@@ -77,12 +66,13 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
 
 def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset at an address, and print the outcome."""
+    from ..core.errors import StorageError
     from .at_address import run_at, told_of
     from .running import listener
     from .workers import Workers, useful_jobs
 
     if options.overwrite:
-        return fail("--overwrite replaces datasets in folders; choose another address with --out", options, entry)
+        raise StorageError("--overwrite replaces datasets in folders; choose another address with --out")
     progress, stop = listener(options.progress)
     if options.ray is not None:
         from .ray_workers import make_on_ray
@@ -110,12 +100,14 @@ def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress:
     return run.make_dataset()
 
 
-def lacking_blender(plan: "Plan", entry: Entry) -> str:
-    """Return why frames of a plan cannot be made for want of Blender; "" where they can."""
+def need_blender(plan: "Plan", entry: Entry) -> None:
+    """Raise MissingDependencyError where a plan's frames cannot be made for want of Blender."""
+    from ..core.errors import MissingDependencyError
+
     problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
-    if not problem or plan.renders_in_blender:
-        return problem
-    return f"{problem}; or add --set render.backend=reference, which needs no Blender"
+    if problem:
+        or_else = "" if plan.renders_in_blender else "; or add --set render.backend=reference, which needs no Blender"
+        raise MissingDependencyError(problem + or_else)
 
 
 def work() -> int:
@@ -135,13 +127,3 @@ def own_arguments(options: argparse.Namespace) -> list[str]:
         words += ["--ray", options.ray, "--cpus", str(options.cpus)]
         words += ["--shards", str(options.shards)] if options.shards is not None else []
     return words
-
-
-def fail(text: str, options: argparse.Namespace, entry: Entry) -> int:
-    """Report what is wrong; return the exit status of a user's error."""
-    entry.complain(text)
-    if options.progress == "json":
-        from .running import machine_listener
-
-        machine_listener().tell({"error": text})
-    return 1

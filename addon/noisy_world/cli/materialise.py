@@ -3,41 +3,18 @@
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from ..core.requirements import NEEDED
 from .arguments import frame_slice, positive
-from .entry import INTERRUPTED, Entry, say
-from .missing import missing_package
+from .ending import CONTINUES, ended
+from .entry import Entry
 from .part import add_part_options, recipe_part
 from .places import folder, path
-
-if TYPE_CHECKING:
-    from ..core.planning.plan import Plan
-    from ..recipes.recipe import Recipe
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse_arguments(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        entry.complain(problem)
-        return 1
-    from ..core.errors import InterruptedRunError, NoisyWorldError
-    from ..recipes.recipe import read_recipe
-
-    try:
-        recipe = read_recipe(options.recipe)
-        plan = recipe_part(recipe, options)
-        return make(recipe, plan, options, entry)
-    except InterruptedRunError:
-        say(
-            f"stopped; finished frames stay, and the same command continues from there:\n  {entry.pasteable(arguments)}"
-        )
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    return ended(lambda: make(options, entry), entry, stopped=f"{CONTINUES}:\n  {entry.pasteable(arguments)}")
 
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
@@ -57,13 +34,16 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
-def make(recipe: "Recipe", plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
-    """Make the plan's dataset, verify it, and return the exit status: 0 where all is as it can be here."""
+def make(options: argparse.Namespace, entry: Entry) -> int:
+    """Make the dataset, verify it, and return the exit status: 0 where all is as it can be here."""
+    from ..recipes.recipe import read_recipe
     from ..recipes.verifying import verify
     from .command import own_entry
     from .generate import generate
     from .running import listener
 
+    recipe = read_recipe(options.recipe)
+    plan = recipe_part(recipe, options)
     status = generate(plan, _generate_options(options, entry), replace(entry, words=own_entry("generate").words))
     if status != 0:
         return status

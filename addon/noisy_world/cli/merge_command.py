@@ -5,12 +5,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.requirements import NEEDED
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import shard_lines
-from .entry import INTERRUPTED, Entry, say
-from .generate import fail
-from .missing import missing_package
+from .ending import ended
+from .entry import Entry
 from .outcome import tell_outcome
 from .part import planned
 
@@ -24,17 +22,8 @@ if TYPE_CHECKING:
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        return fail(problem, options, entry)
-    from ..core.errors import InterruptedRunError, NoisyWorldError
-
-    try:
-        return do(options)
-    except InterruptedRunError:
-        say("stopped; what was merged stays, and the same command continues from there")
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        return fail(str(error), options, entry)
+    stopped = "what was merged stays, and the same command continues from there"
+    return ended(lambda: do(options), entry, stopped=stopped, options=options)
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

@@ -7,13 +7,11 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.requirements import NEEDED
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import merge_words, shard_beginning_on, shard_words
+from .ending import ended
 from .entry import Entry
-from .generate import fail
 from .listing import duration, print_plan
-from .missing import missing_package
 from .part import planned
 
 MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
@@ -25,19 +23,15 @@ if TYPE_CHECKING:
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        return fail(problem, options, entry)
-    from ..core.errors import NoisyWorldError
+    return ended(lambda: do(options), entry)
 
-    try:
-        plan = planned(options)
-    except NoisyWorldError as error:
-        return fail(str(error), options, entry)
-    return (
-        print_plan(plan, out_address(options) or out_folder(options))
-        if options.shards is None
-        else print_shards(plan, options)
-    )
+
+def do(options: argparse.Namespace) -> int:
+    """Plan, and print what was asked for."""
+    plan = planned(options)
+    if options.shards is None:
+        return print_plan(plan, out_address(options) or out_folder(options))
+    return print_shards(plan, options)
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
@@ -63,7 +57,6 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     options = settled(parser, parser.parse_args(arguments))
     if options.slurm and options.shards is None:
         parser.error("--slurm needs --shards N")
-    options.progress = "text"
     return options
 
 

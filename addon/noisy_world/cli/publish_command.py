@@ -3,14 +3,19 @@
 
 import argparse
 
-from .entry import INTERRUPTED, Entry, say
+from .ending import ended
+from .entry import Entry
 from .places import address_text, path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse_arguments(arguments, entry)
-    from ..core.errors import InterruptedRunError, NoisyWorldError
+    return ended(lambda: pack(options), entry, stopped="finished tars stay, and the same command continues from there")
+
+
+def pack(options: argparse.Namespace) -> int:
+    """Pack the dataset, and print what was written."""
     from ..storage.address import open_address
     from ..storage.publishing import publish
     from .running import listener
@@ -19,12 +24,6 @@ def main(arguments: list[str], entry: Entry) -> int:
     try:
         address = open_address(address_text(options.address))
         done = publish(options.dataset, address, progress, stop)
-    except InterruptedRunError:
-        say("stopped; finished tars stay, and the same command continues from there")
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
     finally:
         progress.finish()
     if done.new:

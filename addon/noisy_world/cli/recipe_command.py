@@ -4,9 +4,8 @@
 import argparse
 import sys
 
-from ..core.requirements import NEEDED
+from .ending import ended
 from .entry import Entry, say
-from .missing import missing_package
 from .places import path, place
 
 
@@ -20,30 +19,27 @@ def main(arguments: list[str], entry: Entry) -> int:
     parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
     parser.add_argument("--out", metavar="FILE", type=path, help="the file to write (default: standard output)")
     options = parser.parse_args(arguments)
-    if problem := missing_package(NEEDED, entry):
-        entry.complain(problem)
-        return 1
+    return ended(lambda: write(options), entry)
+
+
+def write(options: argparse.Namespace) -> int:
+    """Write the recipe."""
     from ..core.datasets.storage import storage_errors
-    from ..core.errors import NoisyWorldError
     from ..recipes.making import unnamed_sequences
     from ..recipes.of_dataset import recipe_of
     from .running import listener
 
-    try:
-        progress, _ = listener("text")
-        recipe = recipe_of(options.dataset, progress)
-        text = recipe.text()
-        if options.out is None:
-            sys.stdout.write(text)
-        else:
-            with storage_errors(options.out):
-                options.out.write_text(text, encoding="utf-8")
-        if others := unnamed_sequences(recipe):
-            say(
-                f"the preset that this dataset was last made with does not name {others}: the recipe verifies that, "
-                "but cannot make it again"
-            )
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    progress, _ = listener("text")
+    recipe = recipe_of(options.dataset, progress)
+    text = recipe.text()
+    if options.out is None:
+        sys.stdout.write(text)
+    else:
+        with storage_errors(options.out):
+            options.out.write_text(text, encoding="utf-8")
+    if others := unnamed_sequences(recipe):
+        say(
+            f"the preset that this dataset was last made with does not name {others}: the recipe verifies that, "
+            "but cannot make it again"
+        )
     return 0

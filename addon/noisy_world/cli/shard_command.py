@@ -4,15 +4,12 @@
 import argparse
 from typing import TYPE_CHECKING
 
-from ..core.requirements import NEEDED
 from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
-from .entry import INTERRUPTED, Entry, say
-from .generate import fail, lacking_blender
-from .missing import missing_package
+from .ending import CONTINUES, ended
+from .entry import BUSY, Entry
+from .generate import need_blender
 from .outcome import tell_outcome
 from .part import planned
-
-BUSY = 75  # sysexits.h, EX_TEMPFAIL: another process makes the shard, so it may be worth trying again later
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
@@ -22,21 +19,8 @@ if TYPE_CHECKING:
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        return fail(problem, options, entry)
-    from ..core.errors import BusyError, InterruptedRunError, NoisyWorldError
-
-    try:
-        return do(options, entry)
-    except InterruptedRunError:
-        again = entry.pasteable([*preset_words(options), "--shard", options.shard])
-        say(f"stopped; finished frames stay, and the same command continues from there:\n  {again}")
-        return INTERRUPTED
-    except BusyError as error:
-        fail(str(error), options, entry)
-        return BUSY
-    except NoisyWorldError as error:
-        return fail(str(error), options, entry)
+    again = entry.pasteable([*preset_words(options), "--shard", options.shard])
+    return ended(lambda: do(options, entry), entry, stopped=f"{CONTINUES}:\n  {again}", busy=BUSY, options=options)
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
@@ -76,10 +60,9 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     plan = planned(options)
     shard = Shard.parse(options.shard)
     render_of(plan, shard)
-    if problem := lacking_blender(plan.only(render_of(plan, shard)), entry):
-        return fail(problem, options, entry)
+    need_blender(plan.only(render_of(plan, shard)), entry)
     if out_address(options) is not None:
-        return make_there(plan, shard, options, entry)
+        return make_there(plan, shard, options)
     return make(plan, shard, options)
 
 
@@ -100,13 +83,14 @@ def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     return 0
 
 
-def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace, entry: Entry) -> int:
+def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
     """Make the shard in the scratch folder, and put it to the address."""
+    from ..core.errors import StorageError
     from .at_address import run_at, told_of
     from .running import listener
 
     if options.overwrite:
-        return fail("--overwrite replaces shards in folders; remove the shard's .json at the address", options, entry)
+        raise StorageError("--overwrite replaces shards in folders; remove the shard's .json at the address")
     progress, stop = listener(options.progress)
     run = run_at(plan, options, progress, stop)
     return told_of(run.make_shard(shard, threads=options.threads), options)

@@ -6,10 +6,9 @@ import json
 import sys
 from pathlib import Path
 
-from ..core.requirements import NEEDED
 from .arguments import frame_slice
+from .ending import ended
 from .entry import Entry
-from .missing import missing_package
 from .places import address_text, place
 from .status_table import LONGEST_TABLE, content, told
 
@@ -17,16 +16,7 @@ from .status_table import LONGEST_TABLE, content, told
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line; return 0, or 1 where files are lost or damaged or there is no dataset."""
     options = _parse(arguments, entry)
-    if problem := missing_package(NEEDED, entry):
-        entry.complain(problem)
-        return 1
-    from ..core.errors import NoisyWorldError
-
-    try:
-        return _tell(options)
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    return ended(lambda: _tell(options), entry)
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

@@ -3,9 +3,8 @@
 
 import argparse
 
-from ..core.requirements import NEEDED
-from .entry import INTERRUPTED, Entry, say
-from .missing import missing_package
+from .ending import ended
+from .entry import Entry
 from .places import path, place
 
 
@@ -19,23 +18,17 @@ def main(arguments: list[str], entry: Entry) -> int:
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
     parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
     options = parser.parse_args(arguments)
-    if problem := missing_package(NEEDED, entry):
-        entry.complain(problem)
-        return 1
-    from ..core.errors import InterruptedRunError, NoisyWorldError
+    return ended(lambda: compare(options), entry, stopped="nothing was written, and verify begins at the beginning")
+
+
+def compare(options: argparse.Namespace) -> int:
+    """Compare, and print what was found."""
     from ..recipes.recipe import read_recipe
     from ..recipes.verifying import verify
     from .running import listener
 
-    try:
-        progress, stop = listener("text")
-        findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
-    except InterruptedRunError as stopped:
-        say(str(stopped))
-        return INTERRUPTED
-    except NoisyWorldError as error:
-        entry.complain(str(error))
-        return 1
+    progress, stop = listener("text")
+    findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
     for line in [*findings.lines(), *findings.told()]:
         print(line)
     return 0 if findings.as_the_recipe else 1

@@ -131,6 +131,7 @@ class AddressRun:
         if self._begin():
             self._progress.note(f"{self._address.text}: holds this dataset already; nothing to do")
             self.report.frames_kept = self._plan.frame_count
+            self._remove_left()
             return self.report
         make_own(self._scratch)
         try:
@@ -147,9 +148,7 @@ class AddressRun:
             self._progress.finish()
             self._dataset.close()
             lock.release()
-        shutil.rmtree(self.folder, ignore_errors=True)
-        (self._scratch / "lock").unlink(missing_ok=True)
-        self._tidy()
+        self._remove_staging()
         return self.report
 
     def _begin(self) -> bool:
@@ -346,6 +345,24 @@ class AddressRun:
     def _note(self, text: str) -> None:
         self.report.notes.append(text)
         self._progress.note(text)
+
+    def _remove_left(self) -> None:
+        """Remove what a run left in the scratch folder that was killed when it had packed all."""
+        if not self._scratch.is_dir():
+            return
+        make_own(self._scratch)  # which refuses a folder of somebody else's
+        try:
+            lock = FolderLock(self._scratch / "lock")
+        except BusyError:
+            return  # the run that packed all is removing it
+        lock.release()
+        shutil.rmtree(self._scratch / "shards", ignore_errors=True)
+        self._remove_staging()
+
+    def _remove_staging(self) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+        (self._scratch / "lock").unlink(missing_ok=True)
+        self._tidy()
 
     def _tidy(self) -> None:
         """Remove what is empty of the scratch folder."""

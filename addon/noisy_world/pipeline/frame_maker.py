@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Sequence as Many
 from functools import partial
-from types import TracebackType
 from typing import Self
 
 from ..core.datasets.dataset import Dataset
@@ -147,9 +146,7 @@ class FrameMaker:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

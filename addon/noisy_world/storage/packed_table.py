@@ -24,6 +24,7 @@ class PackedTable:
         except ImportError as error:
             raise missing(address.text, "pyarrow") from error
         self._place = address.of(TABLE)
+        # What pyarrow raises where a file is no Parquet, or its bytes are not what its index says.
         self._damage = (pyarrow.ArrowInvalid, pyarrow.ArrowNotImplementedError, pyarrow.ArrowKeyError)
         size = address.size(TABLE)
         if size is None:

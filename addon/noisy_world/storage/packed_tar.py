@@ -6,13 +6,13 @@ import hashlib
 import io
 import tarfile
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import dataclass, field
 
 from ..core.datasets.records import FRAMES, FrameRecord, joined_records, read_record
 from ..core.errors import InterruptedRunError
+from ..core.working_ahead import done_ahead
 from .address import Address
 from .packed import content_of
 from .sequence_tar import FRAMES_FOLDER, tar_name
@@ -55,25 +55,16 @@ def tar_contents(
     sizes: of the files at the address. Raises StorageError where the store refuses, InterruptedRunError where `stop` is
     set.
     """
-    waiting: deque[tuple[str, Future[TarContent]]] = deque()
     ending = threading.Event()  # so that nobody waits for tars that are not asked for any more
 
     def read(sequence: str) -> TarContent:
         return read_tar(address, sequence, sizes[tar_name(sequence)], lambda: stop.is_set() or ending.is_set())
 
-    pool = ThreadPoolExecutor(READERS, thread_name_prefix="tar-reader")
-    try:
-        for sequence in sequences:
-            waiting.append((sequence, pool.submit(read, sequence)))
-            if len(waiting) > READERS:
-                done, future = waiting.popleft()
-                yield done, future.result()
-        while waiting:
-            done, future = waiting.popleft()
-            yield done, future.result()
-    finally:
-        ending.set()
-        pool.shutdown(wait=True, cancel_futures=True)
+    with closing(done_ahead(read, sequences, threads=READERS, ahead=READERS, name="tar-reader")) as contents:
+        try:
+            yield from contents
+        finally:
+            ending.set()
 
 
 def read_tar(address: Address, sequence: str, size: int, stopped: Callable[[], bool]) -> TarContent:

@@ -7,9 +7,8 @@ on behind the last of them. The manifest is written last; with it the dataset is
 
 import json
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import asdict
 from typing import Any
 
@@ -20,6 +19,7 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
+from ..core.working_ahead import done_ahead
 from .address import Address
 from .card import CARD, card
 from .content import Content, Images
@@ -132,19 +132,12 @@ def _packed_sequences(
     content: Content, images: Images, address: Address, stop: threading.Event
 ) -> Iterator[tuple[str, Packed]]:
     """Yield each sequence with its tar, in order; several are written at a time."""
-    waiting: deque[tuple[str, Future[Packed]]] = deque()
-    pool = ThreadPoolExecutor(PACKERS, thread_name_prefix="packer")
-    try:
-        for sequence in content.sequences:
-            waiting.append((sequence, pool.submit(_packed_sequence, content, sequence, images, address, stop)))
-            if len(waiting) > PACKERS:
-                done, future = waiting.popleft()
-                yield done, future.result()
-        while waiting:
-            done, future = waiting.popleft()
-            yield done, future.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+
+    def packed(sequence: str) -> Packed:
+        return _packed_sequence(content, sequence, images, address, stop)
+
+    with closing(done_ahead(packed, content.sequences, threads=PACKERS, ahead=PACKERS, name="packer")) as sequences:
+        yield from sequences
 
 
 def _packed_sequence(

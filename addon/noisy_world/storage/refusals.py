@@ -25,7 +25,7 @@ _LIBRARIES = {
 
 def store_errors() -> tuple[type[Exception], ...]:
     """Return the exceptions by which a store says no, of the libraries that are loaded."""
-    found: list[type[Exception]] = [OSError, NotImplementedError]
+    found: list[type[Exception]] = [OSError, NotImplementedError]  # the second: fsspec's stores that are only read
     for module, names in _LIBRARIES.items():
         if module in sys.modules:
             found += [getattr(sys.modules[module], name) for name in names]

@@ -5,12 +5,13 @@ import hashlib
 import os
 import stat
 import threading
-from collections import deque
 from collections.abc import Generator, Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from contextlib import closing
 from itertools import batched
 
 from ..machine import available_threads
+from ..working_ahead import done_ahead
 
 BATCH = 32  # files that a thread takes at once: handing over a file by itself costs as much as hashing 50 kB of it
 AHEAD = 2  # batches for each thread that are hashed ahead; only their digests are in memory
@@ -25,17 +26,12 @@ def hashed_ahead(paths: Iterable[str], threads: int = 0) -> Generator[str | None
     """
     count = threads or available_threads()
     known = _Known()
-    waiting: deque[Future[list[str | None]]] = deque()
-    pool = ThreadPoolExecutor(count, thread_name_prefix="hasher")
-    try:
-        for batch in batched(paths, BATCH, strict=False):
-            waiting.append(pool.submit(known.sha256_of_each, batch))
-            if len(waiting) > AHEAD * count:
-                yield from waiting.popleft().result()
-        while waiting:
-            yield from waiting.popleft().result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    batches = batched(paths, BATCH, strict=False)
+    with closing(
+        done_ahead(known.sha256_of_each, batches, threads=count, ahead=AHEAD * count, name="hasher")
+    ) as hashed:
+        for _, digests in hashed:
+            yield from digests
 
 
 class _Known:

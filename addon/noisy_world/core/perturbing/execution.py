@@ -3,7 +3,7 @@
 
 from collections.abc import Hashable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,21 +165,25 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
 
 
 @dataclass(frozen=True)
-class ColourWork:
-    """What the steps of colour do to one frame of a sequence. notes: what is done, for the provenance."""
+class _ImageWork[P: ColourPerturbation | DepthPerturbation]:
+    """What the steps of one kind do to one image of a sequence. notes: what is done, for the provenance."""
 
-    active: Active[ColourPerturbation]
+    active: Active[P]
     notes: Notes
 
-    @staticmethod
-    def of(steps: Sequence[Step[ColourPerturbation]], where: FrameContext) -> "ColourWork":
-        """Draw the severities of a frame. where: the frame, with the identifiers of its sequence."""
-        return ColourWork(*_drawn_for(steps, where))
+    @classmethod
+    def of(cls, steps: Sequence[Step[P]], where: FrameContext) -> Self:
+        """Draw the severities. where: the frame that the image belongs to, with the identifiers of its sequence."""
+        return cls(*_drawn_for(steps, where))
 
     @property
     def key(self) -> Hashable:
         """What is equal for equal work on the same clean frame, whatever the sequence."""
         return work_key(self.active)
+
+
+class ColourWork(_ImageWork[ColourPerturbation]):
+    """What the steps of colour do to the colour of one frame."""
 
     def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
         """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
@@ -223,22 +227,8 @@ def perturb_colour(
 # --- depth ---
 
 
-@dataclass(frozen=True)
-class DepthWork:
-    """What the steps of depth do to the depth of one frame. notes: what is done, for the provenance."""
-
-    active: Active[DepthPerturbation]
-    notes: Notes
-
-    @staticmethod
-    def of(steps: Sequence[Step[DepthPerturbation]], where: FrameContext) -> "DepthWork":
-        """Draw the severities. where: the frame that the depth belongs to, as `perturb_depth` says."""
-        return DepthWork(*_drawn_for(steps, where))
-
-    @property
-    def key(self) -> Hashable:
-        """What is equal for equal work on the same clean frame, whatever the sequence."""
-        return work_key(self.active)
+class DepthWork(_ImageWork[DepthPerturbation]):
+    """What the steps of depth do to the depth of one frame."""
 
     def on(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32] | None:
         """Do it to planar depth (H, W) in metres, 0 = void; None where it is the identity."""
