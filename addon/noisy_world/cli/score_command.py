@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`score`: how far an estimated trajectory is from the true one, and how much of it there is."""
+
+import argparse
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+from .ending import ended
+from .entry import Entry, say
+from .places import path
+
+if TYPE_CHECKING:
+    from ..evaluation.metrics import Score
+
+# Known before packages are: what `evaluation.metrics` has, which a test holds against it.
+PROTOCOLS = ("strict", "paper", "paper_go_slam", "paper_mean")
+ALIGNMENTS = ("none", "first_pose", "se3", "sim3")
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status: 0 for a run that failed too, as that is a result."""
+    options = _parse(arguments, entry)
+    return ended(lambda: score(options), entry, needs=("numpy",), stopped="nothing was written")
+
+
+def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Compare an estimated trajectory with the true one: absolute and relative errors, and how much of "
+        "the path was tracked. docs/metrics.md says what each number means.",
+    )
+    parser.add_argument(
+        "estimate", metavar="ESTIMATE", type=path, help="a file of poses in any format, or the folder of a run"
+    )
+    parser.add_argument(
+        "truth", metavar="GROUND_TRUTH", type=path, help="a file of poses in any format, or the folder of a sequence"
+    )
+    parser.add_argument(
+        "--protocol",
+        choices=PROTOCOLS,
+        default="strict",
+        help="strict (default), or as the paper's code does it: for ORB-SLAM3, GO-SLAM, systems whose mean it takes",
+    )
+    parser.add_argument("--monocular", action="store_true", help="the system had no depth, so its scale is free")
+    parser.add_argument("--alignment", choices=ALIGNMENTS, help="instead of the protocol's")
+    parser.add_argument(
+        "--max-difference-s",
+        metavar="S",
+        type=_not_negative,
+        help="how far the stamps of a pose and its frame may lie apart (default: 0.01)",
+    )
+    parser.add_argument("--keyframes", metavar="FILE", type=path, help="the poses that protocol paper compares instead")
+    parser.add_argument("--pose", choices=("c2w", "w2c"), default="c2w", help="the direction of the estimate's poses")
+    parser.add_argument(
+        "--axes", choices=("opencv", "opengl", "robot"), help="of the estimate's camera (default: the format's)"
+    )
+    parser.add_argument("--rate-hz", metavar="HZ", type=_positive, help="frames a second, of files without time stamps")
+    parser.add_argument("--errors", metavar="FILE", type=path, help="write the errors of each frame there, as CSV")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    return parser.parse_args(arguments)
+
+
+def score(options: argparse.Namespace) -> int:
+    """Score, print and write what is asked for."""
+    from ..core.datasets.storage import storage_errors
+    from ..evaluation.metrics import Alignment, frame_errors_text, score_trajectory
+    from ..evaluation.metrics.reading import read_poses_to_compare
+
+    poses = read_poses_to_compare(
+        options.estimate,
+        options.truth,
+        keyframes=options.keyframes,
+        direction=options.pose,
+        axes=options.axes,
+        rate_hz=options.rate_hz,
+    )
+    for note in poses.notes:
+        say(f"note: {note}")
+    found = score_trajectory(
+        poses.estimate,
+        poses.truth,
+        options.protocol,
+        monocular=options.monocular,
+        keyframes=poses.keyframes,
+        max_difference_s=options.max_difference_s,
+        alignment=None if options.alignment is None else Alignment(options.alignment),
+    )
+    if options.errors is not None:
+        with storage_errors(options.errors):
+            options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
+    print(json.dumps(content(found), indent=1, allow_nan=False) if options.json else told(found))
+    return 0
+
+
+def content(score: "Score") -> dict[str, Any]:
+    """Return a score as JSON values."""
+    by = score.by
+    return {
+        "protocol": score.protocol,
+        "alignment": str(score.alignment),
+        "rotation": None if by is None else by.rotation.tolist(),
+        "translation_m": None if by is None else by.translation.tolist(),
+        "scale": None if by is None else by.scale,
+        "failure": score.failure,
+        "poses": score.poses,
+        "frames": score.frames,
+        "matched": score.matched,
+        "max_difference_s": score.max_difference_s,
+        "values": score.values,
+    }
+
+
+_SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "se3": "SE(3)", "sim3": "Sim(3)"}
+
+
+def told(score: "Score") -> str:
+    """Return a score as text: what was compared, how, and a row for each metric."""
+    from ..evaluation.metrics import FAILURES, PROTOCOLS, metrics_of
+
+    protocol = PROTOCOLS[score.protocol]
+    lines = [
+        f"{score.matched:,} of {score.frames:,} frames have one of the {score.poses:,} poses, within "
+        f"{score.max_difference_s:g} s; {_SPOKEN[score.alignment]}",
+        f"protocol {protocol.name}: {protocol.meaning}",
+        *(f"  {name}: {meaning}" for name, meaning in protocol.faults),
+    ]
+    if score.failure:
+        lines.append(f"FAILED ({score.failure}): {FAILURES[score.failure]}")
+    rows = [("metric", "value", "", "better", "name")]
+    rows += [
+        (metric.label, _number(score.values[name]), metric.unit, metric.better, name)
+        for name, metric in metrics_of(protocol).items()
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    lines.append("")
+    for label, value, unit, better, name in rows:
+        lines.append(f"{label:<{widths[0]}}  {value:>{widths[1]}} {unit:<{widths[2]}}  {better:<{widths[3]}}  {name}")
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.5g}"
+
+
+def _positive(text: str) -> float:
+    number = _not_negative(text)
+    if number == 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} has to be more than 0")
+    return number
+
+
+def _not_negative(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0.0):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be a number, 0 or more")
+    return number
