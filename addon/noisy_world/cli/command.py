@@ -33,6 +33,7 @@ SUBCOMMANDS = {
     "verify": Subcommand("verify_command", "hash a dataset's files and compare them with a recipe"),
     "materialise": Subcommand("materialise", "make a recipe's dataset again, or a part of it, and verify it"),
     "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
+    "report": Subcommand("report_command", "write the report of a study anew"),
     "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
     "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),

@@ -64,7 +64,7 @@ LABELS = {
     "n": ("n", "values that the number is made of"),
     "n_scenes": ("scenes", ""),
     "n_settings": ("settings", ""),
-    "n_cells": ("scenes × settings", ""),
+    "n_cells": ("scenes \u00d7 settings", ""),
     "n_perturbations": ("perturbations", ""),
     "standard_deviation": ("standard deviation", ""),
     "geometric_mean": ("geometric mean", ""),
@@ -79,7 +79,10 @@ LABELS = {
     "brier": ("Brier score", "the mean squared error of the probability; 0 is perfect"),
     "brier_base": ("Brier, base rate", "of always predicting the base rate"),
 }
-FIGURES = {"failed": ("failure_curves", "Failures over severity"), "success_auc": ("auc_curves", "Success AUC over severity")}
+FIGURES = {
+    "failed": ("failure_curves", "Failures over severity"),
+    "success_auc": ("auc_curves", "Success AUC over severity"),
+}
 
 
 def curve_pictures(analyses: Analyses) -> list[Picture]:
@@ -109,7 +112,7 @@ def sections(analyses: Analyses) -> list[Section]:
     parts.append(("others", "More", tuple(name for name in analyses if name not in named)))
     pictures = {"correlations": _correlation_pictures(analyses)}
     return [
-        Section(f"part-{key}", title, pictures=pictures.get(key, ()), tables=_tables(analyses, names))
+        Section(key, title, pictures=pictures.get(key, ()), tables=_tables(analyses, names))
         for key, title, names in parts
     ]
 
@@ -170,7 +173,8 @@ def _correlation_pictures(analyses: Analyses) -> list[Picture]:
     for name, title in (("perturbation_correlations", "Perturbations"), ("system_correlations", "Systems")):
         rows = _records(analyses[name]) if name in analyses else []
         found = [
-            Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"])) for row in rows
+            Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
+            for row in rows
         ]
         if any(item.value == item.value for item in found):
             pictures.append(correlation_matrices(found, name, f"{title} with one another"))

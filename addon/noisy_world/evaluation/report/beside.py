@@ -4,10 +4,10 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .treatments import Treatment, treatment_of_steps
 from .published import MARKS, UNITS, Printed, Published
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
+from .treatments import Treatment, treatment_of_steps
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -43,18 +43,19 @@ def beside_table(results: Results, paper: Published) -> Table | None:
         if f"{metric}.printed" in frame.columns:
             columns += [_ours(metric, unit), _printed(metric, unit)]
     columns.append(Column("tables", "tables of the paper"))
+    marks = "; ".join(f"{mark}: {meaning}" for mark, meaning in MARKS.items())
     caption = (
-        "Ours by protocol paper (mean ± standard deviation over runs, a failed run as 1, 1 and 0) beside what the paper "
-        f"prints; {'; '.join(f'{mark}: {meaning}' for mark, meaning in MARKS.items())}. Both are means over the severities "
-        "of the row where the paper has them. The data differ: the paper's are "
-        f"{paper.data}. Agreement is to be looked for in the order of the treatments rather than in digits."
+        "Ours by protocol paper (mean ± standard deviation over runs, a failed run as 1, 1 and 0) beside what the "
+        f"paper prints; {marks}. Both are means over the severities of the row, where the paper has them. The data "
+        f"differ: the paper's are {paper.data}. Look for agreement in the order of the rows rather than in digits."
     )
     return Table("beside_the_paper", "Beside the paper's figures", caption, frame, tuple(columns))
 
 
-def notes(paper: Published) -> list[str]:
-    """Return the misprints that were found, a sentence each."""
-    return [f"{label}{f', {mode}' if mode else ''}: {note}." for label, mode, note in paper.notes]
+def notes(table: Table, paper: Published) -> list[str]:
+    """Return the misprints in those of the paper's tables that a table of ours stands beside, a sentence each."""
+    labels = {label for text in table.frame["tables"] for label in text.split(", ")}
+    return [f"{label}{f', {mode}' if mode else ''}: {note}." for label, mode, note in paper.notes if label in labels]
 
 
 def label_of(where: Treatment) -> str:
@@ -65,7 +66,7 @@ def label_of(where: Treatment) -> str:
 
 def _rows(results: Results, paper: Published) -> Iterator[dict[str, Any]]:
     known = treatments(results)
-    runs = results.runs.assign(_treatment=[known[name] for name in results.runs["setting"]])
+    runs = results.runs.assign(_treatment=results.runs["setting"].map(known))
     for where in sorted(set(known.values())):
         for system, group in runs[runs["_treatment"] == where].groupby("system", sort=True):
             printed = {metric: paper.find(str(system), where, metric) for metric in UNITS}
@@ -87,7 +88,11 @@ def _row(where: Treatment, system: str, group: "DataFrame", printed: Mapping[str
         name = OURS[metric]
         if name in group:
             row |= {f"{metric}.ours": group[name].mean(), f"{metric}.ours_std": group[name].std()}
-        row |= {f"{metric}.printed": number.value, f"{metric}.printed_std": number.spread, f"{metric}.mark": number.mark}
+        row |= {
+            f"{metric}.printed": number.value,
+            f"{metric}.printed_std": number.spread,
+            f"{metric}.mark": number.mark,
+        }
     row["tables"] = ", ".join(sorted({number.label for number in printed.values()}))
     return row
 
@@ -115,13 +120,15 @@ def with_spread(mean: float | None, deviation: float | None) -> str:
     return said if shown(deviation) == NOTHING else f"{said} ± {shown(deviation, 2)}"
 
 
-def _steps(study: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
-    """Return the steps of each setting, of an identity as datasets have it, wherever study.json holds one."""
-    found: dict[str, list[dict[str, Any]]] = {}
-    for holder in (study, *(value for value in study.values() if isinstance(value, Mapping))):
-        settings = holder.get("settings")
-        if isinstance(settings, Mapping):
-            for name, setting in settings.items():
-                if isinstance(setting, Mapping) and isinstance(setting.get("steps"), list):
-                    found[str(name)] = [step for step in setting["steps"] if isinstance(step, Mapping)]  # pyright: ignore
-    return found
+def _steps(study: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
+    """Return the steps of each setting, as study.json has them from the identity of a dataset."""
+    subject = study.get("subject")
+    settings = subject.get("settings") if isinstance(subject, Mapping) else None
+    if not isinstance(settings, Mapping):
+        return {}
+    lists = {str(name): setting.get("steps") for name, setting in settings.items() if isinstance(setting, Mapping)}
+    return {
+        name: [step for step in steps if isinstance(step, Mapping)]
+        for name, steps in lists.items()
+        if isinstance(steps, list)
+    }

@@ -14,10 +14,10 @@ _LATEX = {
     "|": r"\textbar{}",
     '"': r"\textquotedbl{}",
     **{letter: f"\\{letter}" for letter in "&%$#_{}"},
-    "–": "--",
+    "\u2013": "--",
     "…": r"\ldots{}",
     "±": r"$\pm$",
-    "×": r"$\times$",
+    "\u00d7": r"$\times$",
     "↑": r"$\uparrow$",
     "↓": r"$\downarrow$",
 }

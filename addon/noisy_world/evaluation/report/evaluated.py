@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What was evaluated, and how to get it again: from study.json, the tables, and what single runs recorded."""
 
+import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -9,7 +10,6 @@ from ..metrics import PROTOCOLS
 from .reading import KEY, Results, read_object, records
 
 LONGEST_LIST = 12
-TOLD = ("systems", "protocol", "repeats", "seeds")  # keys of study.json that are told in words
 
 
 def opening(results: Results) -> str:
@@ -43,23 +43,34 @@ def facts(results: Results) -> list[tuple[str, str]]:
         found.append(("columns paper.", f"as the published code does it: {faults}"))
     if "processor_s" in runs and runs["processor_s"].notna().any():
         found.append(("processor time of the systems", f"{runs['processor_s'].sum() / 3600:.3g} h"))
-    return found + _of_study(results.study)
+    return found + _subject(results.study.get("subject"))
 
 
 def again(results: Results) -> list[str]:
     """Return how to get the report and the results again, in sentences."""
-    said = ["The report is made anew, from what is in the folder, by: noisy-world report RESULTS."]
+    said = ["From what is in the folder, 'noisy-world report FOLDER' writes this report anew, to the same bytes."]
     if results.study:
-        said.append("study.json holds everything that decides the results; another run into the folder has to agree with it.")
+        said.append(
+            "study.json holds everything that decides the results, the preset among it; 'noisy-world evaluate PRESET "
+            "--systems ... --out FOLDER' makes them, and what differs from study.json is refused."
+        )
     return said
 
 
 def command(results: Results) -> str:
-    """Return the command that made the results, if study.json has it."""
-    given = results.study.get("command")
-    if isinstance(given, str):
-        return given
-    return " ".join(map(str, given)) if isinstance(given, list) else ""
+    """Return the command that makes the results: the preset's document has to stand in a file; "" if it is unknown."""
+    study = results.study
+    if not study:
+        return ""
+    words = ["noisy-world evaluate PRESET", f"--systems {','.join(sorted(set(results.runs['system'])))}"]
+    seeds = study.get("seeds")
+    if isinstance(seeds, list) and seeds:
+        words.append(f"--seeds {','.join(map(str, seeds))}")
+    if isinstance(study.get("repeats"), int):
+        words.append(f"--repeats {study['repeats']}")
+    if isinstance(study.get("protocol"), str):
+        words.append(f"--protocol {study['protocol']}")
+    return " ".join([*words, "--out FOLDER"])
 
 
 def _system(results: Results, system: str) -> str:
@@ -78,19 +89,31 @@ def _system(results: Results, system: str) -> str:
     told = results.study.get("systems")
     definition = told.get(system) if isinstance(told, Mapping) else None
     if definition is not None:
-        said.append(f"definition {_plain(definition)}")
+        said.append(f"definition {_digest(definition)}")
     return "; ".join(said)
 
 
-def _of_study(study: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the rest of study.json that is short enough to be read."""
+def _subject(subject: Any) -> list[tuple[str, str]]:
+    """Return what the sequences were made from, as far as it is short enough to be read: study.json has all."""
+    if not isinstance(subject, Mapping):
+        return []
     found = []
-    for key in sorted(study):
-        value = study[key]
-        if key in TOLD or isinstance(value, (Mapping, list)):
-            continue
-        found.append((str(key).replace("_", " "), str(value)))
+    for key in ("preset_sha256", "seed", "render", "output", "versions", "processor"):
+        value = subject.get(key)
+        if isinstance(value, Mapping):
+            value = ", ".join(f"{name} {_plain(value[name])}" for name in sorted(value) if value[name] is not None)
+        if value is not None:
+            found.append(
+                (f"preset's {key}" if key in ("seed", "render", "output") else key.replace("_", " "), str(value))
+            )
     return found
+
+
+def _digest(definition: Any) -> str:
+    """Return a definition's digest as study.json has it; of one that stands there whole, the digest of that."""
+    if isinstance(definition, str):
+        return definition[:16]
+    return hashlib.sha256(_plain(definition).encode()).hexdigest()[:16]
 
 
 def _plain(value: Any) -> str:

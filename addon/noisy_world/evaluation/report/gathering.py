@@ -35,13 +35,14 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     paper = published()
     beside = beside_table(results, paper)
     sections = [
-        Section("short", "In short", pictures=curve_pictures(analyses), tables=[headline_table(results, analyses)]),
+        Section("short", "In short", tables=[headline_table(results, analyses)]),
+        Section("severity", "Over severity", pictures=curve_pictures(analyses)),
         Section("settings", "Settings", pictures=_some(_heat_map(results)), tables=[settings_table(results)]),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
     ]
     if beside is not None:
-        sections.append(Section("paper", "Beside the paper", notes(paper), tables=[beside]))
+        sections.append(Section("paper", "Beside the paper", notes(beside, paper), tables=[beside]))
     sections += analysed.sections(analyses)
     return Contents(
         "What noise did to SLAM",
@@ -55,12 +56,12 @@ def gather(results: Results, analyses: Analyses) -> Contents:
 
 
 _RUNS = (
-    "Of each system a clean run, the median and the worst of the others that were scored, and one that failed. All are in "
-    "the results folder, under runs/.",
+    "Of each system a clean run, the median and the worst of the others that were scored, and one that failed. All are "
+    "in the results folder, under runs/.",
 )
 _FRAMES = (
-    "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the left the "
-    "clean frame, on the right what the system was given.",
+    "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
+    "what the system was given, on the left the clean frame, if there is one.",
 )
 
 

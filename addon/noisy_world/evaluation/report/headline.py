@@ -35,7 +35,11 @@ def headline_table(results: Results, analyses: Analyses) -> Table:
     if ERROR in results.runs:
         columns.append(_median())
     columns += [_interval(name, column_of(name)) for name in SCORES if name in frame]
-    columns += [_interval(name, Column(name, *LABELS[name], better=better)) for name, better in _RATES if name in frame]
+    columns += [
+        _interval(name, Column(name, LABELS[name][0], better=better, meaning=LABELS[name][1]))
+        for name, better in _RATES
+        if name in frame
+    ]
     columns.append(Column("n_scenes", "scenes", meaning="which the intervals stand on"))
     return Table("headline", "Systems", _caption(analyses), frame, tuple(columns))
 
@@ -48,9 +52,9 @@ def _caption(analyses: Analyses) -> str:
     baselines = sorted(set(table["baseline"])) if len(table) else []
     against = f" mCE is against {baselines[0]}." if baselines else ""
     return (
-        "All scenes, settings, seeds and repeats. Success AUC and F1 AUC are means over the perturbed settings, in which a "
-        "failed run is 0; mRR and mCE are made of success AUC, over perturbations. In brackets: 95 % intervals for scenes "
-        f"at large.{against} The median of ATE is over the n runs that have one, clean ones too."
+        "All scenes, settings, seeds and repeats. Success AUC and F1 AUC are means over the perturbed settings, in "
+        "which a failed run is 0; mRR and mCE are of success AUC, over perturbations. In brackets: 95 % intervals for "
+        f"scenes at large.{against} The median of ATE is over the n runs that have one, clean ones too."
     )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tables in the shape of the paper's: systems as rows, what was done as columns, ready for LaTeX."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -27,14 +27,22 @@ GROUPS = {
 }
 """In the order of the paper's columns."""
 SHORT = {
-    **{"jpeg_compression": "JPEG", "faster_motion": "", "motion_deviation": "", "desync": ""},
+    "jpeg_compression": "JPEG",
+    "faster_motion": "",
+    "motion_deviation": "",
+    "desync": "",
     **{name: name.removesuffix("_blur").removesuffix("_noise") for name in GROUPS["Blur"] + GROUPS["Noise"]},
     "depth_gaussian_noise": "gaussian noise",
     "depth_edge_erosion": "edge erosion",
     "depth_random_missing": "random missing",
     "depth_range_clipping": "range clipping",
 }
-UNITS_SHOWN = {"factor": ("", "$\\times$"), "rotation_deg": ("", "$^\\circ$"), "translation_m": ("", " m"), "offset": ("$\\Delta$ ", "")}
+UNITS_SHOWN = {
+    "factor": ("", "$\\times$"),
+    "rotation_deg": ("", "$^\\circ$"),
+    "translation_m": ("", " m"),
+    "offset": ("$\\Delta$ ", ""),
+}
 SETS = {
     "colour": ("Blur", "Noise", "Environment", "Post-processing"),
     "depth": ("Depth",),
@@ -42,7 +50,10 @@ SETS = {
     "motion_deviation": ("Motion deviations",),
     "desync": ("Desynchronisation",),
 }
-MEASURES = {STRICT: "ATE RMSE [m], protocol strict", **{name: f"{LABELS[key]}, protocol paper" for key, name in OURS.items()}}
+MEASURES = {
+    STRICT: "ATE RMSE [m], protocol strict",
+    **{name: f"{LABELS[key]}, protocol paper" for key, name in OURS.items()},
+}
 
 
 @dataclass(frozen=True)
@@ -56,13 +67,14 @@ class Source:
 def paper_tables(results: Results, paper: Published) -> list[Source]:
     """Return a table for each set of perturbations, mode and measure that the results have."""
     known = treatments(results)
-    runs = results.runs.assign(_treatment=[known[name] for name in results.runs["setting"]])
+    runs = results.runs.assign(_treatment=results.runs["setting"].map(known))
     sources = []
     for name, groups in SETS.items():
         for mode in ("static", "dynamic"):
             columns = _columns(groups, mode, set(known.values()))
             if columns:
-                sources += [_source(name, mode, measure, columns, runs, paper) for measure in MEASURES if measure in runs]
+                layout = _Layout(name, mode, columns)
+                sources += [_source(layout, measure, runs, paper) for measure in MEASURES if measure in runs]
     return sources
 
 
@@ -76,9 +88,17 @@ def _columns(groups: Sequence[str], mode: str, known: set[Treatment]) -> list[tu
     ]
 
 
-def _source(
-    name: str, mode: str, measure: str, columns: Sequence[tuple[str, Treatment]], runs: "DataFrame", paper: Published
-) -> Source:
+@dataclass(frozen=True)
+class _Layout:
+    """What a table's columns are: a set of perturbations under a mode, each with the group that it stands in."""
+
+    name: str
+    mode: str
+    columns: Sequence[tuple[str, Treatment]]
+
+
+def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) -> Source:
+    name, mode, columns = layout.name, layout.mode, layout.columns
     clean = Treatment(CLEAN, "")
     every = [clean, *(where for _, where in columns)]
     first, second = ["", ""], ["System", "Clean"]
@@ -112,7 +132,7 @@ def _body(measure: str, every: Sequence[Treatment], runs: "DataFrame", paper: Pu
         yield [latex(str(system)), *(_ours(group[group["_treatment"] == where], measure) for where in every)]
         numbers = [paper.find(str(system), where, printed_as) for where in every]
         if any(numbers):
-            yield [rf"\quad printed", *(_printed(number) for number in numbers)]
+            yield [r"\quad printed", *(_printed(number) for number in numbers)]
 
 
 def _ours(group: "DataFrame", measure: str) -> str:

@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .treatments import CLEAN
 from .labels import column_of
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
+from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -26,7 +26,12 @@ def settings_table(results: Results) -> Table:
     rows = []
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
         row: dict[str, Any] = {name: group.iloc[0][name] for name in SETTING}
-        row |= {"setting": setting, "system": system, "scenes": group["scene"].nunique(), "seeds": group["seed"].nunique()}
+        row |= {
+            "setting": setting,
+            "system": system,
+            "scenes": group["scene"].nunique(),
+            "seeds": group["seed"].nunique(),
+        }
         row |= {"runs": len(group), "failed": int(group["failed"].sum()), "endings": endings(records_of(group))}
         for name in metrics:
             row |= spread(name, group[name])
@@ -35,8 +40,8 @@ def settings_table(results: Results) -> Table:
     columns += [Column("endings", "endings", meaning="how many runs ended how")]
     columns += [spread_column(name) for name in metrics]
     caption = (
-        "Mean (least to largest; n) over scenes, seeds and repeats. A failed run has no error, so it is not in the mean "
-        "of an error; it counts as 0 in success AUC and F1 AUC."
+        "Mean (least to largest; n) over scenes, seeds and repeats. A failed run has no error, so it is not in the "
+        "mean of an error; it counts as 0 in success AUC and F1 AUC."
     )
     return Table("settings", "Every setting and system", caption, pd.DataFrame(rows), tuple(columns))
 
@@ -67,7 +72,12 @@ def endings(of: Iterable[tuple[str, str]]) -> str:
 def spread(name: str, values: "Any") -> dict[str, float]:
     """Return mean, least, largest and count of the numbers among some values."""
     known = values.dropna()
-    return {f"{name}.mean": known.mean(), f"{name}.min": known.min(), f"{name}.max": known.max(), f"{name}.n": len(known)}
+    return {
+        f"{name}.mean": known.mean(),
+        f"{name}.min": known.min(),
+        f"{name}.max": known.max(),
+        f"{name}.n": len(known),
+    }
 
 
 def spread_column(name: str) -> Column:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which runs are drawn: of hundreds, those that show how a system does at its best, usually, at its worst, and failing."""
+"""Which runs are drawn: of hundreds, those that show a system clean, as usual, at its worst and failing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .treatments import CLEAN
 from .reading import KEY, Results, records
+from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

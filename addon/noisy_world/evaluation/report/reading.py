@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
+from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -21,6 +22,7 @@ RUN_KEY = (*KEY, "system", "repeat")
 TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure")
 RUN_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed", "system", "repeat", "outcome", "failure")
 SEQUENCE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
+STRICT_PREFIX = "strict."
 REMEDY = "the folder that 'noisy-world evaluate --out' wrote is needed"
 
 
@@ -29,8 +31,8 @@ class Results:
     """A results folder.
 
     study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
-    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure. sequences: a row for
-    each sequence. missing: a sentence for each thing that the report has to do without.
+    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure. sequences: a
+    row for each sequence. missing: a sentence for each thing that the report has to do without.
     """
 
     folder: Path
@@ -60,6 +62,7 @@ def read_results(folder: Path) -> Results:
     if runs.empty:
         raise InputError(path, "holds no run yet", remedy="let 'noisy-world evaluate' finish a run first")
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
+    runs = _strict_first(runs)
     runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")
     missing = []
     sequences_path = folder / "tables" / "sequences.csv"
@@ -123,6 +126,15 @@ def read_object(path: Path) -> dict[str, Any]:
     return value
 
 
+def _strict_first(runs: "DataFrame") -> "DataFrame":
+    """Return runs whose columns are named as under protocol strict, whichever protocol the study chose."""
+    if not any(str(name).startswith(STRICT_PREFIX) for name in runs.columns):
+        return runs
+    names = {name: f"{PAPER_PREFIX}{name}" for name in PAPER_METRICS if name in runs.columns}
+    names |= {name: name.removeprefix(STRICT_PREFIX) for name in runs.columns if name.startswith(STRICT_PREFIX)}
+    return runs.rename(columns=names)
+
+
 def _natural(column: "Series") -> "Series":
     """Return what a column is sorted by: seeds as numbers, where they are."""
     return column.str.zfill(20) if column.name == "seed" else column
@@ -143,7 +155,9 @@ def _study(path: Path, missing: list[str]) -> dict[str, Any]:
     if not path.is_file():
         missing.append("study.json is not there: what was evaluated is told from the tables alone.")
         return {}
-    return read_object(path)
+    document = read_object(path)
+    study = document.get("study")
+    return study if isinstance(study, dict) else document
 
 
 def _missing_runs(runs: "DataFrame", sequences: "DataFrame") -> list[str]:

@@ -56,24 +56,23 @@ def time_picture(results: Results, missing: list[str]) -> Picture | None:
 
 
 def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
-    """Return pictures of frames, nearest to where a system erred most or was lost first, of the picked sequences."""
-    found: dict[Path, FramePicture] = {}
+    """Return pictures of frames, nearest to where systems were lost first or erred most, of the picked sequences."""
+    said: dict[Path, list[str]] = {}
+    names: dict[Path, str] = {}
     for runs in picked_sequences(results)[1:]:
         pictures = _thumbs(results.sequence_folder(runs[0]))
         if not pictures:
             missing.append(f"{_name(runs[0])} has no pictures of its frames.")
             continue
         for run in runs:
-            where = _worst(results, run, missing)
-            if where is None:
-                continue
-            index, said = where
-            shown_index, path = min(pictures, key=lambda item: (abs(item[0] - index), item[0]))
-            if path not in found and len(found) < MOST_FRAMES:
-                about = f"{_name(run)}, frame {shown_index} (clean | as it was given): {run['system']} {said}"
-                name = f"frame_{len(found) + 1:02d}"
-                found[path] = FramePicture(name, about, path.read_bytes())
-    return list(found.values())
+            if worst := _worst(results, run, missing):
+                number, path = _nearest(pictures, worst[0])
+                names[path] = f"{_name(run)}, frame {number}"
+                said.setdefault(path, []).append(f"{run['system']} {worst[1]}")
+    return [
+        FramePicture(f"frame_{number:02d}", f"{names[path]}: {'; '.join(said[path])}", path.read_bytes())
+        for number, path in enumerate(list(said)[:MOST_FRAMES], start=1)
+    ]
 
 
 def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
@@ -112,7 +111,7 @@ def _errors(path: Path, missing: list[str]) -> _Errors | None:
 
 
 def _strips(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str, Floats]:
-    """Return what was done to each frame: severities first, then the indicators of STRIPS; a value holds until the next."""
+    """Return what was done to each frame: severities, then the indicators of STRIPS; a value holds until the next."""
     columns = _columns(path, missing, ("stamp_s",))
     if columns is None or len(columns["stamp_s"]) != len(stamps_s):
         return {}
@@ -179,6 +178,10 @@ def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tupl
 def _thumbs(folder: Path) -> list[tuple[int, Path]]:
     """Return the pictures of a sequence's frames, by the number that their names end with."""
     return sorted(_numbered(folder / "thumbs"))
+
+
+def _nearest(pictures: Sequence[tuple[int, Path]], number: int) -> tuple[int, Path]:
+    return min(pictures, key=lambda item: (abs(item[0] - number), item[0]))
 
 
 def _numbered(folder: Path) -> Iterator[tuple[int, Path]]:

@@ -15,7 +15,7 @@ from .reading import records
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-NOTHING = "–"
+NOTHING = "\u2013"
 """What stands where there is no value."""
 DIGITS = 4  # significant, of a number that is shown; the files have all
 ARROWS = {"lower": "↓", "higher": "↑", "": ""}
@@ -88,7 +88,8 @@ class Table:
     def numeric(self) -> list[bool]:
         """Which columns are numbers, and stand right-aligned."""
         return [
-            column.name in self.frame.columns and self.frame[column.name].dtype.kind in "iufb" for column in self.columns
+            column.name in self.frame.columns and self.frame[column.name].dtype.kind in "iufb"
+            for column in self.columns
         ]
 
 
@@ -131,8 +132,10 @@ def latex_tabular(
     """Return a LaTeX table. heads, body: rows of cells that are LaTeX already. caption: plain text."""
     from .templating import environment
 
-    return environment().get_template("table.tex.j2").render(
-        name=name, caption=latex(caption), alignment=alignment, heads=heads, body=body
+    return (
+        environment()
+        .get_template("table.tex.j2")
+        .render(name=name, caption=latex(caption), alignment=alignment, heads=heads, body=body)
     )
 
 

@@ -17,11 +17,11 @@ FOLDER = Path(__file__).with_name("templates")
 @cache
 def environment() -> "Environment":
     """Return the environment of the templates in FOLDER; a name that a template is not given is an error."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
     made = Environment(
         loader=FileSystemLoader(FOLDER),
-        autoescape=lambda name: name is not None and ".html" in name,
+        autoescape=select_autoescape(("html.j2",)),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

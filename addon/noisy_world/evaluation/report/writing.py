@@ -36,9 +36,7 @@ def html(contents: Contents) -> str:
     """Return the page."""
     parts = {name: (FOLDER / name).read_text(encoding="utf-8") for name in ("report.css", "sort.js")}
     template = environment().get_template("report.html.j2")
-    return template.render(
-        report=contents, css=parts["report.css"], script=parts["sort.js"], longest_open=LONGEST_OPEN
-    )
+    return template.render(report=contents, css=parts["report.css"], script=parts["sort.js"], longest_open=LONGEST_OPEN)
 
 
 def markdown(contents: Contents) -> str:

@@ -27,7 +27,9 @@ class Correlation:
 def correlation_matrices(found: Sequence[Correlation], name: str, title: str) -> Picture:
     """Draw a matrix for each mode."""
     modes = sorted({item.mode for item in found})
-    names = {mode: sorted({part for item in found if item.mode == mode for part in (item.one, item.other)}) for mode in modes}
+    names = {
+        mode: sorted({part for item in found if item.mode == mode for part in (item.one, item.other)}) for mode in modes
+    }
     most = max(len(of_mode) for of_mode in names.values())
     side_in = max(1.4, CELL_IN * most) + MARGIN_IN
     with drawing(side_in * len(modes) + 0.6, side_in) as figure:

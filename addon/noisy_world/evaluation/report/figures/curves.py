@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curves over severity, such as the share of runs that failed: a panel for each perturbation, a line for each system."""
+"""Curves over severity, such as the share of runs that failed: panels for perturbations, lines for systems."""
 
 import math
 from collections.abc import Sequence
@@ -57,8 +57,8 @@ def curves(points: Sequence[CurvePoint], name: str, title: str, label: str) -> P
         svg = svg_bytes(figure)
     about = (
         f"{title} (0 is clean), a panel for each perturbation, a line for each system; static severities are solid, "
-        "dynamic ones dashed. The darker band is the 95 % interval for other seeds in these scenes, the lighter one for "
-        "scenes at large, which few scenes leave wide."
+        "dynamic ones dashed. The darker band is the 95 % interval for other seeds in these scenes, the lighter one "
+        "for scenes at large, which few scenes leave wide."
     )
     return Picture(name, title, about, svg)
 
@@ -89,7 +89,6 @@ def _legend(figure: "Figure", systems: Looks, modes: set[str]) -> None:
         for name, (colour, marker) in systems.items()
     ]
     if DYNAMIC in modes:
-        handles += [
-            Line2D([], [], color="k", linestyle=style, label=mode) for mode, style in ((STATIC, "-"), (DYNAMIC, "--"))
-        ]
+        handles.append(Line2D([], [], color="k", linestyle="-", label=STATIC))
+        handles.append(Line2D([], [], color="k", linestyle="--", label=DYNAMIC))
     figure.legend(handles=handles, loc="outside upper center", ncols=min(4, len(handles)))

@@ -5,18 +5,22 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.typing import RcKeyType
 
-# Okabe and Ito's colours, which people with any common kind of colour blindness tell apart; yellow is left out, as it is
+# Okabe and Ito's colours, which people with any common kind of colour blindness tell apart; without yellow, which is
 # hard to see on white (Color Universal Design, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY = "#888888"
-STYLE = {
+DECIMALS = 5  # of positions, as shares of the figure: a hundredth of a point
+STYLE: "dict[RcKeyType, Any]" = {
     "svg.fonttype": "path",  # letters as outlines: the same on every machine
     "svg.hashsalt": "noisy-world",
     "font.family": "DejaVu Sans",  # comes with matplotlib
@@ -48,12 +52,24 @@ def drawing(width_in: float, height_in: float) -> Iterator["Figure"]:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
+    with mpl.rc_context():
+        mpl.rcdefaults()  # whatever a user's own style is
+        for name, value in STYLE.items():
+            mpl.rcParams[name] = value
         yield Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def svg_bytes(figure: "Figure") -> bytes:
-    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`."""
+    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`.
+
+    What is laid out is rounded: its last digits differ from one time to the next, and names in the file hang on them.
+    """
+    from matplotlib.transforms import Bbox
+
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    for axes in figure.axes:
+        axes.set_position(Bbox(np.round(axes.get_position(original=True).get_points(), DECIMALS)))
     target = BytesIO()
     figure.savefig(target, format="svg", metadata={"Date": None, "Creator": None})
     return target.getvalue()

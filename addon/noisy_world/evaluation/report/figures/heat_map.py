@@ -13,7 +13,11 @@ COLUMN_IN = 1.15
 
 
 def heat_map(
-    settings: Sequence[str], systems: Sequence[str], values: NDArray[np.float64], texts: Sequence[Sequence[str]], label: str
+    settings: Sequence[str],
+    systems: Sequence[str],
+    values: NDArray[np.float64],
+    texts: Sequence[Sequence[str]],
+    label: str,
 ) -> Picture:
     """Draw a cell for each setting and system.
 
@@ -30,9 +34,7 @@ def heat_map(
         for row, line in enumerate(texts):
             for column, text in enumerate(line):
                 dark = np.isnan(values[row, column]) or values[row, column] < 0.5
-                axes.text(
-                    column, row, text, ha="center", va="center", fontsize=7, color="white" if dark else "black"
-                )
+                axes.text(column, row, text, ha="center", va="center", fontsize=7, color="white" if dark else "black")
         axes.set_xticks(range(len(systems)), [shortened(name, 22) for name in systems], rotation=0)
         axes.set_yticks(range(len(settings)), [shortened(name, 40) for name in settings])
         axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)

@@ -39,10 +39,10 @@ def over_time(panels: Sequence[TimePanel]) -> Picture:
     systems = look(sorted({name for panel in panels for name in panel.errors_m}))
     heights = [PLOT_IN + STRIP_IN * len(panel.strips) + GAP_IN for panel in panels]
     with drawing(WIDTH_IN, sum(heights) + 0.3) as figure:
-        parts = figure.subfigures(len(panels), 1, height_ratios=heights, squeeze=False)
-        for part, panel in zip(parts[:, 0], panels, strict=True):
+        parts = figure.add_gridspec(len(panels), 1, height_ratios=heights)
+        for index, panel in enumerate(panels):
             ratios = [PLOT_IN, *([STRIP_IN] * len(panel.strips))]
-            grid = part.subplots(len(ratios), 1, sharex=True, height_ratios=ratios, squeeze=False)
+            grid = parts[index].subgridspec(len(ratios), 1, height_ratios=ratios).subplots(sharex=True, squeeze=False)
             _errors(grid[0, 0], panel, systems)
             for axes in grid[:-1, 0]:
                 axes.tick_params(bottom=False)
