@@ -3,6 +3,8 @@
 PYTHON ?= $(shell python3.13 -c 'import sys; print(sys.executable)' 2>/dev/null || uv python find 3.13 2>/dev/null)
 # Python 3.11, for what we compare with; a shim for another version is passed over.
 PYTHON311 = $(shell for python in python3.11 /usr/bin/python3.11; do $$python -c 'import sys; print(sys.executable)' 2>/dev/null && break; done)
+# Python 3.12 or 3.11, for systems that have no packages for 3.13.
+PYTHON_SLAM = $(shell for python in python3.12 python3.11 /usr/bin/python3.12 /usr/bin/python3.11; do $$python -c 'import sys; print(sys.executable)' 2>/dev/null && exit; done; uv python find 3.12 2>/dev/null || uv python find 3.11 2>/dev/null)
 BLENDER ?= blender
 VENV := .venv
 PY := $(VENV)/bin/python
@@ -15,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench lint format lock blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -128,6 +130,16 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-corruptions -r $<
 	touch $@
 
+slam-env: .venv-slam/orb_vocabulary.txt ## an environment with ORB-SLAM3, and its vocabulary; needs Python 3.11 or 3.12
+
+.venv-slam/.installed: requirements-slam.lock
+	@test -n "$(PYTHON_SLAM)" || { echo "make: orbslam3-python needs Python 3.11 or 3.12, and neither is here; get one, with 'uv python install 3.12' for instance" >&2; exit 1; }
+	$(ENVIRONMENT) "$(PYTHON_SLAM)" .venv-slam --no-deps $(PINNED) $<
+	touch $@
+
+.venv-slam/orb_vocabulary.txt: headless/tools/orb_vocabulary.py .venv-slam/.installed $(VENV)/.installed
+	$(PY) headless/tools/orb_vocabulary.py $@
+
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
@@ -136,4 +148,4 @@ lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) $(VENV)-docs .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .ruff_cache

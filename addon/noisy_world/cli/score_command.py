@@ -21,7 +21,7 @@ ALIGNMENTS = ("none", "first_pose", "se3", "sim3")
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status: 0 for a run that failed too, as that is a result."""
     options = _parse(arguments, entry)
-    return ended(lambda: score(options), entry, needs=("numpy",), stopped="nothing was written")
+    return ended(lambda: score(options), entry, needs=("numpy", "yaml"), stopped="nothing was written")
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from cases import cases
 from trajectory_pairs import moved, path, rotation
+from worlds import ROOT
 
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import FAILURES, METRICS, PAPER_METRICS, Alignment, score_trajectory
+from noisy_world.evaluation.metrics import FAILURES, METRICS, PAPER_METRICS, PROTOCOLS, Alignment, score_trajectory
 from noisy_world.evaluation.metrics.association import associate_poses
 from noisy_world.evaluation.metrics.errors import pairs_apart
 
@@ -58,7 +59,10 @@ def test_an_estimate_in_another_world_is_perfect():
 def test_the_scale_of_a_monocular_estimate(scale):
     truth = at(square())
     estimate = as_estimate(truth, c2w=moved(truth.c2w, np.eye(3), [1.0, 2.0, 3.0], scale))
-    assert score_trajectory(estimate, truth, monocular=True).values["ate_rmse_m"] < 1e-9
+    fitted = score_trajectory(estimate, truth, monocular=True).values
+    assert fitted["ate_rmse_m"] < 1e-9
+    assert fitted["scale"] == pytest.approx(1.0 / scale, rel=1e-9)
+    assert fitted["path_share"] == pytest.approx(1.0, rel=1e-9)
     values = score_trajectory(estimate, truth).values
     assert values["scale"] == pytest.approx(1.0 / scale, rel=1e-9)
     # Rigidly laid over its own enlargement, a shape is off by the difference of the scales times its own radius.
@@ -363,3 +367,10 @@ def test_pairs_apart_are_those_of_a_search_through_all():
             if min(off) <= tolerance:
                 expected.append([first, first + 1 + off.index(min(off))])
         assert pairs_apart(along, delta, tolerance).tolist() == expected
+
+
+def test_the_page_explains_every_metric_failure_and_fault():
+    page = (ROOT / "docs/metrics.md").read_text()
+    faults = [name for protocol in PROTOCOLS.values() for name, _ in protocol.faults]
+    for name in (*METRICS, *PAPER_METRICS, *FAILURES, *PROTOCOLS, *faults):
+        assert f"`{name}`" in page, name

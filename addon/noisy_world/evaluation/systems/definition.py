@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a system is: a YAML file that says what it reads, how it is started, and what it writes."""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+from ...core.datasets.layouts import LAYOUTS
+from ...core.errors import InputError
+from ...core.schema import Choice, Place, key, parse, shown
+from ...core.trajectories.pose_text import FORMATS
+from ...core.yaml_reading import read_yaml
+
+Modality = Literal["colour", "depth"]
+StampsOf = Literal["time", "index", "none"]
+AxesOf = Literal["auto", "opencv", "opengl", "robot"]
+DirectionOf = Literal["auto", "c2w", "w2c"]
+UnitOf = Literal["auto", "s", "ms", "us", "ns"]
+
+PLACEHOLDERS = {
+    "python": "the Python of the system's environment; without one, the one that this runs in",
+    "frames": "a JSON file that names camera, depth scale and the images of each frame",
+    "sequence": "the folder of the sequence, in a layout that the system reads, without true poses",
+    "out": "the folder that the system writes into, which is its working directory too",
+    "programs": "the folder of the programs that come with Noisy World",
+    "environment": "the folder of the system's environment",
+    "here": "the folder that the definition is in",
+}
+"""What a command may name in braces, and its meaning."""
+
+FORMAT_CHOICES: dict[str, Choice] = {
+    "auto": Choice("Auto", "told by content"),
+    **{name: Choice(name, "a format of trajectories") for name in FORMATS},
+}
+"""What `writes.format` may be, by name."""
+
+_PLACEHOLDER = re.compile(r"\{(\w*)\}")
+_VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*=.*", re.DOTALL)
+_NAME = re.compile(r"[a-z0-9][a-z0-9_\-]{0,63}")
+
+
+def _no_name(text: str) -> str:
+    return "" if _NAME.fullmatch(text) else f"{shown(text)} is no name: small letters, digits, _ and -, at most 64"
+
+
+def _no_variable(text: str) -> str:
+    return "" if _VARIABLE.fullmatch(text) else f"{shown(text)} is no NAME=VALUE"
+
+
+def _no_word(text: str) -> str:
+    for name in _PLACEHOLDER.findall(text):
+        if name not in PLACEHOLDERS:
+            return f"{{{name}}} is no placeholder; known: {', '.join(f'{{{known}}}' for known in PLACEHOLDERS)}"
+    return "" if text else "is empty"
+
+
+def _no_file(text: str) -> str:
+    path = Path(text)
+    inside = text and not path.is_absolute() and ".." not in path.parts
+    return "" if inside else f"{shown(text)} is no file inside the folder that the system writes into"
+
+
+@dataclass(frozen=True)
+class Reads:
+    """What a system is given."""
+
+    modalities: tuple[Modality, ...] = key("colour, depth or both", default=("colour", "depth"))
+    layouts: tuple[str, ...] = key(
+        f"layouts of {{sequence}} that it reads, the preferred one first: {', '.join(LAYOUTS)}", default=()
+    )
+
+    @property
+    def monocular(self) -> bool:
+        """Whether it has no depth, so that the scale of what it estimates is its own."""
+        return "depth" not in self.modalities
+
+
+@dataclass(frozen=True)
+class Writes:
+    """The file with the estimated path, in the folder {out}."""
+
+    file: str = key("the file, or a pattern such as run*/poses.txt that one file matches", pattern=_no_file)
+    format: str = key("the file's format", default="auto", choices=FORMAT_CHOICES)
+    axes: AxesOf = key("of the camera", default="auto")
+    direction: DirectionOf = key("of the poses: c2w, or w2c", default="auto")
+    stamps: StampsOf = key(
+        "how a pose says its frame: by its time, by the frame's index in place of the time, or by its order",
+        default="time",
+    )
+    stamp_unit: UnitOf = key("of the times", default="auto")
+    keyframes: str = key("a file of the same format with the poses of keyframes", default="", pattern=lambda _: "")
+
+
+@dataclass(frozen=True)
+class TimeLimit:
+    """Seconds on the wall after which a run is stopped: a part for the start and a part for each frame."""
+
+    start_s: float = key("for the start", unit="s", default=120.0, above=0.0, maximum=1e6)
+    frame_s: float = key("for each frame", unit="s", default=10.0, minimum=0.0, maximum=1e6)
+
+    def of(self, frames: int) -> float:
+        """Return the limit of a run on so many frames, in seconds."""
+        return self.start_s + self.frame_s * frames
+
+
+@dataclass(frozen=True)
+class System:
+    """A SLAM system. file: its definition, for messages."""
+
+    name: str = key("its name in results", pattern=_no_name)
+    command: tuple[str, ...] = key(
+        f"the program and its arguments; {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)} are filled in",
+        pattern=_no_word,
+    )
+    writes: Writes = key("what it writes")
+    about: str = key("a sentence on what it is", default="")
+    reads: Reads = key("what it is given", default=Reads())
+    environment: str = key(
+        "a Python environment beside the project: slam is .venv-slam",
+        default="",
+        pattern=_no_name,
+    )
+    variables: tuple[str, ...] = key("environment variables, NAME=VALUE", default=(), pattern=_no_variable)
+    threads: int | None = key("of numerical libraries, by OMP_NUM_THREADS and its like", default=None, minimum=1)
+    time_limit: TimeLimit = key("when a run is stopped", default=TimeLimit())
+    gpu: bool = key("whether it needs an NVIDIA GPU", default=False)
+    repeatable: bool = key("whether two runs give the same estimate to the byte", default=True)
+    versions: tuple[str, ...] = key(
+        "a command that prints its versions as a JSON object of texts; it is also how we see that it can run",
+        default=(),
+        pattern=_no_word,
+    )
+    remedy: str = key("what to do where it cannot be run", default="")
+    file: Path = field(default=Path(), metadata={"key": None})
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of what the definition says, but for texts that are for people, as 64 hexadecimal digits."""
+        told = {name: value for name, value in asdict(self).items() if name not in ("about", "remedy", "file")}
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def read_system(path: Path) -> System:
+    """Read a definition. Raises InputError, with file and key, for what is wrong in it."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    place = Place(path)
+    document = read_yaml(content, path)
+    if isinstance(document, Mapping) and "file" in document:
+        raise place.at("file").error("is no key of a system", "the file of the estimate is writes.file")
+    system = replace(parse(System, document, place), file=path.resolve())
+    _check(system, place)
+    return system
+
+
+def _check(system: System, place: Place) -> None:
+    for index, name in enumerate(system.reads.layouts):
+        if name not in LAYOUTS:
+            raise (
+                place.at("reads")
+                .at("layouts")
+                .at(index)
+                .error(f"{shown(name)} is no layout", f"known here: {', '.join(LAYOUTS)}")
+            )
+    if not system.reads.modalities:
+        raise place.at("reads").at("modalities").error("is empty", "name colour, depth or both")
+    for name in ("command", "versions"):
+        for index, word in enumerate(getattr(system, name)):
+            _check_word(system, word, place.at(name).at(index))
+    if not system.command:
+        raise place.at("command").error("is empty", "name the program and its arguments")
+    if system.writes.keyframes and (problem := _no_file(system.writes.keyframes)):
+        raise place.at("writes").at("keyframes").error(problem)
+
+
+def _check_word(system: System, word: str, place: Place) -> None:
+    named = _PLACEHOLDER.findall(word)
+    if "sequence" in named and not system.reads.layouts:
+        raise place.error("names {sequence}, but reads.layouts is empty", f"say which of {', '.join(LAYOUTS)} it reads")
+    if "environment" in named and not system.environment:
+        raise place.error("names {environment}, but there is none", "name one: environment: slam")
+
+
+def filled(words: tuple[str, ...], values: Mapping[str, str | Path]) -> list[str]:
+    """Return a command with its placeholders filled in. Raises KeyError for one that has no value."""
+    return [_PLACEHOLDER.sub(lambda found: str(values[found[1]]), word) for word in words]

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`estimate.txt`: the poses that a system estimated, in the folder of a run: TUM's format, camera-to-world."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from ..estimate import Estimate
+
+ESTIMATE = "estimate.txt"
+KEYFRAMES = "keyframes.txt"
+
+
+def estimate_text(estimate: Estimate) -> str:
+    """Return a line a pose: stamp_s tx ty tz qx qy qz qw; nine decimals of the stamp, 17 digits of the others."""
+    quat_wxyz = continuous_quats(quat_wxyz_from_rotation(estimate.c2w[:, :3, :3]))
+    rows = np.concatenate([estimate.c2w[:, :3, 3], np.roll(quat_wxyz, -1, axis=1)], axis=1) + 0.0
+    stamps = estimate.stamps_s.tolist()
+    return "".join(
+        f"{stamp:.9f} {' '.join(f'{number:.17g}' for number in row)}\n"
+        for stamp, row in zip(stamps, rows.tolist(), strict=True)
+    )
+
+
+def read_estimate_file(path: Path) -> Estimate:
+    """Read what `estimate_text` wrote. Raises InputError for anything else."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read: {error}") from error
+    rows = [_row(path, number, line) for number, line in enumerate(lines, 1)]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
+    try:
+        return Estimate(table[:, 0], pose(rotation_from_quat_wxyz(table[:, [7, 4, 5, 6]]), table[:, 1:4]))
+    except ValueError as error:
+        raise InputError(path, str(error)) from error
+
+
+def _row(path: Path, number: int, line: str) -> list[float]:
+    try:
+        row = [float(word) for word in line.split()]
+    except ValueError:
+        row = []
+    if len(row) != 8 or not all(map(math.isfinite, row)):
+        raise InputError(path, "is no stamp, position and quaternion", where=f"line {number}")
+    return row

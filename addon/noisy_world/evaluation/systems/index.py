@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a system is told of a sequence: the index {frames}, and the folder {sequence}. Neither holds a true pose."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.datasets.image_files import damage
+from ...core.datasets.images import encode_colour
+from ...core.datasets.layouts import LAYOUTS, Image, Layout, OutputFormat, SequenceFacts, find_sequence
+from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
+from ...core.datasets.stored import StoredSequence
+from ...core.errors import InputError
+from ...core.geometry import Intrinsics
+from ...core.trajectories.sensor_paths import SensorPaths
+from ...core.trajectories.trajectory import Trajectory
+from .definition import Modality
+
+_KINDS: tuple[tuple[bytes, Image], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "jpg"))
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A sequence as a system is given it. modalities: those that the system reads."""
+
+    stored: StoredSequence
+    camera: Intrinsics
+    modalities: tuple[Modality, ...]
+
+    def __len__(self) -> int:
+        return len(self.stored.rgb_files)
+
+    @property
+    def stamps_s(self) -> list[float]:
+        """When the colour of each frame was taken, seconds."""
+        return self.stored.stamps.rgb.seconds.tolist()
+
+    def document(self) -> dict[str, Any]:
+        """Return the index as plain JSON values: camera, steps of depth a metre, and the frames in order of time.
+
+        Files are absolute. A modality that the system does not read is null.
+        """
+        camera, stored = self.camera, self.stored
+        colour = [_named(file, "colour" in self.modalities) for file in stored.rgb_files]
+        depth = [_named(file, "depth" in self.modalities) for file in stored.depth_files]
+        rows = zip(self.stamps_s, colour, depth, stored.stamps.depth.seconds.tolist(), strict=True)
+        return {
+            "camera": {
+                "width": camera.width_px,
+                "height": camera.height_px,
+                "fx": camera.fx_px,
+                "fy": camera.fy_px,
+                "cx": camera.cx_px,
+                "cy": camera.cy_px,
+            },
+            "depth_scale_per_m": float(stored.depth_scale_per_m),
+            "frames": [
+                {"index": index, "stamp_s": stamp_s, "colour": rgb, "depth": depth, "depth_stamp_s": depth_s}
+                for index, (stamp_s, rgb, depth, depth_s) in enumerate(rows)
+            ],
+        }
+
+    def write_index(self, path: Path) -> None:
+        """Write the index. Raises StorageError."""
+        with storage_errors(path):
+            path.write_text(json.dumps(self.document(), indent=1) + "\n", encoding="utf-8")
+
+    def write_sequence(self, folder: Path, layouts: tuple[str, ...]) -> None:
+        """Write the sequence in one of some layouts, its own if it is among them, with identities for poses.
+
+        Images are linked where the layout takes their kind, and stored as PNG without loss where it does not; files of
+        the setting lie one level up. Raises InputError where the images cannot be read, and StorageError.
+        """
+        own = [name for name in layouts if LAYOUTS[name].recognises(self.stored.folder)]
+        layout = LAYOUTS[(own or list(layouts))[0]]
+        image = self._image(layout)
+        stored_as = OutputFormat(layout, image, layout.colours[0], ("rgb", "depth"), self.stored.depth_scale_per_m)
+        still = Trajectory(np.broadcast_to(np.eye(4), (len(self), 4, 4)), np.array(self.stamps_s))
+        frames = tuple(range(len(self)))
+        facts = SequenceFacts(stored_as, self.camera, None, frames, SensorPaths(still), self.stored.stamps)
+        for frame, (rgb, depth) in enumerate(zip(self.stored.rgb_files, self.stored.depth_files, strict=True)):
+            self._link(rgb, folder / facts.names.rgb(frame), image)
+            self._link(depth, folder / facts.names.depth(frame), "png")
+        for name, text in layout.sequence_texts(facts).items():
+            _write(folder / name, text.encode())
+        for name, text in stored_as.setting_texts(self.camera).items():
+            _write(folder.parent / name, text.encode())
+
+    def _image(self, layout: Layout) -> Image:
+        """Return the kind of image that colour is stored as: its own if the layout takes it, else PNG."""
+        kind = _kind(self.stored.rgb_files[0].read_bytes())
+        if kind in layout.images:
+            return kind
+        return "png" if "png" in layout.images else layout.images[0]
+
+    def _link(self, source: Path, target: Path, image: Image) -> None:
+        with storage_errors(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+        data = source.read_bytes()
+        if problem := damage(data):
+            raise InputError(source, f"is damaged: {problem}", remedy="copy it again")
+        if _kind(data) == image:
+            link_or_copy(source, target, target.parent)
+            return
+        rgb = self.stored.frame(self.stored.rgb_files.index(source)).rgb
+        write_atomic(target, encode_colour(rgb, image), target.parent)
+
+
+def given_sequence(
+    folder: Path, modalities: tuple[Modality, ...] = ("colour", "depth"), camera: Intrinsics | None = None
+) -> Given:
+    """Find a sequence on disk, of any layout, for a system that reads these modalities.
+
+    camera: its intrinsics, where no file says them. Raises InputError where it is no sequence, or has no intrinsics.
+    """
+    stored = find_sequence(folder)
+    known = stored.known_camera or camera
+    if known is None:
+        raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
+    return Given(stored, known, modalities)
+
+
+def _named(file: Path, read: bool) -> str | None:
+    return str(file.resolve()) if read else None
+
+
+def _kind(data: bytes) -> Image | None:
+    return next((kind for start, kind in _KINDS if data.startswith(start)), None)
+
+
+def _write(path: Path, data: bytes) -> None:
+    with storage_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a system wrote, read as its definition says, as poses of the frames that it was given."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.datasets.association import associate
+from ...core.errors import InputError
+from ...core.trajectories.files import STAMPED_FORMATS, Auto, read_trajectory_file
+from ...core.trajectories.pose_text import TrajectoryFormat
+from ..estimate import Estimate
+from ..outcome import Outcome
+from .definition import Writes
+
+LATEST_S = 0.02  # a pose belongs to a frame whose stamp differs by less, as in core/datasets/association
+_NOT_FINITE = re.compile(r"(?<![A-Za-z0-9_.])[-+]?(?:nan|inf|infinity)(?![A-Za-z0-9_.])", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Normalised:
+    """How an estimate was read. estimate: empty unless outcome is FINISHED. detail: a sentence, "" for nothing."""
+
+    outcome: Outcome
+    detail: str
+    estimate: Estimate
+
+
+NOTHING = Estimate(np.empty(0), np.empty((0, 4, 4)))
+
+
+def found_file(folder: Path, pattern: str) -> Path | None:
+    """Return the file that a name or a pattern stands for; the first by name where there are several, else None."""
+    return min((path for path in folder.glob(pattern) if path.is_file()), default=None)
+
+
+def normalised(folder: Path, writes: Writes, stamps_s: list[float], pattern: str = "") -> Normalised:
+    """Read the estimate that a system wrote into a folder.
+
+    stamps_s: of the frames that it was given. pattern: of the file; that of the estimate if it is "".
+    """
+    path = found_file(folder, pattern or writes.file)
+    if path is None:
+        return Normalised(Outcome.NO_ESTIMATE, f"it wrote no {pattern or writes.file}", NOTHING)
+    text = _text(path)
+    if text is not None:
+        if not _has_rows(text):
+            return Normalised(Outcome.FINISHED, "", NOTHING)
+        if found := _NOT_FINITE.search(_without_comments(text)):
+            line = text.count("\n", 0, found.start()) + 1
+            return Normalised(Outcome.NOT_FINITE, f"{path.name} holds {found[0]} in line {line}", NOTHING)
+    try:
+        return _matched(path, writes, np.array(stamps_s, dtype=np.float64))
+    except InputError as error:
+        where = f"{error.where}: " if error.where else ""
+        return Normalised(Outcome.UNREADABLE, f"{path.name}: {where}{error.problem}", NOTHING)
+
+
+def _matched(path: Path, writes: Writes, stamps_s: NDArray[np.float64]) -> Normalised:
+    read = read_trajectory_file(
+        path,
+        format=cast("TrajectoryFormat | Auto", writes.format),
+        direction=writes.direction,
+        axes=writes.axes,
+        stamp_unit=writes.stamp_unit,
+    )
+    c2w, own_s = read.trajectory.c2w, read.trajectory.stamps_s
+    if writes.stamps == "none" or (writes.stamps == "time" and read.format not in STAMPED_FORMATS):
+        if len(c2w) != len(stamps_s):
+            problem = f"holds {len(c2w)} poses without stamps, but {len(stamps_s)} frames were given"
+            raise InputError(path, problem)
+        return Normalised(Outcome.FINISHED, "", Estimate(stamps_s, c2w))
+    if writes.stamps == "index":
+        given, of_pose = _by_index(path, own_s, len(stamps_s))
+    else:
+        given, of_pose = associate(stamps_s, own_s, LATEST_S)
+    if not given.size:
+        problem = "no pose belongs to a frame that was given, by its stamp"
+        raise InputError(path, problem)
+    lost = len(own_s) - len(of_pose)
+    detail = f"{lost} of {len(own_s)} poses belong to no frame that was given" if lost else ""
+    return Normalised(Outcome.FINISHED, detail, Estimate(stamps_s[given], c2w[of_pose]))
+
+
+def _by_index(path: Path, own: NDArray[np.float64], frames: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    wrong = np.flatnonzero((own != np.floor(own)) | (own < 0) | (own >= frames))
+    if wrong.size:
+        raise InputError(path, f"{own[wrong[0]]:g} is no index of {frames} frames")
+    return own.astype(np.int64), np.arange(len(own))
+
+
+def _text(path: Path) -> str | None:
+    """Return the text of a file; None where it is none, and a reader has to judge it."""
+    data = path.read_bytes()
+    try:
+        return None if b"\0" in data else data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return None
+
+
+def _without_comments(text: str) -> str:
+    """Return a text with blanks for its comments."""
+    return re.sub(r"#[^\n]*", lambda found: " " * len(found[0]), text)
+
+
+def _has_rows(text: str) -> bool:
+    """Tell whether a text has more than comments, blank lines and a header."""
+    return any(re.search(r"[0-9]|\bnan\b", line, re.IGNORECASE) for line in _without_comments(text).splitlines())

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`noisy-world score`: files of every kind, what it prints, and what it refuses."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from trajectory_pairs import moved, path, rotation
+from worlds import ROOT
+
+from noisy_world.cli import command, score_command
+from noisy_world.core.trajectories.files import kitti_text, replica_text, tum_text
+from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.evaluation.metrics import METRICS, PROTOCOLS, Alignment
+
+COUNT = 24
+
+
+@pytest.fixture
+def truth():
+    return path(np.random.default_rng(6), COUNT)
+
+
+@pytest.fixture
+def files(tmp_path, truth):
+    """The truth, and an estimate in another world with every fourth frame lost, as TUM files."""
+    kept = np.arange(COUNT) % 4 != 3
+    c2w = moved(truth.c2w, rotation(np.random.default_rng(7), 2.0), [4.0, 5.0, 6.0])
+    (tmp_path / "truth.txt").write_text(tum_text(truth))
+    (tmp_path / "estimate.txt").write_text("# a comment\n" + tum_text(Trajectory(c2w[kept], truth.stamps_s[kept])))
+    return tmp_path
+
+
+def score(capsys, *words, status=0):
+    assert command.main(["score", *map(str, words)]) == status
+    return capsys.readouterr()
+
+
+def values(capsys, *words):
+    return json.loads(score(capsys, *words, "--json").out)
+
+
+def test_the_table(files, capsys):
+    out = score(capsys, files / "estimate.txt", files / "truth.txt").out
+    assert "18 of 24 frames have one of the 18 poses, within 0.01 s; SE(3)" in out
+    rows = {line.split()[-1]: line for line in out.splitlines()[3:]}
+    assert set(METRICS) <= set(rows)
+    assert rows["tracked_share"].split()[:3] == ["tracked", "frames", "0.75"]
+    assert rows["losses"].split()[:2] == ["losses", "6"]
+    assert "FAILED" not in out
+
+
+def test_json_and_the_errors_of_each_frame(files, truth, capsys):
+    found = values(capsys, files / "estimate.txt", files / "truth.txt", "--errors", files / "errors.csv")
+    assert (found["protocol"], found["alignment"], found["failure"]) == ("strict", "se3", "")
+    assert (found["poses"], found["matched"], found["frames"]) == (18, 18, 24)
+    assert list(found["values"]) == list(METRICS)
+    assert found["values"]["ate_rmse_m"] < 1e-12
+    with (files / "errors.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["tracked"] for row in rows] == ["1", "1", "1", "0"] * 6
+    assert [float(row["stamp_s"]) for row in rows] == pytest.approx(truth.stamps_s.tolist())
+    assert rows[3] == {"index": "3", "stamp_s": "0.150000000", "tracked": "0"} | dict.fromkeys(
+        ("error_m", "rotation_error_deg", "x_m", "y_m", "z_m"), ""
+    )
+    position = [float(rows[4][name]) for name in ("x_m", "y_m", "z_m")]
+    np.testing.assert_allclose(position, truth.c2w[4, :3, 3], atol=1e-12)
+
+
+def test_a_failed_run_is_a_result(files, truth, capsys):
+    (files / "still.txt").write_text(tum_text(Trajectory(np.tile(truth.c2w[0], (COUNT, 1, 1)), truth.stamps_s)))
+    (files / "nothing.txt").write_text("# timestamp tx ty tz qx qy qz qw\n\n")
+    for name, word in (("still.txt", "stands_still"), ("nothing.txt", "no_poses")):
+        out = score(capsys, files / name, files / "truth.txt").out
+        assert f"FAILED ({word})" in out
+        assert values(capsys, files / name, files / "truth.txt")["failure"] == word
+        papers = values(capsys, files / name, files / "truth.txt", "--protocol", "paper")
+        assert papers["values"] == {"ate_m": 1.0, "rpe_rad": 1.0, "sr": 0.0}
+
+
+def test_the_folder_of_a_run_and_of_a_sequence(files, truth, capsys):
+    run, sequence = files / "run", files / "sequence"
+    run.mkdir()
+    (files / "estimate.txt").rename(run / "estimate.txt")
+    (run / "keyframes.txt").write_text(tum_text(Trajectory(truth.c2w[::6], truth.stamps_s[::6])))
+    (sequence / "results").mkdir(parents=True)
+    (sequence / "traj.txt").write_text(replica_text(truth))
+    for number in range(COUNT):
+        (sequence / f"results/frame{number:06d}.jpg").touch()
+        (sequence / f"results/depth{number:06d}.png").touch()
+    assert values(capsys, run, files / "truth.txt")["poses"] == 18
+    papers = values(capsys, run, files / "truth.txt", "--protocol", "paper")
+    assert (papers["poses"], papers["matched"], papers["alignment"]) == (4, 4, "sim3")
+    # The sequence says no time, and the estimate has stamps of fewer frames: only a rate can tell.
+    refused = score(capsys, run, sequence, status=1)
+    assert refused.err.count("\n") == 1
+    assert "has no time stamps, and counts 24 frames" in refused.err
+    assert "--rate-hz" in refused.err
+    assert values(capsys, run, sequence, "--rate-hz", 20)["values"]["ate_rmse_m"] < 1e-12
+
+
+def test_files_without_stamps(files, truth, capsys):
+    (files / "kitti.txt").write_text(kitti_text(truth))
+    (files / "replica.txt").write_text(replica_text(truth))
+    late = Trajectory(truth.c2w, truth.stamps_s + 1e9)
+    (files / "late.txt").write_text(tum_text(late))
+    for estimate, true in (("kitti.txt", "replica.txt"), ("kitti.txt", "late.txt"), ("late.txt", "kitti.txt")):
+        assert command.main(["score", str(files / estimate), str(files / true), "--json"]) == 0
+        said = capsys.readouterr()
+        assert json.loads(said.out)["matched"] == COUNT
+        assert "note: " in said.err
+    assert values(capsys, files / "late.txt", files / "kitti.txt", "--rate-hz", 20)["failure"] == "no_common_stamps"
+
+
+def test_world_to_camera_poses(files, truth, capsys):
+    (files / "w2c.txt").write_text(replica_text(Trajectory(np.linalg.inv(truth.c2w), truth.stamps_s)))
+    wrong = values(capsys, files / "w2c.txt", files / "truth.txt")
+    right = values(capsys, files / "w2c.txt", files / "truth.txt", "--pose", "w2c")
+    assert wrong["values"]["ate_rmse_m"] > 0.01
+    assert right["values"]["ate_rmse_m"] < 1e-12
+
+
+def test_options(files, capsys):
+    estimate, true = files / "estimate.txt", files / "truth.txt"
+    assert values(capsys, estimate, true, "--monocular")["alignment"] == "sim3"
+    assert values(capsys, estimate, true, "--alignment", "none")["values"]["ate_rmse_m"] > 1.0
+    assert values(capsys, estimate, true, "--max-difference-s", 0)["max_difference_s"] == 0.0
+    assert tuple(PROTOCOLS) == score_command.PROTOCOLS
+    assert tuple(Alignment) == score_command.ALIGNMENTS
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("0 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "line 2: the time stamp 0 does not come after the one before it"),
+        ("0 1 2 nan 0 0 0 1\n", "line 1: holds nan"),
+        ("0 1 2 3 0 0 0 7\n", "line 1: the quaternion has length 7, not 1"),
+        ("hello\nworld again\n", "line 2"),
+    ],
+)
+def test_bad_files_are_one_line(files, capsys, content, said):
+    (files / "bad.txt").write_text(content)
+    for words in ((files / "bad.txt", files / "truth.txt"), (files / "estimate.txt", files / "bad.txt")):
+        refused = score(capsys, *words, status=1)
+        assert refused.err.count("\n") == 1
+        assert f"{files / 'bad.txt'}: " in refused.err
+        assert said in refused.err
+
+
+def test_other_mistakes_are_one_line(files, capsys):
+    (files / "empty.txt").write_text("")
+    for words, said in (
+        ((files / "no.txt", files / "truth.txt"), "does not exist"),
+        ((files / "estimate.txt", files / "empty.txt"), "holds no pose"),
+        ((files / "estimate.txt", files / "truth.txt", "--errors", files / "no" / "errors.csv"), "errors.csv"),
+        ((files, files / "truth.txt", "--keyframes", files / "no.txt"), "no.txt: does not exist"),
+    ):
+        refused = score(capsys, *words, status=1)
+        assert refused.err.count("\n") == 1
+        assert said in refused.err
+    for option in (("--max-difference-s", "-1"), ("--rate-hz", "0"), ("--protocol", "papre")):
+        with pytest.raises(SystemExit) as ended:
+            command.main(["score", "a", "b", *option])
+        assert ended.value.code == 2
+
+
+def test_the_script(files):
+    words = [sys.executable, ROOT / "headless/score.py", files / "estimate.txt", files / "truth.txt", "--json"]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["matched"] == 18
