@@ -34,7 +34,7 @@ MEANING = {
     "laplacian_variance": "variance of the Laplacian of the grey image: small where it is blurred, large in noise",
     "image_noise": "standard deviation of the noise of the grey image, of 255, estimated without a clean one",
     "orb_found": f"ORB features found, at most {picture.FEATURES}",
-    "orb_tracked": f"ORB features of the frame before found again: nearest to each other, {picture.NEAR_BITS} bits apart",
+    "orb_tracked": f"ORB features of the frame before found again: nearest pairs, at most {picture.NEAR_BITS} bits off",
     "depth_missing": "share of pixels without depth",
     "depth_median_m": "median of the depth, metres",
     "depth_noise_m": "standard deviation of the noise of depth, metres, estimated without a clean one",

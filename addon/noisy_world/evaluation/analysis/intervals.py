@@ -2,12 +2,12 @@
 """95 % intervals of what a few scenes say about scenes at large, and of what these scenes say about themselves.
 
 Runs in one scene are alike, so the scene is what counts: all its seeds and repeats stay together. With two to eight
-scenes, intervals of bootstrap quantiles (percentile, BCa) are far too narrow, and studentised ones are without end below
-five scenes (docs/analysis.md has the simulation). So every interval here is an estimate, plus and minus its standard
-error times a quantile of Student's t with one degree of freedom less than there are scenes. The standard error of a mean
-over scenes is in closed form what a bootstrap of scenes gives times sqrt(S / (S - 1)); that of any other number comes
-from such a bootstrap (Cameron, Gelbach and Miller 2008 on few clusters; Davison and Hinkley 1997, 3.8, on resampling
-whole clusters only).
+scenes, intervals of bootstrap quantiles (percentile, BCa) are far too narrow, and studentised ones have no end with
+fewer than five (docs/analysis.md has the simulation). So every interval here is an estimate, plus and minus its
+standard error times a quantile of Student's t with one degree of freedom less than there are scenes. The standard
+error of a mean over scenes is in closed form what a bootstrap of scenes gives times sqrt(S / (S - 1)); that of any
+other number comes from such a bootstrap (Cameron, Gelbach and Miller 2008 on few clusters; Davison and Hinkley 1997,
+3.8, on resampling whole clusters only).
 """
 
 from collections.abc import Callable, Sequence
@@ -35,13 +35,14 @@ NONE = Interval(float("nan"), float("nan"))
 
 
 def mean_interval(of_scenes: ArrayLike) -> Interval:
-    """(S,) a value of each scene -> the interval of their mean over scenes at large; none with fewer than two.
+    """(S,) a value of each scene -> the interval of their mean over scenes at large.
 
+    None with fewer than two scenes, and where they all have one value: then their spread says nothing.
     Covers as said where the scenes' values are normal, whatever S is; for values with a long tail to one side, such as
     an ATE, take their logarithms (geometric_interval).
     """
     values = np.asarray(of_scenes, dtype=np.float64)
-    if len(values) < 2:
+    if len(values) < 2 or np.ptp(values) <= 1e-12 * np.max(np.abs(values)):
         return NONE
     half = _quantile_t(len(values) - 1) * float(np.std(values, ddof=1)) / np.sqrt(len(values))
     return _around(float(np.mean(values)), half)
@@ -53,20 +54,21 @@ def geometric_interval(of_scenes: ArrayLike) -> Interval:
     return Interval(float(np.exp(min(low, 700.0))), float(np.exp(min(high, 700.0))))
 
 
-def share_interval(shares: ArrayLike, runs: ArrayLike) -> Interval:
-    """(S,) the share of each scene's runs in which something happened, and their numbers -> the interval of the mean.
+def share_interval(shares: ArrayLike, runs: float = np.inf) -> Interval:
+    """(S,) a mean of each scene of numbers from 0 to 1 -> the interval of their mean over scenes at large.
 
     Wilson's score interval (1927) with Student's t in place of the normal quantile and, in place of the number of runs,
-    how many independent ones would spread as the scenes do (Korn and Graubard 1998), at least the number of scenes:
-    where all scenes agree, their spread says nothing. Never narrower than said, wider with few scenes.
+    how many independent ones would spread as the scenes do (Korn and Graubard 1998): at least the number of scenes, as
+    where all agree their spread says nothing, and at most that of the runs, where each is a 0 or a 1. Covers what is
+    said or more, much more with few scenes.
     """
-    values, counts = np.asarray(shares, dtype=np.float64), np.asarray(runs, dtype=np.float64)
+    values = np.asarray(shares, dtype=np.float64)
     scenes = len(values)
     if scenes < 2:
         return NONE
     share, variance = float(np.mean(values)), float(np.var(values, ddof=1)) / scenes
-    independent = share * (1.0 - share) / variance if variance > 0.0 else float(scenes)
-    independent = float(np.clip(independent, scenes, max(scenes, counts.sum())))
+    independent = share * (1.0 - share) / variance if variance > 1e-24 else 0.0
+    independent = max(float(scenes), min(independent, float(runs)))
     t2 = _quantile_t(scenes - 1) ** 2
     middle = (share + t2 / (2.0 * independent)) / (1.0 + t2 / independent)
     half = np.sqrt(t2 * (share * (1.0 - share) / independent + t2 / (4.0 * independent**2))) / (1.0 + t2 / independent)
@@ -134,6 +136,6 @@ def _around(value: float, half: float) -> Interval:
 
 
 def _quantile_t(freedom: float) -> float:
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.ppf((1.0 + LEVEL) / 2.0, freedom))
+    return float(stdtrit(freedom, (1.0 + LEVEL) / 2.0))

@@ -68,7 +68,7 @@ def features_of(grey: Grey) -> Features:
     _, descriptors = cv2.ORB.create(nfeatures=FEATURES).detectAndCompute(grey, None)
     if descriptors is None:
         return Features(np.zeros((0, 256), dtype=np.float32))
-    return Features(np.unpackbits(np.asarray(descriptors), axis=1).astype(np.float32) * 2.0 - 1.0)
+    return Features(np.unpackbits(np.asarray(descriptors, dtype=np.uint8), axis=1).astype(np.float32) * 2.0 - 1.0)
 
 
 def tracked_features(before: Features, after: Features) -> int:
@@ -94,8 +94,7 @@ def ssim(grey: Grey, clean: Grey) -> float:
     """Return the structural similarity of two images (Wang et al. 2004): 11 x 11, sigma 1.5, K 0.01 and 0.03."""
     import cv2
 
-    (value, *_), _ = cv2.quality.QualitySSIM_compute(grey, clean)
-    return float(value)
+    return float(cv2.quality.QualitySSIM.create(clean).compute(grey)[0])
 
 
 def depth_missing(depth_m: Depth) -> float:

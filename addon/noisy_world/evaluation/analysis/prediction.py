@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Can a sequence's indicators tell whether a system will fail on it? A small model, tested on other scenes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .columns import Columns, table_of
+from .correlation import with_indicators
 from .run_table import SEQUENCE
 
 if TYPE_CHECKING:
@@ -89,43 +92,38 @@ def fit_failure_model(features: ArrayLike, failed: ArrayLike, penalty: float = P
     return FailureModel(float(best.x[0]), np.asarray(best.x[1:]), mean, deviation)
 
 
-def prediction_tables(runs: "DataFrame", sequences: "DataFrame") -> tuple["DataFrame", "DataFrame", "DataFrame"]:
-    """Return how well failure is predicted in scenes that the model has not seen, its coefficients, and each prediction.
+def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "DataFrame", "DataFrame"]:
+    """Return how well failure is predicted in scenes that the model has not seen, coefficients, and each prediction.
 
     A run failed where success_10cm is not 1. The unit is a sequence: repeats of a system on it are averaged, and a half
     or more of failures is one. Each scene in turn is left out of the fit and predicted; row "all" is over all of them.
     base_rate is the share of failures in the fit, brier_base the Brier score of saying nothing else, skill 1 - brier /
     brier_base. The coefficients are those of the fit to all scenes.
     """
-    from pandas import DataFrame
-
     folds, coefficients, predicted = [], [], []
     names = [name for name in FEATURES if name in sequences]
-    for system, of_system in _labelled(runs, sequences, names).groupby("system", sort=True):
-        features = transformed(of_system[names])
-        failed, scenes = of_system["failed"].to_numpy(), of_system["scene"].to_numpy()
+    for (system,), of_system in runs.groups(["system"]):
+        labelled = _labelled(of_system, sequences, names)
+        if not len(labelled):
+            continue
+        features, failed, scenes = transformed(labelled, names), labelled["failed"], labelled["scene"]
         chance, base = held_out_predictions(features, failed, scenes)
         for scene in [*sorted(set(scenes)), ALL]:
             chosen = np.ones(len(scenes), bool) if scene == ALL else scenes == scene
-            fitted = 0 if scene == ALL else int((~chosen).sum())
-            folds.append(
-                {"system": system, "held_out": scene, **judged(failed, chance, base, chosen), "n_fitted": fitted}
-            )
+            row = {"system": system, "held_out": scene, "n_fitted": np.nan if scene == ALL else int((~chosen).sum())}
+            folds.append(row | judged(failed, chance, base, chosen))
         model = fit_failure_model(features, failed)
         for name, *values in zip(names, model.coefficients, model.mean, model.deviation, strict=True):
             row = dict(zip(("coefficient", "mean", "standard_deviation"), map(float, values), strict=True))
             coefficients.append({"system": system, "feature": name, **row, "n": len(failed)})
-        shown = of_system[["system", *SEQUENCE, "failed"]].assign(predicted=chance, base_rate=base)
-        predicted += shown.to_dict("records")
-    return (
-        DataFrame(folds, columns=FOLDS),
-        DataFrame(coefficients, columns=COEFFICIENTS),
-        DataFrame(predicted, columns=PREDICTED),
-    )
+        for key, *values in zip(labelled.rows(SEQUENCE), failed, chance, base, strict=True):
+            row = dict(zip(("failed", "predicted", "base_rate"), map(float, values), strict=True))
+            predicted.append({"system": system, **dict(zip(SEQUENCE, key, strict=True)), **row})
+    return table_of(folds, FOLDS), table_of(coefficients, COEFFICIENTS), table_of(predicted, PREDICTED)
 
 
 def held_out_predictions(features: Float64, failed: Float64, scenes: NDArray[Any]) -> tuple[Float64, Float64]:
-    """Return for each sequence the probability by a model that was fitted to the other scenes, and their share of failures.
+    """Return for each sequence the probability by a model fitted to the other scenes, and their share of failures.
 
     NaN with a single scene.
     """
@@ -160,21 +158,21 @@ def auc(failed: ArrayLike, score: ArrayLike) -> float:
     return float((ranks[y].sum() - bad * (bad + 1) / 2.0) / (bad * good)) if bad and good else float("nan")
 
 
-def transformed(features: "DataFrame") -> Float64:
+def transformed(table: Columns, names: Sequence[str]) -> Float64:
     """Return features as the model sees them: the logarithm of those that FEATURES says; NaN stays."""
-    columns = []
-    for name in features.columns:
-        values = features[name].to_numpy(dtype=np.float64)
-        columns.append(np.log(np.maximum(values, 0.0) + BOTTOM) if FEATURES[str(name)] else values)
-    return np.column_stack(columns) if columns else np.zeros((len(features), 0))
+    found = np.zeros((len(table), len(names)))
+    for place, name in enumerate(names):
+        values = table[name]
+        found[:, place] = np.log(np.maximum(values, 0.0) + BOTTOM) if FEATURES[name] else values
+    return found
 
 
-def _labelled(runs: "DataFrame", sequences: "DataFrame", names: list[str]) -> "DataFrame":
-    success = runs[SUCCESS].fillna(0.0) if SUCCESS in runs else 1.0 - runs["failed"]
-    labelled = runs.assign(failed=1.0 - success)
-    shares = labelled.groupby(["system", *SEQUENCE], sort=True, as_index=False)["failed"].mean()
-    shares["failed"] = (shares["failed"] >= 0.5).astype(float)
-    return shares.merge(sequences[[*SEQUENCE, *names]], on=SEQUENCE, how="inner")
+def _labelled(runs: Columns, sequences: Columns, names: list[str]) -> Columns:
+    """Return the sequences that a system was run on, with indicators and whether half of the runs or more failed."""
+    joined = with_indicators(runs, sequences, names)
+    failed = 1.0 - np.nan_to_num(runs[SUCCESS]) if SUCCESS in runs else runs["failed"]
+    shares = {key: np.mean(group["lost"]) for key, group in runs.with_column("lost", failed).groups(SEQUENCE)}
+    return joined.with_column("failed", np.array([float(shares[key] >= 0.5) for key in joined.rows(SEQUENCE)]))
 
 
 def _standardised(features: ArrayLike, mean: Float64, deviation: Float64) -> Float64:

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...recipes.opened import OpenedSequence
+from .columns import Columns, table_of
 from .indicators import AGAINST_CLEAN, IMAGES
 from .intervals import mean_interval
 from .motion import MOTION, motion_of
 from .run_table import SETTING
+from .spread import means_of_scenes
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -34,7 +36,7 @@ DEPTH_BIN_M = 0.25
 FARTHEST_M = 10.0
 
 
-def sequences_tables(sequences: "DataFrame") -> dict[str, "DataFrame"]:
+def sequences_tables(sequences: Columns) -> dict[str, "DataFrame"]:
     """Return the tables images, depth and motion: each indicator of each setting, over its sequences.
 
     mean, low, high: of the scenes' means, with the interval over scenes at large; minimum, maximum: of the sequences'
@@ -47,26 +49,23 @@ def sequences_tables(sequences: "DataFrame") -> dict[str, "DataFrame"]:
     }
 
 
-def _table(sequences: "DataFrame", names: list[str]) -> "DataFrame":
-    from pandas import DataFrame
-
+def _table(sequences: Columns, names: list[str]) -> "DataFrame":
     rows: list[dict[str, Any]] = []
-    for key, group in sequences.groupby(SETTING, sort=True, dropna=False):
+    for key, group in sequences.groups(SETTING):
         for name in names:
-            known = group[group[f"{name}_mean"].notna()]
-            values = known[f"{name}_mean"].to_numpy(dtype=np.float64)
+            known = group.where(np.isfinite(group[f"{name}_mean"]))
+            values, of_scenes = known[f"{name}_mean"], means_of_scenes(known, f"{name}_mean")
             row: dict[str, Any] = {**dict(zip(SETTING, key, strict=True)), "indicator": name, "n": len(known)}
-            row["n_scenes"] = known["scene"].nunique()
-            if len(values):
-                of_scenes = known.groupby("scene", sort=True)[f"{name}_mean"].mean().to_numpy()
-                row["mean"] = float(np.mean(of_scenes))
-                row["low"], row["high"] = mean_interval(of_scenes)
-                row |= {"minimum": float(values.min()), "maximum": float(values.max())}
-                for end in ("low", "high"):
-                    column = f"{name}_{end}"
-                    row[f"{end}_frames"] = float(known[column].mean()) if column in known else float("nan")
+            if not len(values):
+                continue
+            row |= {"n_scenes": len(of_scenes), "mean": float(np.mean(of_scenes))}
+            row["low"], row["high"] = mean_interval(of_scenes)
+            row |= {"minimum": float(values.min()), "maximum": float(values.max())}
+            for end in ("low", "high"):
+                column = f"{name}_{end}"
+                row[f"{end}_frames"] = float(known[column].mean()) if column in known else float("nan")
             rows.append(row)
-    return DataFrame(rows, columns=COLUMNS)
+    return table_of(rows, COLUMNS)
 
 
 def depth_distribution(sequence: OpenedSequence, *, every: int = 10) -> "DataFrame":

@@ -2,11 +2,13 @@
 """Whether a setting differs from clean: tests, corrected for their number, with the size of the effect."""
 
 from collections.abc import Sequence
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .columns import Columns, table_of
 from .run_table import CLEAN, SETTING, is_error, worst_if_failed
 
 if TYPE_CHECKING:
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 
 type Float64 = NDArray[np.float64]
 type Row = dict[str, Any]
+type Unit = tuple[Any, ...]  # a scene, or a scene and a seed
 
 TESTS = [
     *("unit", "n", "n_clean", "mean", "clean_mean", "welch_t", "welch_freedom", "welch_p", "welch_p_holm", "hedges_g"),
@@ -22,32 +25,30 @@ TESTS = [
 UNITS = {"scene": ["scene"], "scene and seed": ["scene", "seed"]}
 
 
-def tests_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFrame":
+def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
     """Return Welch's test and Wilcoxon's signed-rank test of each setting against clean.
 
     Each is done twice: a value for each scene, which speaks for scenes at large, and a value for each scene and seed,
     which speaks for these scenes only, as seeds of one scene are no independent scenes. Holm's correction is over the
     settings of one system, measure and unit.
     """
-    from pandas import DataFrame
-
     rows: list[Row] = []
-    for system, of_system in runs.groupby("system", sort=True):
+    for (system,), of_system in runs.groups(["system"]):
         is_clean = of_system["perturbation"] == CLEAN
-        clean, perturbed = of_system[is_clean], of_system[~is_clean]
+        clean, perturbed = of_system.where(is_clean), of_system.where(~is_clean)
         for measure in measures:
             for unit, keys in UNITS.items():
                 family = [
                     {"system": system, **dict(zip(SETTING, key, strict=True)), "measure": measure, "unit": unit}
                     | _tested(group, clean, measure, keys)
-                    for key, group in perturbed.groupby(SETTING, sort=True, dropna=False)
+                    for key, group in perturbed.groups(SETTING)
                 ]
                 _correct(family)
                 rows += family
-    return DataFrame(rows, columns=["system", *SETTING, "measure", *TESTS])
+    return table_of(rows, ["system", *SETTING, "measure", *TESTS])
 
 
-def _tested(runs: "DataFrame", clean: "DataFrame", measure: str, keys: list[str]) -> Row:
+def _tested(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> Row:
     sample, reference = _units(runs, measure, keys), _units(clean, measure, keys)
     return welch(sample, reference) | wilcoxon(*_paired(runs, clean, measure, keys))
 
@@ -57,7 +58,7 @@ def welch(sample: ArrayLike, clean: ArrayLike) -> Row:
 
     NaN with fewer than two values on a side, or where neither varies.
     """
-    from scipy.stats import ttest_ind
+    from scipy.stats import ttest_ind_from_stats
 
     first, second = np.asarray(sample, dtype=np.float64), np.asarray(clean, dtype=np.float64)
     row: Row = {"n": len(first), "n_clean": len(second)}
@@ -66,19 +67,29 @@ def welch(sample: ArrayLike, clean: ArrayLike) -> Row:
     nothing = dict.fromkeys(("welch_t", "welch_freedom", "welch_p", "hedges_g"), float("nan"))
     if len(first) < 2 or len(second) < 2:
         return row | nothing
-    variances = float(np.var(first, ddof=1)), float(np.var(second, ddof=1))
-    if not sum(variances) > 1e-30 * max(row["mean"] ** 2, row["clean_mean"] ** 2):
+    variances = _variance(first), _variance(second)
+    squared = variances[0] / len(first), variances[1] / len(second)
+    if not sum(variances) > 0.0:
         return row | nothing
-    result: Any = ttest_ind(first, second, equal_var=False)
+    deviations = np.sqrt(variances)
+    result: Any = ttest_ind_from_stats(
+        *(row["mean"], deviations[0], len(first)), *(row["clean_mean"], deviations[1], len(second)), equal_var=False
+    )
     freedom = len(first) + len(second) - 2
     pooled = np.sqrt(((len(first) - 1) * variances[0] + (len(second) - 1) * variances[1]) / freedom)
     small_samples = 1.0 - 3.0 / (4.0 * freedom - 1.0)  # Hedges 1981
     return row | {
         "welch_t": float(result.statistic),
-        "welch_freedom": float(result.df),
+        "welch_freedom": sum(squared) ** 2 / (squared[0] ** 2 / (len(first) - 1) + squared[1] ** 2 / (len(second) - 1)),
         "welch_p": float(result.pvalue),
         "hedges_g": small_samples * (row["mean"] - row["clean_mean"]) / float(pooled),
     }
+
+
+def _variance(values: Float64) -> float:
+    """Return the sample variance; 0 where values differ by rounding alone."""
+    variance = float(np.var(values, ddof=1))
+    return variance if variance > (1e-12 * float(np.max(np.abs(values)))) ** 2 else 0.0
 
 
 def wilcoxon(sample: ArrayLike, clean: ArrayLike) -> Row:
@@ -122,13 +133,12 @@ def _correct(family: list[Row]) -> None:
             row[f"{test}_p_holm"] = float(corrected)
 
 
-def _units(runs: "DataFrame", measure: str, keys: list[str]) -> Float64:
+def _units(runs: Columns, measure: str, keys: list[str]) -> Float64:
     """Return a value for each unit: the mean of its runs that have one."""
-    known = runs[runs[measure].notna()]
-    return known.groupby(keys, sort=True)[measure].mean().to_numpy(dtype=np.float64)
+    return np.array([np.mean(values) for values in _by_unit(runs, runs[measure], keys).values()])
 
 
-def _paired(runs: "DataFrame", clean: "DataFrame", measure: str, keys: list[str]) -> tuple[Float64, Float64]:
+def _paired(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> tuple[Float64, Float64]:
     """Return the units' values and those of clean beside them: its own seed's, or else the mean of its scene's.
 
     A unit's value is the median of its runs; of errors a failed run's is infinite.
@@ -144,10 +154,15 @@ def _paired(runs: "DataFrame", clean: "DataFrame", measure: str, keys: list[str]
     return both[:, 0], both[:, 1]
 
 
-def _medians(runs: "DataFrame", measure: str, keys: list[str]) -> dict[tuple[Any, ...], float]:
+def _medians(runs: Columns, measure: str, keys: list[str]) -> dict[Unit, float]:
     values = worst_if_failed(runs, measure) if is_error(measure) else runs[measure]
-    known = runs.assign(value=values)[values.notna()]
-    found: dict[tuple[Any, ...], float] = {}
-    for key, group in known.groupby(keys, sort=True):
-        found[tuple(key)] = float(np.median(group["value"].to_numpy(dtype=np.float64)))
+    return {unit: float(np.median(found)) for unit, found in _by_unit(runs, values, keys).items()}
+
+
+def _by_unit(runs: Columns, values: Float64, keys: list[str]) -> dict[Unit, list[float]]:
+    """Return values by unit, in order, NaN left out."""
+    found: dict[Unit, list[float]] = {}
+    for unit, value in sorted(zip(runs.rows(keys), values.tolist(), strict=True), key=lambda row: row[0]):
+        if not isnan(value):
+            found.setdefault(unit, []).append(value)
     return found

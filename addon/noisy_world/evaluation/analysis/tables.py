@@ -11,7 +11,7 @@ from .prediction import SUCCESS, prediction_tables
 from .robustness_table import robustness_table
 from .run_table import headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
-from .significance import tests_table
+from .significance import against_clean_table
 from .spread import difference_table, spread_table
 
 if TYPE_CHECKING:
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 _INTERVALS = "low and high: 95 % for scenes at large; here_low and here_high: for other seeds in these scenes"
 
 CAPTIONS = {
-    "spread": f"Every measure of each system and setting, over scenes, seeds and repeats; {_INTERVALS}; n counts runs with a value.",
-    "differences": f"Every measure against clean in the same scenes: difference, and ratio of geometric means; {_INTERVALS}.",
-    "tests": "Tests against clean: Welch's on values, Wilcoxon's signed ranks on pairs where a failed run is worst; two-sided, Holm's correction over settings.",
+    "spread": f"Every measure of each system and setting, over scenes, seeds and repeats; {_INTERVALS}.",
+    "differences": f"Every measure against clean, scene by scene; ratio: of geometric means; {_INTERVALS}.",
+    "tests": "Tests against clean, two-sided, Holm's correction over settings. Wilcoxon's: a failed run is worst.",
     "curves": f"Failure curves: measures over severity, clean at 0; {_INTERVALS}.",
     "systems": f"Each system over all perturbed settings, which weigh alike in a scene; {_INTERVALS}.",
     "by_perturbation": f"Each system and perturbation over its severities and modes; {_INTERVALS}.",
     "by_mode": f"Each system and mode over perturbations and severities; {_INTERVALS}.",
     "by_severity": f"Each system and severity over perturbations and modes; {_INTERVALS}.",
-    "robustness": "Mean resilience rate (score over the system's own clean score) and mean corruption error (against the baseline), 95 % intervals by a bootstrap of scenes.",
-    "perturbation_correlations": "Spearman's correlation of the ATE under two perturbations, over systems, scenes and severities; a failed run is worst.",
-    "system_correlations": "Spearman's correlation of the ATE of two systems, over scenes and settings; a failed run is worst.",
-    "indicator_correlations": "Pearson's correlation of ATE and log10 ATE with indicators of the sequences; Spearman's with failed runs as worst.",
-    "prediction": f"How well a logistic regression on indicators tells that a run fails ({SUCCESS} is not 1) in a scene that it was not fitted on.",
-    "prediction_coefficients": "The coefficients of that regression, fitted to all scenes, on standardised features: above 0 means that failure is likelier.",
-    "predictions": "The predicted probability of failure of every sequence, by the model that had not seen its scene.",
+    "robustness": "Score over the own clean score (mRR), error over the baseline's (mCE); 95 %, bootstrap of scenes.",
+    "perturbation_correlations": "Spearman: ATE under two perturbations, over systems, scenes and severities.",
+    "system_correlations": "Spearman: ATE of two systems, over scenes and settings; a failed run is worst.",
+    "indicator_correlations": "Pearson: ATE, log10 ATE with what sequences are like; Spearman: failed runs as worst.",
+    "prediction": f"Predicting failed runs ({SUCCESS} is not 1) in scenes that the model was not fitted on.",
+    "prediction_coefficients": "That model, fitted to all scenes: above 0, more of the feature goes with failure.",
+    "predictions": "The predicted probability of failure of each sequence, by the model that had not seen its scene.",
     "images": "What the images of each setting are like, over its sequences; frames are sampled.",
     "depth": "What the depth of each setting is like, over its sequences; frames are sampled.",
     "motion": "How fast the camera moves and turns in each setting, from the true poses.",
@@ -55,7 +55,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     found = {
         "spread": spread_table(table, measures),
         "differences": difference_table(table, measures),
-        "tests": tests_table(table, headline),
+        "tests": against_clean_table(table, headline),
         "curves": curve_table(table, headline),
         "systems": grouped_table(table, headline, []),
         "by_perturbation": grouped_table(table, headline, ["perturbation"]),
