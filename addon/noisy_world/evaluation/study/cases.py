@@ -46,6 +46,12 @@ class SystemRun:
         """Its name, which is its folder in the results too: SCENE/SETTING/seed-N/SYSTEM/repeat-K."""
         return f"{self.case.name}/{self.system}/repeat-{self.repeat}"
 
+    @property
+    def placeholders(self) -> dict[str, str]:
+        """What a system's command may name of it."""
+        case = self.case
+        return {"scene": case.scene, "setting": case.setting, "seed": str(case.seed), "repeat": str(self.repeat)}
+
 
 @dataclass(frozen=True)
 class Condition:
