@@ -36,6 +36,7 @@ SUBCOMMANDS = {
         "evaluate_command", "run SLAM systems on the sequences of a preset or a dataset, and score them"
     ),
     "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
+    "report": Subcommand("report_command", "write the report of a study anew"),
     "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
     "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
     "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
