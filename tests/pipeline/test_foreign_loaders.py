@@ -14,6 +14,7 @@ LOADERS = {
     "tum": ("slam_tum", "associate_py", "orb_slam_rgbd_tum", "orb_slam_mono_tum"),
     "replica": ("slam_replica", "splatam_replica"),
     "euroc": ("orb_slam3_mono_euroc", "evo_euroc"),
+    "vslamlab": ("vslamlab",),
 }
 CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]
 BENCHMARK_STAMPS = ["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"]

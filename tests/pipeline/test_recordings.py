@@ -43,7 +43,7 @@ def recorded(folder, layout="replica", **keys):
 # --- intrinsics ---
 
 
-@pytest.mark.parametrize("layout", ["replica", "tum", "euroc"])
+@pytest.mark.parametrize("layout", ["replica", "tum", "euroc", "vslamlab"])
 def test_without_a_camera_a_recordings_own_counts(tmp_path, layout):
     own = camera(fx=4.25, fy=4.75, cx=3.125, cy=-2.0625)
     source = recorded(tmp_path, layout, camera=own)
@@ -85,7 +85,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
     big = recorded(tmp_path / "b", "tum", camera=camera(width=12, height=10))
     scenes = [{"name": "narrow", "sequence": str(narrow)}, {"name": "big", "sequence": str(big)}]
     settings = [{"name": "clean"}, {"name": "hazy", "perturb": [{"fog_depth": {"severity": 3}}]}]
-    for layout in ("replica", "tum", "euroc"):
+    for layout in ("replica", "tum", "euroc", "vslamlab"):
         preset = preset_of(tmp_path / layout, *scenes, settings=settings, output={"layout": layout, "overview": True})
         out = tmp_path / f"out_{layout}"
         run(preset, out)
@@ -98,7 +98,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
                 found = find_sequence(out / setting / name)
                 assert found.size_px == size
                 assert found.known_camera.fx_px == fx
-                if layout != "euroc":
+                if layout in ("replica", "tum"):
                     assert manifest["files"][f"{setting}/{name}"]["cam_params.json"]
         (again,) = make_plan(read_preset(preset_of(tmp_path / f"q{layout}", {"sequence": f"{out}/clean/big"}))).renders
         assert again.camera.fx_px == 4.0
@@ -107,7 +107,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
         alone = preset_of(tmp_path / f"alone_{layout}", scenes[0], output={"layout": layout})
         run(alone, out, overwrite=True)
         assert not {name for name in names_in(out) if "big" in name or "hazy" in name}
-        assert (out / "clean/cam_params.json").exists() == (layout != "euroc")
+        assert (out / "clean/cam_params.json").exists() == (layout in ("replica", "tum"))
         assert not (out / "clean/narrow/cam_params.json").exists()
     plan = make_plan(read_preset(preset))
     assert plan.camera is None

@@ -15,7 +15,7 @@ CAMERA = {"width": 8, "height": 6, "fx": 4.123456789012345, "fy": 3.9, "cx": 1e-
 # Irregular, on a real clock, in whole microseconds.
 STAMPS = ["1400000000.000100", "1400000000.033433", "1400000000.101", "1400000000.133333", "1400000000.2"]
 # How much finer than the other layouts' stamps may be told: microseconds, float64 on such a clock, nanoseconds.
-STEP_NS = {"tum": 500, "replica": 120, "euroc": 0}
+STEP_NS = {"tum": 500, "replica": 120, "euroc": 0, "vslamlab": 0}
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,7 @@ def assert_kept(before, after, target, source):
 )
 @pytest.mark.parametrize("layout", list(READERS))
 def test_what_is_written_is_read_and_written_again(tmp_path, layout, output):
-    if output["image"] == "jpg" and layout != "replica":
+    if output["image"] == "jpg" and layout not in ("replica", "vslamlab"):
         output = {**output, "image": "png"}
     preset = world(tmp_path / "w", layout, output=output, camera=CAMERA)
     run(preset, tmp_path / "first", overrides=[write_tum_path(tmp_path / "w", STAMPS)])

@@ -5,6 +5,7 @@ Only what decides which file and which pose a frame gets is here. None of it is 
 forgiving than the original: a header that they count, they count here.
 """
 
+import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -170,4 +171,21 @@ def evo_euroc(folder):
         None,
         [float(row[0]) / 1e9 for row in rows],
         np.array(poses),
+    )
+
+
+# --- VSLAM-LAB ---
+
+
+def vslamlab(folder):
+    """VSLAM-LAB's systems: rgb.csv by the names of its columns; groundtruth.csv sorted by time."""
+    with (folder / "rgb.csv").open(newline="") as table:
+        rows = list(csv.DictReader(table))
+    with (folder / "groundtruth.csv").open(newline="") as table:
+        poses = [list(map(float, row.values())) for row in csv.DictReader(table)]
+    return Loaded(
+        [folder / row["path_rgb_0"] for row in rows],
+        [folder / row["path_depth_0"] for row in rows],
+        [int(row["ts_rgb_0 (ns)"]) / 1e9 for row in rows],
+        np.array([pose_of(row[1:8]) for row in sorted(poses)]),
     )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a sequence on disk says, read by the tests' own parsers of each layout: json, csv, yaml, numpy and OpenCV."""
 
+import csv
 import json
 from dataclasses import dataclass
 from decimal import Decimal
@@ -94,4 +95,25 @@ def read_euroc(folder):
     )
 
 
-READERS = {"replica": read_replica, "tum": read_tum, "euroc": read_euroc}
+def read_vslamlab(folder):
+    text = (folder / "calibration.yaml").read_text()
+    assert text.startswith("%YAML 1.2\n---\ncameras:\n")
+    (told,) = yaml.safe_load(text.partition("---\n")[2])["cameras"]
+    camera = (*told["image_dimension"], *told["focal_length"], *told["principal_point"])
+    assert told["T_BS"] == np.eye(4).ravel().tolist()
+    rows = list(csv.DictReader((folder / "rgb.csv").open(newline="")))
+    poses = list(csv.DictReader((folder / "groundtruth.csv").open(newline="")))
+    columns = ("ts (ns)", "tx (m)", "ty (m)", "tz (m)", "qw", "qx", "qy", "qz")
+    return Said(
+        camera,
+        [int(row["ts_rgb_0 (ns)"]) for row in rows],
+        [int(row["ts_depth_0 (ns)"]) for row in rows],
+        [int(row["ts (ns)"]) for row in poses],
+        [read(folder / row["path_rgb_0"]) for row in rows],
+        np.array([read(folder / row["path_depth_0"]) for row in rows]) / told["depth_factor"],
+        np.array([matrix_of([row[name] for name in columns]) for row in poses]),
+        told["depth_factor"],
+    )
+
+
+READERS = {"replica": read_replica, "tum": read_tum, "euroc": read_euroc, "vslamlab": read_vslamlab}

@@ -54,3 +54,39 @@ def write_euroc(folder, *, colour=False, columns=8, line_end="\n", depth_late_ns
     (mav / "depth0/sensor.yaml").write_bytes(
         (SENSOR_YAML + "depth_scale_per_m: 2000.0\n").replace("\n", line_end).encode()
     )
+
+
+# As VSLAM-LAB writes it for rgbdtum's freiburg3, with other numbers: Datasets/DatasetVSLAMLAB_calibration.py.
+CALIBRATION_YAML = """%YAML 1.2
+---
+cameras:
+  - {cam_name: rgb_0,
+     cam_type: rgb+depth,
+     depth_name: depth_0,
+     cam_model: pinhole,
+     focal_length: [7.5, 7.25],
+     principal_point: [3.5, 2.5],
+     image_dimension: [8, 6],
+     fps: 30.0,
+     depth_factor: 2000.0,
+     T_BS: [1.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 1.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 1.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 0.0000000000000, 1.0000000000000] # Sensor extrinsics wrt. the body-frame.
+    }
+
+"""  # noqa: E501
+
+
+def write_vslamlab(folder, *, depth_late_ns=0):
+    """Write two frames of 8 x 6 pixels as VSLAM-LAB has them: colour BGR (10, 20, 30), depth 2.5 m, named by stamps."""
+    rows = ["ts_rgb_0 (ns),path_rgb_0,ts_depth_0 (ns),path_depth_0"]
+    truth = ["ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw"]
+    for name in ("rgb_0", "depth_0"):
+        (folder / name).mkdir(parents=True)
+    for k, stamp_ns in enumerate(STAMPS_NS):
+        late_ns = stamp_ns + depth_late_ns
+        assert cv2.imwrite(str(folder / f"rgb_0/{stamp_ns}.png"), np.full((6, 8, 3), (10, 20, 30), np.uint8))
+        assert cv2.imwrite(str(folder / f"depth_0/{late_ns}.png"), np.full((6, 8), 5000, np.uint16))
+        rows.append(f"{stamp_ns},rgb_0/{stamp_ns}.png,{late_ns},depth_0/{late_ns}.png")
+        truth.append(f"{stamp_ns},{k}.0,2.0,3.0,0.5,-0.5,0.5,0.5")
+    for name, lines in (("rgb.csv", rows), ("groundtruth.csv", truth)):
+        (folder / name).write_text("".join(line + "\n" for line in lines))
+    (folder / "calibration.yaml").write_text(CALIBRATION_YAML)

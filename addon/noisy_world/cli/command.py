@@ -32,8 +32,13 @@ SUBCOMMANDS = {
     "recipe": Subcommand("recipe_command", "write what makes a dataset, and the digests of its files"),
     "verify": Subcommand("verify_command", "hash a dataset's files and compare them with a recipe"),
     "materialise": Subcommand("materialise", "make a recipe's dataset again, or a part of it, and verify it"),
+    "evaluate": Subcommand(
+        "evaluate_command", "run SLAM systems on the sequences of a preset or a dataset, and score them"
+    ),
     "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
+    "report": Subcommand("report_command", "write the report of a study anew"),
     "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
+    "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
     "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }

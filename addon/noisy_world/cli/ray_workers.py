@@ -116,7 +116,7 @@ class RayWorkers:
                 told=f"{order}\n{shard.name}\n",
                 then=f"{END}\n",
                 environment={"PYTHON_CPU_COUNT": count, "OMP_NUM_THREADS": count, "OPENBLAS_NUM_THREADS": count},
-                search_path=_checkout(),
+                search_path=checkout(),
                 version=package_version(),
                 seen="" if opened is None else str(opened),
                 sha256="" if opened is None else sha256_of_file(opened) or "",
@@ -125,7 +125,7 @@ class RayWorkers:
         ]
 
 
-def _checkout() -> str:
+def checkout() -> str:
     """Return the folder that holds this package, if it is a checkout's; "" where it is installed."""
     package = Path(__file__).resolve().parents[1]
     return "" if (package / "blender_manifest.toml").is_file() else str(package.parent)

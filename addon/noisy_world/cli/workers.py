@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Several processes for one dataset: each is given the plan, and then one shard after another.
 
-A worker reads lines from standard input. The first is its order, as JSON: the preset as it was read, overrides
-included, rather than the arguments of a command line. Then come the names of shards, each when the last one is made,
-and END. On standard output it reports progress in lines of JSON, each after a mark; other output there, such as
+A worker's order is the preset as it was read, overrides included, rather than the arguments of a command line; then
+come the names of shards (see `crew`). It reports progress in lines of JSON, each after a mark; other output, such as
 Blender's, is skipped.
 """
 
@@ -11,7 +10,6 @@ import contextlib
 import json
 import os
 import queue
-import subprocess
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -26,16 +24,15 @@ from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
-from ..core.progress import JsonProgress, Progress, read_message
+from ..core.progress import JsonProgress, Progress
 from ..pipeline.address_run import AddressRun
 from ..pipeline.report import Report
 from ..pipeline.run import Made, threads_of_each
 from ..pipeline.shard import ShardMaker, shard_folder
 from ..planning import make_plan
 from ..storage.address import is_address, open_address
+from .crew import END, Crew
 from .entry import BUSY, INTERRUPTED, REFUSED
-
-END = "end"  # what a worker is told when there is no shard left: no shard is called so
 
 
 @dataclass(frozen=True)
@@ -92,11 +89,6 @@ class Workers:
         self._out = out
         self._jobs = jobs
         self._stop = stop
-        self._messages: queue.Queue[tuple[int, dict[str, Any]]] = queue.Queue()
-        self._processes: list[subprocess.Popen[str]] = []
-        self._errors: list[str] = []
-        self._subjects: set[str] = set()
-        self._total = Report()
 
     def make(self, shards: tuple[Shard, ...], made: Made, progress: Progress) -> Report:
         """Let the workers make shards, and merge their reports. made: is called with each shard that is finished.
@@ -106,70 +98,19 @@ class Workers:
         waiting = ShardQueue(self._plan, shards)
         jobs = min(self._jobs, len(shards))
         order = Order.of(self._plan, self._out, threads_of_each(jobs))
-        try:
-            for number in range(jobs):
-                self._start(number, order)
-                self._give(number, waiting)
-            self._attend(waiting, made, progress)
-        finally:
-            for process in self._processes:  # none is left, unless an error of this process ends it
-                if process.poll() is None:
-                    process.kill()
-        if self._errors:
-            raise NoisyWorldError(self._errors[0])
-        if self._stop.is_set():
-            raise InterruptedRunError("stopped")
-        return self._total
+        total, subjects = Report(), set[str]()
 
-    def _attend(self, waiting: "ShardQueue", made: Made, progress: Progress) -> None:
-        """Hear the workers, and give each its next shard, until all have ended."""
-        working, told_to_stop = len(self._processes), False
-        while working:
-            if (self._errors or self._stop.is_set()) and not told_to_stop:
-                told_to_stop = True
-                for process in self._processes:
-                    process.terminate()
-            with contextlib.suppress(queue.Empty):
-                number, message = self._messages.get(timeout=0.2)
-                match message:
-                    case {"made": name}:
-                        self._give(number, waiting)
-                        made(Shard.parse(name))
-                    case {"end": status}:
-                        working -= 1
-                        if status == INTERRUPTED:
-                            self._stop.set()
-                        elif status != 0 and not (told_to_stop or self._errors):
-                            self._errors.append(f"a worker ended with status {status}; its messages are above")
-                    case _:
-                        hear(message, progress, self._total, self._errors, self._subjects)
+        def next_for(worker: int) -> str | None:
+            shard = waiting.next_for(worker)
+            return None if shard is None else shard.name
 
-    def _start(self, number: int, order: Order) -> None:
-        """Start a worker on an order, and a thread that puts the worker's messages into the queue."""
-        process = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self._processes.append(process)
-        self._tell(process, json.dumps(asdict(order)))
-        threading.Thread(target=self._listen, args=(number, process), daemon=True).start()
+        crew = Crew(self._command, json.dumps(asdict(order)), next_for, self._stop)
 
-    def _give(self, number: int, waiting: "ShardQueue") -> None:
-        """Tell a worker its next shard, or that there is none."""
-        shard = waiting.next_for(number)
-        self._tell(self._processes[number], END if shard is None else shard.name)
+        def heard(message: dict[str, Any]) -> None:
+            hear(message, progress, total, crew.errors, subjects)
 
-    @staticmethod
-    def _tell(process: subprocess.Popen[str], line: str) -> None:
-        assert process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # the worker died; its exit status is heard
-            process.stdin.write(line + "\n")
-            process.stdin.flush()
-
-    def _listen(self, number: int, process: subprocess.Popen[str]) -> None:
-        """Pass on a worker's messages until it ends."""
-        assert process.stdout is not None
-        for line in process.stdout:
-            if (message := read_message(line)) is not None:
-                self._messages.put((number, message))
-        self._messages.put((number, {"end": process.wait()}))
+        crew.work(jobs, lambda name: made(Shard.parse(name)), heard)
+        return total
 
 
 class ShardQueue:

@@ -37,6 +37,10 @@ class InputError(NoisyWorldError):
         super().__init__(place + problem + (f"; {remedy}" if remedy else ""))
 
 
+class NotFiniteError(InputError):
+    """A file of poses can be read, but holds NaN or infinity where a pose has to be."""
+
+
 class MissingDependencyError(NoisyWorldError):
     """A library that is needed is not installed; the message gives the command that installs it."""
 

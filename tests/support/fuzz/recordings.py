@@ -8,7 +8,7 @@ import json
 import cv2
 import numpy as np
 from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, pick
-from stored_sequences import write_euroc
+from stored_sequences import write_euroc, write_vslamlab
 
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError
@@ -63,11 +63,16 @@ def euroc(folder, rng):
     write_euroc(folder, colour=bool(rng.integers(2)), columns=pick(rng, (8, 17)))
 
 
+def vslamlab(folder, rng):
+    """Write a recording as VSLAM-LAB's."""
+    write_vslamlab(folder, depth_late_ns=int(rng.integers(-(10**9), 10**9)))
+
+
 def write(folder, rng):
     """Write a recording, and mutate one or two of its files."""
     sequence = folder / "sequence"
     sequence.mkdir()
-    pick(rng, (replica, tum, euroc))(sequence, rng)
+    pick(rng, (replica, tum, euroc, vslamlab))(sequence, rng)
     paths = sorted(path for path in sequence.rglob("*") if path.is_file())
     for _ in range(int(rng.integers(1, 3))):
         texts = [path for path in paths if path.suffix in TEXTS]

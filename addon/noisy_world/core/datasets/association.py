@@ -23,7 +23,7 @@ MAX_CANDIDATES = 10_000_000
 
 @dataclass(frozen=True, eq=False)
 class StampedFiles:
-    """A list of images with their stamps, which increase."""
+    """A list of images with their stamps, which increase; those of paired depth need not."""
 
     stamps: Stamps
     files: tuple[Path, ...]
@@ -82,16 +82,26 @@ def associate(
 
 
 def associate_frames(
-    folder: Path, rgb: StampedFiles, depth: StampedFiles, path: Trajectory, pose_stamps: Stamps | None = None
+    folder: Path,
+    rgb: StampedFiles,
+    depth: StampedFiles,
+    path: Trajectory,
+    pose_stamps: Stamps | None = None,
+    *,
+    paired: bool = False,
 ) -> Associated:
     """Return the frames of a recording: first each colour image with its depth, then each pair with its pose.
 
-    path: the ground truth. pose_stamps: its stamps where they are known more exactly than the path holds them. Raises
-    InputError where no colour image has both.
+    path: the ground truth. pose_stamps: its stamps where they are known more exactly than the path holds them. paired:
+    the i-th depth is that of the i-th colour image, whatever their stamps. Raises InputError where no colour image has
+    both.
     """
     poses = pose_stamps or Stamps(path.stamps_s)
     try:
-        of_rgb, of_depth = associate(rgb.stamps.seconds, depth.stamps.seconds)
+        if paired:
+            of_rgb = of_depth = np.arange(len(rgb.files), dtype=np.int64)
+        else:
+            of_rgb, of_depth = associate(rgb.stamps.seconds, depth.stamps.seconds)
         with_pose, of_pose = associate(rgb.stamps.seconds[of_rgb], poses.seconds)
     except ValueError as error:
         raise InputError(folder, str(error), remedy="stamps are seconds: are these in another unit?") from error
@@ -99,7 +109,7 @@ def associate_frames(
         covered = (("colour", rgb.stamps), ("depth", depth.stamps), ("poses", poses))
         spans = ", ".join(f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in covered)
         raise InputError(folder, f"no colour, depth and pose lie within {PAIRING_S} s of one another", remedy=spans)
-    paired = len(of_rgb)
+    with_depth = len(of_rgb)
     of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
     stamps = FrameStamps(rgb.stamps.take(of_rgb), depth.stamps.take(of_depth), poses.take(of_pose))
     return Associated(
@@ -107,7 +117,7 @@ def associate_frames(
         tuple(depth.files[row] for row in of_depth),
         Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
         stamps,
-        _left_out(len(rgb.files), paired, len(of_rgb)),
+        _left_out(len(rgb.files), with_depth, len(of_rgb)),
         path.notes,
     )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, NotFiniteError
 from ..geometry import nearest_rotation, pose, rotation_error
 from .pose_text import FilePoses, Float64, PoseRows, TextRows, all_finite, read_text, text_rows
 
@@ -145,7 +145,7 @@ def _found_poses(format_name: str, blocks: PoseRows, numbers: Float64) -> FilePo
         file, where = blocks.place(int(np.argmin(found)))
         lost = f"{np.count_nonzero(~found)} of {len(found)} poses are not finite (tracking was lost)"
         if not found.any():
-            raise InputError(file, f"{lost}: no pose is left", where=where, remedy="choose another recording")
+            raise NotFiniteError(file, f"{lost}: no pose is left", where=where, remedy="choose another recording")
         notes = (f"{lost} and are left out, first {file.name} {where}; the others keep their times",)
     poses = rigid_poses(blocks.keep(found))
     assert format_name in ("matrices", "log")

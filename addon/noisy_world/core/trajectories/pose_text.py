@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, NotFiniteError
 from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
 from .trajectory import Axes
@@ -65,14 +65,22 @@ class PoseRows:
         file = self.files if isinstance(self.files, Path) else self.files[row]
         return file, f"line {self.lines[row]}"
 
-    def fail_where(self, wrong: NDArray[np.bool_], problem: str, *, remedy: str = "", of: object = None) -> None:
-        """Raise InputError for the first row that is wrong; `{}` in `problem` is replaced by that row of `of`."""
+    def fail_where(
+        self,
+        wrong: NDArray[np.bool_],
+        problem: str,
+        *,
+        remedy: str = "",
+        of: object = None,
+        error: type[InputError] = InputError,
+    ) -> None:
+        """Raise an error for the first row that is wrong; `{}` in `problem` is replaced by that row of `of`."""
         if not wrong.any():
             return
         row = int(np.argmax(wrong))
         of_row = "" if of is None else _in_words(np.asarray(of)[row])
         file, where = self.place(row)
-        raise InputError(file, problem.format(of_row), where=where, remedy=remedy)
+        raise error(file, problem.format(of_row), where=where, remedy=remedy)
 
     def keep(self, chosen: NDArray[np.bool_]) -> "PoseRows":
         """Return the chosen rows."""
@@ -174,11 +182,11 @@ def is_header(data: str) -> bool:
 
 
 def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pose") -> PoseRows:
-    """Return the rows. Raises InputError for the first that holds an infinity or no number."""
+    """Return the rows. Raises NotFiniteError for the first that holds an infinity or no number."""
     finite = np.isfinite(rows.values)
     if not finite.all():
         first = rows.values[np.arange(len(finite)), np.argmin(finite, axis=1)]
-        rows.fail_where(~finite.all(axis=1), "holds {}", of=first, remedy=remedy)
+        rows.fail_where(~finite.all(axis=1), "holds {}", of=first, remedy=remedy, error=NotFiniteError)
     return rows
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import MissingDependencyError
-from .definition import System, filled
+from .definition import STUDY_NAMES, System, filled
 from .environments import environment_folder, environment_python
 
 PACKAGE_FOLDER = Path(__file__).resolve().parents[3]
@@ -19,6 +19,8 @@ PROGRAMS = Path(__file__).resolve().parent / "programs"
 GPU_DEVICES = (Path("/dev/nvidiactl"), Path("/dev/dxg"))
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 VERSIONS_LIMIT_S = 120.0
+_OF_A_RUN = dict.fromkeys(("frames", "sequence", "out", *STUDY_NAMES), "")
+"""Placeholders that have no value before a run."""
 
 
 def check_system(system: System) -> dict[str, str]:
@@ -37,7 +39,7 @@ def system_versions(system: System) -> dict[str, str]:
         raise _missing(system, f"there is no environment {environment_folder(system.environment)}")
     if system.gpu and not any(device.exists() for device in GPU_DEVICES):
         raise _missing(system, "no NVIDIA GPU is here")
-    (program,) = filled(system.command[:1], {**command_values(system), "frames": "", "sequence": "", "out": ""})
+    (program,) = filled(system.command[:1], {**command_values(system), **_OF_A_RUN})
     if shutil.which(program) is None:
         raise _missing(system, f"there is no program {program}")
     return _asked_versions(system) if system.versions else {}
@@ -68,7 +70,7 @@ def variables_of(system: System) -> dict[str, str]:
 
 
 def _asked_versions(system: System) -> dict[str, str]:
-    values = {**command_values(system), "frames": "", "sequence": "", "out": ""}
+    values = {**command_values(system), **_OF_A_RUN}
     try:
         done = subprocess.run(  # noqa: S603 - what the definition says
             filled(system.versions, values),

@@ -13,8 +13,8 @@ from typing import Literal
 from ...core.datasets.layouts import LAYOUTS
 from ...core.errors import InputError
 from ...core.schema import Choice, Place, key, parse, shown
-from ...core.trajectories.pose_text import FORMATS
 from ...core.yaml_reading import read_yaml
+from .readers import READERS, TEXT_FORMATS
 
 Modality = Literal["colour", "depth"]
 StampsOf = Literal["time", "index", "none"]
@@ -30,12 +30,19 @@ PLACEHOLDERS = {
     "programs": "the folder of the programs that come with Noisy World",
     "environment": "the folder of the system's environment",
     "here": "the folder that the definition is in",
+    "scene": "in a study, the scene's name",
+    "setting": "in a study, the setting's name",
+    "seed": "in a study, the seed",
+    "repeat": "in a study, which run on the sequence it is, from 1",
 }
 """What a command may name in braces, and its meaning."""
 
+STUDY_NAMES = ("scene", "setting", "seed", "repeat")
+"""The placeholders that only a study fills in."""
+
 FORMAT_CHOICES: dict[str, Choice] = {
     "auto": Choice("Auto", "told by content"),
-    **{name: Choice(name, "a format of trajectories") for name in FORMATS},
+    **{name: Choice(name, reader.meaning) for name, reader in READERS.items()},
 }
 """What `writes.format` may be, by name."""
 
@@ -179,8 +186,19 @@ def _check(system: System, place: Place) -> None:
             _check_word(system, word, place.at(name).at(index))
     if not system.command:
         raise place.at("command").error("is empty", "name the program and its arguments")
+    _check_convention(system.writes, place.at("writes"))
     if system.writes.keyframes and (problem := _no_file(system.writes.keyframes)):
         raise place.at("writes").at("keyframes").error(problem)
+
+
+def _check_convention(writes: Writes, place: Place) -> None:
+    """Refuse to be told what a format says itself."""
+    if writes.format in ("auto", *TEXT_FORMATS):
+        return
+    open_to_say = ("axes", "direction") if READERS[writes.format].any_convention else ()
+    for name, usual in (("axes", "auto"), ("direction", "auto"), ("stamps", "time"), ("stamp_unit", "auto")):
+        if getattr(writes, name) != usual and name not in open_to_say:
+            raise place.at(name).error(f"is given, but {writes.format} says it itself", "leave it out")
 
 
 def _check_word(system: System, word: str, place: Place) -> None:

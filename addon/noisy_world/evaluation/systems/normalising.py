@@ -2,7 +2,9 @@
 """What a system wrote, read as its definition says, as poses of the frames that it was given."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 from typing import cast
 
@@ -10,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.datasets.association import associate
-from ...core.errors import InputError
+from ...core.errors import InputError, NotFiniteError
 from ...core.trajectories.files import STAMPED_FORMATS, Auto, read_trajectory_file
 from ...core.trajectories.pose_text import TrajectoryFormat
 from ..estimate import Estimate
 from ..outcome import Outcome
 from .definition import Writes
+from .readers import TEXT_FORMATS, read_estimate
 
 LATEST_S = 0.02  # a pose belongs to a frame whose stamp differs by less, as in core/datasets/association
 _NOT_FINITE = re.compile(r"(?<![A-Za-z0-9_.])[-+]?(?:nan|inf|infinity)(?![A-Za-z0-9_.])", re.IGNORECASE)
@@ -33,19 +36,28 @@ class Normalised:
 NOTHING = Estimate(np.empty(0), np.empty((0, 4, 4)))
 
 
-def found_file(folder: Path, pattern: str) -> Path | None:
-    """Return the file that a name or a pattern stands for; the first by name where there are several, else None."""
-    return min((path for path in folder.glob(pattern) if path.is_file()), default=None)
+def found_file(folder: Path, pattern: str, *, folders: bool = False) -> Path | None:
+    """Return the file that a name or a pattern stands for; the first by name where there are several, else None.
+
+    folders: whether it may be a folder.
+    """
+    return min((path for path in folder.glob(pattern) if path.is_file() or (folders and path.is_dir())), default=None)
 
 
-def normalised(folder: Path, writes: Writes, stamps_s: list[float], pattern: str = "") -> Normalised:
+def normalised(
+    folder: Path, writes: Writes, stamps_s: list[float], pattern: str = "", *, colour: Sequence[Path] = ()
+) -> Normalised:
     """Read the estimate that a system wrote into a folder.
 
-    stamps_s: of the frames that it was given. pattern: of the file; that of the estimate if it is "".
+    stamps_s: of the frames that it was given. pattern: of the file; that of the estimate if it is "". colour: the
+    frames' images, for a format that names them.
     """
-    path = found_file(folder, pattern or writes.file)
+    of_reader = writes.format not in ("auto", *TEXT_FORMATS)
+    path = found_file(folder, pattern or writes.file, folders=of_reader)
     if path is None:
         return Normalised(Outcome.NO_ESTIMATE, f"it wrote no {pattern or writes.file}", NOTHING)
+    if of_reader:
+        return _read(path, writes, stamps_s, colour)
     text = _text(path)
     if text is not None:
         if not _has_rows(text):
@@ -56,8 +68,28 @@ def normalised(folder: Path, writes: Writes, stamps_s: list[float], pattern: str
     try:
         return _matched(path, writes, np.array(stamps_s, dtype=np.float64))
     except InputError as error:
-        where = f"{error.where}: " if error.where else ""
-        return Normalised(Outcome.UNREADABLE, f"{path.name}: {where}{error.problem}", NOTHING)
+        return _unread(error)
+
+
+def _read(path: Path, writes: Writes, stamps_s: list[float], colour: Sequence[Path]) -> Normalised:
+    """Read an estimate by the reader of its format."""
+    images = map(str, colour) if colour else repeat("")
+    frames = [{"stamp_s": stamp_s, "colour": name} for stamp_s, name in zip(stamps_s, images, strict=False)]
+    direction = None if writes.direction == "auto" else writes.direction
+    axes = None if writes.axes == "auto" else writes.axes
+    try:
+        found = read_estimate(writes.format, path, {"frames": frames}, direction=direction, axes=axes)
+        if not len(found):
+            return Normalised(Outcome.FINISHED, "", NOTHING)
+        return _of_frames(path, np.array(stamps_s, dtype=np.float64), found.stamps_s, found.c2w)
+    except InputError as error:
+        return _unread(error)
+
+
+def _unread(error: InputError) -> Normalised:
+    where = f"{error.where}: " if error.where else ""
+    outcome = Outcome.NOT_FINITE if isinstance(error, NotFiniteError) else Outcome.UNREADABLE
+    return Normalised(outcome, f"{Path(error.file).name}: {where}{error.problem}", NOTHING)
 
 
 def _matched(path: Path, writes: Writes, stamps_s: NDArray[np.float64]) -> Normalised:
@@ -76,8 +108,15 @@ def _matched(path: Path, writes: Writes, stamps_s: NDArray[np.float64]) -> Norma
         return Normalised(Outcome.FINISHED, "", Estimate(stamps_s, c2w))
     if writes.stamps == "index":
         given, of_pose = _by_index(path, own_s, len(stamps_s))
-    else:
-        given, of_pose = associate(stamps_s, own_s, LATEST_S)
+        return Normalised(Outcome.FINISHED, "", Estimate(stamps_s[given], c2w[of_pose]))
+    return _of_frames(path, stamps_s, own_s, c2w)
+
+
+def _of_frames(
+    path: Path, stamps_s: NDArray[np.float64], own_s: NDArray[np.float64], c2w: NDArray[np.float64]
+) -> Normalised:
+    """Return the poses that belong to frames by their stamps. Raises InputError where none does."""
+    given, of_pose = associate(stamps_s, own_s, LATEST_S)
     if not given.size:
         problem = "no pose belongs to a frame that was given, by its stamp"
         raise InputError(path, problem)

@@ -9,16 +9,17 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from ...core.datasets.storage import Mover, storage_errors, write_atomic
-from ...core.errors import InterruptedRunError, NoisyWorldError
+from ...core.errors import InputError, InterruptedRunError, NoisyWorldError
 from ...core.geometry import Intrinsics
 from ..outcome import Outcome, RunRecord
 from .checking import command_values, system_versions, variables_of
-from .definition import System, filled
+from .definition import STUDY_NAMES, System, filled
 from .estimate_file import ESTIMATE, KEYFRAMES, estimate_text
 from .index import Given, given_sequence
 from .normalising import Normalised, found_file, normalised
@@ -43,6 +44,7 @@ def run_system(
     *,
     stop: threading.Event | None = None,
     camera: Intrinsics | None = None,
+    names: Mapping[str, str] | None = None,
     maps: bool = False,
     keep: bool = False,
 ) -> RunRecord:
@@ -50,7 +52,8 @@ def run_system(
 
     The folder then holds log.txt; estimate.txt, in TUM's format, unless there is no estimate; keyframes.txt, frames.csv
     and, if maps are asked for, map.ply where the system writes them; and run.json, which is written last. camera: its
-    intrinsics, where no file says them. keep: what else the system wrote stays, in the folder .work/out.
+    intrinsics, where no file says them. names: of the run in a study, for a command that names {scene}, {setting},
+    {seed} or {repeat}. keep: what else the system wrote stays, in the folder .work/out.
 
     Raises InputError where the sequence cannot be read or the system cannot be run here, StorageError, and
     InterruptedRunError where `stop` was set; then there is no run.json.
@@ -64,7 +67,7 @@ def run_system(
         (work / "out").mkdir(parents=True)
         for name in (RUN, ESTIMATE, KEYFRAMES, FRAMES, MAP):
             (out / name).unlink(missing_ok=True)
-    command = _command(system, given, work, maps=maps)
+    command = _command(system, given, work, names or {}, maps=maps)
     told = _guarded(command, system, given, out, stop)
     if stop is not None and stop.is_set():
         raise InterruptedRunError(f"{system.name} was stopped; its run will be made anew")
@@ -78,9 +81,14 @@ def run_system(
     return record
 
 
-def _command(system: System, given: Given, work: Path, *, maps: bool) -> list[str]:
-    """Return the command, after what it reads is written."""
+def _command(system: System, given: Given, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
+    """Return the command, after what it reads is written. Raises InputError where it names what only a study knows."""
     words = system.command + (system.map_arguments if maps else ())
+    named = " ".join(words)
+    unknown = next((name for name in STUDY_NAMES if f"{{{name}}}" in named and name not in names), None)
+    if unknown is not None:
+        remedy = "run it in a study: noisy-world evaluate"
+        raise InputError(system.file, f"names {{{unknown}}}, which only a study knows", where="command", remedy=remedy)
     folder = work / "given" / "setting" / "sequence"
     frames = work / "given" / "frames.json"
     with storage_errors(folder):
@@ -89,7 +97,7 @@ def _command(system: System, given: Given, work: Path, *, maps: bool) -> list[st
     if any("{sequence}" in word for word in words):
         given.write_sequence(folder, system.reads.layouts)
     values = {"frames": frames.resolve(), "sequence": folder.resolve(), "out": (work / "out").resolve()}
-    return filled(words, {**command_values(system), **values})
+    return filled(words, {**command_values(system), **names, **values})
 
 
 def _guarded(
@@ -136,7 +144,7 @@ def _record(
     written = out / WORK / "out"
     outcome, detail = _how_it_ended(told, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
-        found = normalised(written, system.writes, given.stamps_s)
+        found = normalised(written, system.writes, given.stamps_s, colour=given.stored.rgb_files)
         outcome, detail = found.outcome, _sentences(found.detail, _take_files(system, given, written, out, maps=maps))
         if outcome is Outcome.FINISHED:
             _write_estimate(out / ESTIMATE, found)
@@ -176,7 +184,9 @@ def _take_files(system: System, given: Given, written: Path, out: Path, *, maps:
     """Take over what else of the contract a system wrote; return sentences on what is wrong in it."""
     problems = []
     if system.writes.keyframes and found_file(written, system.writes.keyframes) is not None:
-        keyframes = normalised(written, system.writes, given.stamps_s, system.writes.keyframes)
+        keyframes = normalised(
+            written, system.writes, given.stamps_s, system.writes.keyframes, colour=given.stored.rgb_files
+        )
         if keyframes.outcome is Outcome.FINISHED:
             _write_estimate(out / KEYFRAMES, keyframes)
         else:

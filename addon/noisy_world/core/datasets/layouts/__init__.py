@@ -9,6 +9,7 @@ from .euroc import EurocLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, SequenceFacts
 from .replica import ReplicaLayout
 from .tum import TumLayout
+from .vslamlab import VslamLabLayout
 
 __all__ = [
     "LAYOUTS",
@@ -23,7 +24,9 @@ __all__ = [
     "find_sequence",
 ]
 
-LAYOUTS: dict[str, Layout] = {layout.name: layout for layout in (ReplicaLayout(), TumLayout(), EurocLayout())}
+LAYOUTS: dict[str, Layout] = {
+    layout.name: layout for layout in (ReplicaLayout(), TumLayout(), EurocLayout(), VslamLabLayout())
+}
 """Every layout by its name in presets; the first is the default."""
 
 

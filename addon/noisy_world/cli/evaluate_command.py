@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`evaluate`: run SLAM systems on the sequences of a preset or a dataset, and score them."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .arguments import positive
+from .ending import ended
+from .entry import Entry
+from .part import add_part_options
+from .places import folder, path
+from .shipped import found_preset
+
+if TYPE_CHECKING:
+    from ..evaluation.study.order import Order
+
+CONTINUES = "what has ended stays, and the same command continues from there"
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = parse_arguments(arguments, entry)
+    stopped = f"{CONTINUES}:\n  {entry.pasteable(arguments)}"
+    return ended(lambda: do(options, entry), entry, stopped=stopped, options=options)
+
+
+def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    """Parse the command line; exit with a usage line if it is wrong."""
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
+        "on those of a dataset or recording; score them, and report.",
+        epilog="The same command again resumes a study that was stopped; more systems, scenes, settings, seeds and "
+        "repeats can be added to it.",
+    )
+    parser.add_argument(
+        "subject", metavar="PRESET_OR_DATASET", nargs="?", type=path, help="a preset, or a folder of sequences"
+    )
+    parser.add_argument(
+        "--systems",
+        metavar="NAMES",
+        action="append",
+        default=[],
+        help="the systems, with commas between: names of those that are shipped, or YAML files of your own",
+    )
+    parser.add_argument("--out", metavar="DIR", type=folder, help="the folder of results (default: out/NAME-results)")
+    parser.add_argument(
+        "--seeds",
+        metavar="N,N",
+        type=whole_numbers,
+        default=(),
+        help="seeds of what is random in the perturbations (default: the preset's); paths stay the same, and settings "
+        "that no seed changes are evaluated with the first only",
+    )
+    parser.add_argument(
+        "--repeats",
+        metavar="N",
+        type=positive,
+        default=3,
+        help="runs on each sequence of a system that does not repeat itself (default: 3); of others one is enough",
+    )
+    parser.add_argument(
+        "--protocol",
+        choices=["strict", "paper"],
+        default="strict",
+        help="whose metrics come first and whose errors are drawn; both are calculated (default: strict)",
+    )
+    parser.add_argument(
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        action="append",
+        default=[],
+        nargs="+",
+        dest="overrides",
+        help="change a key of the preset, e.g. render.engine=embree; may be repeated",
+    )
+    add_part_options(parser)
+    parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
+    parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
+    parser.add_argument(
+        "--jobs", metavar="N", type=positive, help="sequences that are evaluated at once (default: the processors)"
+    )
+    parser.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="auto",
+        help="evaluate on a Ray cluster that shares this disk; it needs pip install 'noisy-world[cluster]'",
+    )
+    parser.add_argument(
+        "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
+    parser.add_argument(
+        "--progress",
+        choices=["text", "json"],
+        default="text",
+        help="how progress is reported: text for people (default), or lines of JSON for programs",
+    )
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    options.overrides = [text for group in options.overrides for text in group]
+    if options.subject is None and options.overrides and "=" not in options.overrides[-1]:
+        options.subject = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
+    if not options.worker:
+        if options.subject is None:
+            parser.error("name a preset, presets/study.yaml for instance, or a folder of sequences")
+        options.systems = [name.strip() for text in options.systems for name in text.split(",") if name.strip()]
+        if not options.systems:
+            parser.error("name the systems with --systems, rgbd_odometry for instance")
+    return options
+
+
+def whole_numbers(text: str) -> tuple[int, ...]:
+    """Parse whole numbers with commas between, each once."""
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() and int(part) < 2**63 for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be whole numbers with commas between, 1,2,3 for instance")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
+def do(options: argparse.Namespace, entry: Entry) -> int:
+    """Carry out the options."""
+    from .study_workers import carry_out_orders, evaluate
+
+    if options.worker:
+        return carry_out_orders()
+    return evaluate(order_of(options), options, entry)
+
+
+def order_of(options: argparse.Namespace) -> "Order":
+    """Return what is to be done, as plain values. Raises InputError for what is wrong in a preset."""
+    from ..core.presets.preset import read_preset
+    from ..core.presets.selection import chosen_part
+    from ..evaluation.study.order import Order
+    from .part import data_folder
+
+    subject: Path = options.subject
+    document, part = None, {}
+    if subject.is_dir():
+        _refuse_for_folder(options)
+        part = chosen_part(options.scenes, options.settings)
+    else:
+        subject = found_preset(subject)
+        data = data_folder(options)
+        preset = read_preset(subject, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
+        document = preset.document
+    out = Path("out") / f"{subject.resolve().stem}-results" if options.out is None else options.out
+    return Order(
+        subject=str(subject.resolve()),
+        document=document,
+        out=str(out.resolve()),
+        systems=tuple(_found_system(name) for name in options.systems),
+        seeds=options.seeds,
+        repeats=options.repeats,
+        protocol=options.protocol,
+        scenes=tuple(part.get("scenes", ())),
+        settings=tuple(part.get("settings", ())),
+        keep=options.keep,
+        maps=options.maps,
+    )
+
+
+def _refuse_for_folder(options: argparse.Namespace) -> None:
+    """Raise InputError for options that go with a preset alone."""
+    from ..core.errors import InputError
+
+    given = {"--set": options.overrides, "--seeds": options.seeds, "--data": options.data, "--keep": options.keep}
+    if found := [name for name, value in given.items() if value]:
+        raise InputError(options.subject, f"is a folder of sequences, and {found[0]} goes with a preset")
+
+
+def _found_system(name: str) -> str:
+    """Return a system's name, or the whole path of the file that defines it: other processes read it from elsewhere."""
+    return str(Path(name).resolve()) if name.endswith((".yaml", ".yml")) or "/" in name else name

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The layout of the sequences that VSLAM-LAB gives to the systems it runs.
+
+Files, columns and keys are those of https://github.com/VSLAM-LAB/VSLAM-LAB: Datasets/DatasetVSLAMLAB.py,
+Datasets/DatasetVSLAMLAB_calibration.py and Datasets/dataset_files/dataset_rgbdtum.py.
+"""
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...geometry import Intrinsics, continuous_quats, quat_wxyz_from_rotation
+from ...schema import shown
+from ...trajectories.files import read_trajectory
+from ...trajectories.stamps import FrameStamps, Stamps
+from ...trajectories.trajectory import Trajectory
+from ...yaml_reading import read_yaml
+from ..association import StampedFiles, associate_frames
+from ..json_text import finite_number
+from ..stored import StoredSequence, check_files, checked_intrinsics, read_text
+from .asl import LARGEST_NS, exact_stamps
+from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
+
+LISTED = "rgb.csv"
+CALIBRATION = "calibration.yaml"
+TRUTH = "groundtruth.csv"
+CAMERA = "rgb_0"
+DEPTH = "depth_0"
+RGB_COLUMNS = ("ts_rgb_0 (ns)", "path_rgb_0")
+DEPTH_COLUMNS = ("ts_depth_0 (ns)", "path_depth_0")
+POSE_COLUMNS = ("ts (ns)", "tx (m)", "ty (m)", "tz (m)", "qx", "qy", "qz", "qw")
+# Two texts of the identity differ by less than this. Chosen.
+_IDENTITY = 1e-9
+
+
+class VslamLabLayout(Layout):
+    """`rgb_0/*.png`, `depth_0/*.png`, `rgb.csv`, `calibration.yaml` and `groundtruth.csv`.
+
+    A line of rgb.csv pairs a colour image with a depth image, each with a time stamp of its own. The poses are the
+    colour camera's, so T_BS is the identity.
+    """
+
+    name = "vslamlab"
+    label = "VSLAM-LAB"
+    meaning = "of VSLAM-LAB, which runs many systems"
+    images = ("png", "jpg")
+    colours = ("rgb", "grey")
+    depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
+    conventions: ClassVar[dict[str, str]] = {"time": "nanoseconds"}
+    patterns = (
+        *numbered(f"{CAMERA}/{{}}.png"),
+        *numbered(f"{CAMERA}/{{}}.jpg"),
+        *numbered(f"{DEPTH}/{{}}.png"),
+        LISTED,
+        CALIBRATION,
+        *(f"groundtruth{suffix}.csv" for suffix in PATH_SUFFIXES),
+    )
+
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
+        """Return the name of a frame's colour image."""
+        del stamp_ns
+        return f"{CAMERA}/{frame:06d}.{image}"
+
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
+        """Return the name of a frame's depth image."""
+        del stamp_ns
+        return f"{DEPTH}/{frame:06d}.png"
+
+    def stamps_problem(self, stamps: StampsLike) -> str:
+        """Return which stamp a row cannot have, or "". Rows are told apart by the stamps of colour, poses by theirs."""
+        found = FrameStamps.of(stamps)
+        return (
+            _stamps_problem("frame", found.rgb, distinct=True)
+            or _stamps_problem("the depth of frame", found.depth, distinct=False)
+            or _stamps_problem("the pose of frame", found.pose, distinct=True)
+        )
+
+    def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
+        """Return the list of images, the calibration, and a file of poses for each path."""
+        paths, stamps = facts.timed
+        texts = {LISTED: _listed_text(facts), CALIBRATION: _calibration_text(facts)}
+        return texts | {
+            f"groundtruth{path_suffix(name)}.csv": _poses_text(path, stamps) for name, path in paths.named().items()
+        }
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there is a list of colour images as a table."""
+        return (folder / LISTED).is_file()
+
+    def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the poses of groundtruth.csv by their stamps."""
+        poses = folder / TRUTH
+        return poses_at(read_trajectory(poses, format="tum", stamp_unit="ns"), time_s, poses)
+
+    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+        """Pair colour and depth as rgb.csv does, whatever their stamps; poses are those with close stamps."""
+        del rate_hz  # the list has stamps
+        rgb, depth = _read_listed(folder / LISTED)
+        camera, depth_scale_per_m = _read_calibration(folder / CALIBRATION)
+        poses = folder / TRUTH
+        path = read_trajectory(poses)
+        found = associate_frames(folder, rgb, depth, path, exact_stamps(poses, path), paired=True)
+        check_files(folder / LISTED, found.rgb_files)
+        check_files(folder / LISTED, found.depth_files)
+        return StoredSequence(
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            poses,
+            found.path,
+            found.stamps,
+            depth_scale_per_m,
+            folder / LISTED,
+            camera,
+            folder / CALIBRATION,
+            found.notes,
+        )
+
+
+def _stamps_problem(what: str, stamps: Stamps, *, distinct: bool) -> str:
+    seen: set[int] = set()
+    for frame, stamp_ns in enumerate(stamps.ns):
+        if abs(stamp_ns) > LARGEST_NS:
+            return f"{what} {frame} is at {stamps.seconds[frame]:g} s, but stamps are nanoseconds in 64 bits"
+        if distinct and stamp_ns in seen:
+            return f"{what} {frame} has the time stamp of an earlier one, in the nanoseconds of {LISTED} and {TRUTH}"
+        seen.add(stamp_ns)
+    return ""
+
+
+# --- written ---
+
+
+def _listed_text(facts: SequenceFacts) -> str:
+    names, taken = facts.names, facts.taken
+    columns: list[list[str]] = []
+    if "rgb" in facts.format.modalities:
+        columns += [[RGB_COLUMNS[0], *map(str, taken.rgb.ns)], [RGB_COLUMNS[1], *map(names.rgb, facts.frames)]]
+    if "depth" in facts.format.modalities:
+        columns += [[DEPTH_COLUMNS[0], *map(str, taken.depth.ns)], [DEPTH_COLUMNS[1], *map(names.depth, facts.frames)]]
+    return lines([",".join(row) for row in zip(*columns, strict=True)])
+
+
+def _poses_text(path: Trajectory, stamps: Stamps) -> str:
+    """Return t [ns], p [m], q (w last), camera-to-world; numbers read back to the same float64."""
+    quats = np.roll(continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3])), -1, axis=1)
+    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
+    rows = zip(stamps.ns, values.tolist(), strict=True)
+    return lines([",".join(POSE_COLUMNS), *(",".join([str(stamp_ns), *map(repr, row)]) for stamp_ns, row in rows)])
+
+
+def _calibration_text(facts: SequenceFacts) -> str:
+    """Return the calibration: a mapping a camera, broken into lines as VSLAM-LAB's own writer does it."""
+    camera, seconds = facts.camera, facts.paths.rgb.stamps_s
+    rate_hz = 1 / float(np.median(np.diff(seconds))) if len(seconds) > 1 else 20.0
+    entries = ["cam_name: rgb_0"]
+    if "depth" in facts.format.modalities:
+        entries += ["cam_type: rgb+depth", "depth_name: depth_0"]
+    else:
+        entries += ["cam_type: rgb"]
+    entries += [
+        "cam_model: pinhole",
+        f"focal_length: [{_number(camera.fx_px)}, {_number(camera.fy_px)}]",
+        f"principal_point: [{_number(camera.cx_px)}, {_number(camera.cy_px)}]",
+        f"image_dimension: [{camera.width_px}, {camera.height_px}]",
+    ]
+    if "depth" in facts.format.modalities:
+        entries += [f"depth_factor: {_number(facts.format.depth_scale_per_m)}"]
+    entries += [f"fps: {_number(round(rate_hz, 6))}", f"T_BS: [{', '.join(map(_number, np.eye(4).ravel().tolist()))}]"]
+    return lines(["%YAML 1.2", "---", "cameras:", "  - {" + ",\n     ".join(entries), "    }"])
+
+
+def _number(value: float) -> str:
+    """Return a number with a point: YAML 1.1 takes 1e-05 for a text."""
+    digits, e, exponent = repr(float(value)).partition("e")
+    return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
+
+
+# --- read ---
+
+
+def _read_listed(path: Path) -> tuple[StampedFiles, StampedFiles]:
+    """Read the pairs of a list, in any order. Raises InputError where a stamp of colour is given twice."""
+    rows = _rows(path)
+    header = next(rows, ("", []))[1]
+    lacking = next((name for name in (*RGB_COLUMNS, *DEPTH_COLUMNS) if name not in header), None)
+    if lacking is not None:
+        remedy = f"a sequence needs colour and depth: {', '.join((*RGB_COLUMNS, *DEPTH_COLUMNS))}"
+        raise InputError(path, f"has no column {lacking}", remedy=remedy)
+    at = {name: header.index(name) for name in (*RGB_COLUMNS, *DEPTH_COLUMNS)}
+    found: dict[int, tuple[Path, int, Path]] = {}
+    for where, cells in rows:
+        if len(cells) != len(header):
+            raise InputError(path, f"has {len(cells)} values for {len(header)} columns", where=where)
+        rgb_ns, depth_ns = (_stamp_ns(path, where, cells[at[name]]) for name in (RGB_COLUMNS[0], DEPTH_COLUMNS[0]))
+        names = [cells[at[name]] for name in (RGB_COLUMNS[1], DEPTH_COLUMNS[1])]
+        if not all(names):
+            raise InputError(path, "names no colour or no depth image", where=where)
+        if rgb_ns in found:
+            raise InputError(path, f"the time stamp {rgb_ns} is that of an earlier line", where=where)
+        rgb_file, depth_file = (path.parent / name for name in names)
+        found[rgb_ns] = (rgb_file, depth_ns, depth_file)
+    if not found:
+        raise InputError(path, "lists no image")
+    ordered = sorted(found)
+    rgb, depth = Stamps.of_ns(ordered), Stamps.of_ns([found[stamp_ns][1] for stamp_ns in ordered])
+    if np.any(np.diff(rgb.seconds) <= 0):
+        raise InputError(path, "has two time stamps of colour that are equal in float64")
+    return (
+        StampedFiles(rgb, tuple(found[stamp_ns][0] for stamp_ns in ordered)),
+        StampedFiles(depth, tuple(found[stamp_ns][2] for stamp_ns in ordered)),
+    )
+
+
+def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield for each row where it is ("line 3"), and its cells without the blanks around them."""
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    try:
+        for cells in reader:
+            if any(cell.strip() for cell in cells):
+                yield f"line {reader.line_num}", [cell.strip() for cell in cells]
+    except csv.Error as error:
+        raise InputError(path, f"is no table: {error}", where=f"line {reader.line_num}") from None
+
+
+def _stamp_ns(path: Path, where: str, cell: str) -> int:
+    digits = cell.removeprefix("-")
+    if not (digits.isascii() and digits.isdecimal() and len(digits) <= 19 and int(digits) <= LARGEST_NS):
+        raise InputError(path, f"{shown(cell)} is no time in whole nanoseconds", where=where)
+    return int(cell)
+
+
+def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
+    """Return the intrinsics of the camera rgb_0 and its depth scale per metre. Raises InputError."""
+    # Another version's directive, which PyYAML might not take.
+    text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
+    document = read_yaml(text, path)
+    cameras = document.get("cameras") if isinstance(document, dict) else None
+    found = [item for item in cameras if _is_colour(item)] if isinstance(cameras, list) else []
+    if len(found) != 1:
+        raise InputError(path, f"describes {len(found)} cameras of the name {CAMERA}, but has to describe one")
+    (camera,) = found
+    if (model := camera.get("cam_model", "pinhole")) != "pinhole":
+        raise InputError(path, f"is {shown(str(model))}, but only pinhole can be read", where=_at("cam_model"))
+    if np.any(_numbers(path, camera, "distortion_coefficients", None)):
+        remedy = "undistort the images, and set these to zeros"
+        raise InputError(path, "are not zero: the lens distorts", where=_at("distortion_coefficients"), remedy=remedy)
+    if np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY:
+        remedy = f"{TRUTH} has to hold the poses of {CAMERA}; set T_BS to the identity where it does"
+        raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
+    (scale_per_m,) = _numbers(path, camera, "depth_factor", 1)
+    if scale_per_m <= 0:
+        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=_at("depth_factor"))
+    keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}
+    values = [value for name, count in keys.items() for value in _numbers(path, camera, name, count).tolist()]
+    places = tuple(_at(name) for name, count in keys.items() for _ in range(count))
+    return checked_intrinsics(path, places, tuple(values)), float(scale_per_m)
+
+
+def _is_colour(camera: Any) -> bool:
+    return isinstance(camera, dict) and camera.get("cam_name") == CAMERA
+
+
+def _at(name: str) -> str:
+    return f"{CAMERA}.{name}"
+
+
+def _numbers(path: Path, camera: dict[str, Any], name: str, count: int | None) -> NDArray[np.float64]:
+    """Return the finite numbers of a key; of one that may be left out, where count is None."""
+    if name not in camera and count is None:
+        return np.zeros(0)
+    value = camera.get(name)
+    values = [value] if count == 1 else value
+    numbers = [finite_number(item) for item in values] if isinstance(values, list) else []
+    found = [number for number in numbers if number is not None]
+    wanted = "numbers" if count is None else "a number" if count == 1 else f"{count} numbers"
+    if not isinstance(values, list) or len(found) != len(values) or (count is not None and len(found) != count):
+        raise InputError(path, f"has to be {wanted}, finite", where=_at(name))
+    return np.array(found, dtype=np.float64)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One run of rgbd_odometry: frames in, an estimate of the camera's path out."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.progress import Progress
+from .agreement import Agreement
+from .alignment import Aligner
+from .frames import FrameIndex
+from .loops import find_loops
+from .pictures import Pictures
+from .places import Places
+from .pose_graph import can_optimise, optimised
+from .story import Result, Story
+from .tracking import State, Tracker, believed
+
+WIDEST_PX = 640  # wider images are made smaller: chosen for time, as accuracy does not gain
+SEED = 1  # of OpenCV's own random numbers
+NO_LOOPS = "loops are not closed, as gtsam is missing: pip install 'noisy-world[evaluate]'"
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to run. smooth: whether noisy depth is smoothed. loops: whether loops are closed, which needs gtsam.
+
+    widest_px: wider images are thinned out.
+    """
+
+    smooth: bool = True
+    loops: bool = True
+    widest_px: int = WIDEST_PX
+
+
+def run(
+    index: FrameIndex,
+    options: Options | None = None,
+    *,
+    progress: Progress | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Result:
+    """Follow the camera through all frames. The same frames give the same result, bit by bit.
+
+    Without gtsam loops are not closed, and the progress is told so. Raises InputError for an image that cannot be read
+    or has another size than the camera.
+    """
+    options = options or Options()
+    with _repeatable():
+        pictures = Pictures(index, widest_px=options.widest_px, smooth=options.smooth)
+        places = Places(Aligner(pictures.camera), pictures)
+        story = _followed(index, pictures, places, progress, stopped)
+        ended = len(story.frames) == len(index.frames)
+        if not (ended and options.loops and story.keyframes):
+            return story.result(stopped=not ended)
+        if not can_optimise():
+            if progress:
+                progress.note(NO_LOOPS)
+            return story.result()
+        c2w = story.chained()
+        loops = find_loops(places, c2w, _usual(story), stopped=stopped)
+        return story.result(optimised(c2w, story.edges, loops) if loops else c2w, loops=len(loops))
+
+
+def _followed(
+    index: FrameIndex, pictures: Pictures, places: Places, progress: Progress | None, stopped: Callable[[], bool]
+) -> Story:
+    """Track frame after frame; a frame that is lost is looked for among all keyframes."""
+    tracker, story = Tracker(places.aligner), Story()
+    if progress:
+        progress.start("tracking", len(index.frames))
+    for entry in index.frames:
+        if stopped():
+            break
+        view = places.aligner.view(*pictures.read(entry))
+        tracked = tracker.track(view, entry.stamp_s)
+        if tracked.state is State.LOST:
+            found = places.found(view, lambda seen: believed(seen, tracker.bounds))
+            if found is not None:
+                tracked = tracker.resume(view, entry.stamp_s, *found)
+        if tracked.begins:
+            places.forget()
+        if tracked.new_keyframe:
+            places.remember(entry, view)
+        story.add(entry, tracked)
+        if progress:
+            progress.advance()
+    if progress:
+        progress.finish()
+    return story
+
+
+def _usual(story: Story) -> Agreement:
+    """Return how well tracked views agree: the median of each number."""
+    seen = [tracked.agreement for _, tracked in story.frames if tracked.keyframe_from_camera is not None]
+    numbers = np.array([(a.overlap, a.seen, a.depth, a.grey, a.moved, a.error) for a in seen])
+    return Agreement(*np.median(numbers, axis=0).tolist())
+
+
+@contextmanager
+def _repeatable() -> Iterator[None]:
+    """Let OpenCV calculate in one thread, with random numbers from a seed; the threads are given back afterwards."""
+    import cv2
+
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    cv2.setRNGSeed(SEED)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)

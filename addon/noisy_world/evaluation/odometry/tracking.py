@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frame after frame: where the camera is, and whether that is known.
+
+A frame is aligned with the keyframe, which does not drift. Where it does not fit as the frame before did, it is aligned
+with the last frame, too, which hardly ever fails, and what fits the keyframe better is taken.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.geometry import invert_pose, rotation_angle_rad
+from .agreement import NONE, WHOLE, Agreement, agreement
+from .alignment import Aligner, View
+
+type Float64 = NDArray[np.float64]
+
+
+class State(StrEnum):
+    """What is known of a frame."""
+
+    TRACKED = "tracked"
+    RELOCALISED = "relocalised"  # found again among the keyframes after frames that were lost
+    LOST = "lost"
+    NOT_INITIALISED = "not_initialised"  # no frame before it had enough depth to begin with
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What is not believed. Chosen on embedded rooms, clean and perturbed; see docs/systems.md."""
+
+    seen: float = 0.05  # share of pixels with depth, in both views: less is nothing to align
+    overlap: float = 0.3  # share of these that are inside the other image
+    depth: float = 0.4  # share of those whose depth is the expected one
+    blind_depth: float = 0.8  # the same where the grey values do not support the motion
+    grey: float = 0.2  # correlation from which grey values support a motion
+    speed_m_s: float = 6.0  # a person runs
+    turn_deg_s: float = 400.0  # a fast turn of a head
+    worse_error: float = 0.1  # how much worse the keyframe's own alignment may fit than that by way of the last frame
+    unusual_error: float = 0.3  # and than that of the frame before, or the last frame is asked, too
+    least_error: float = 1e-4
+    worse_grey: float = 0.02
+    moved: float = 0.06  # mean motion in the image since the keyframe, of its width: then there is a new one
+    kept: float = 0.75  # overlap with the keyframe: with less there is a new one
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What became of a frame.
+
+    keyframe: number of the keyframe that it hangs on, keyframe_from_camera (4, 4) its place there; None where it is
+    lost. agreement: with the view it was aligned with. new_keyframe: whether it is the keyframe from now on. begins:
+    whether nothing before it is known.
+    """
+
+    state: State
+    keyframe: int
+    keyframe_from_camera: Float64 | None
+    agreement: Agreement
+    new_keyframe: bool = False
+    begins: bool = False
+
+
+@dataclass(frozen=True)
+class _Anchor:
+    """A view whose place is known: of a frame, in coordinates of the keyframe."""
+
+    view: View
+    keyframe_from_camera: Float64
+    stamp_s: float
+
+
+class Tracker:
+    """Follows the camera through the views of a sequence, in order of time."""
+
+    def __init__(self, aligner: Aligner, bounds: Bounds | None = None) -> None:
+        self.aligner = aligner
+        self.bounds = bounds or Bounds()
+        self.keyframes = 0  # how many there have been; the last one is their number less one
+        self._keyframe: _Anchor | None = None
+        self._last: _Anchor | None = None
+        self._lost = False
+        self._usual = NONE
+
+    def track(self, view: View, stamp_s: float) -> Tracked:
+        """Find the place of the next view."""
+        if self._keyframe is None or self._last is None:
+            return self._begin(view, stamp_s)
+        if self._last is self._keyframe:
+            near = self._aligned(self._last, view, stamp_s)
+            return self._miss(view, stamp_s) if near is None else self._accept(view, stamp_s, *near)
+        direct = self._aligned(self._keyframe, view, stamp_s)
+        if direct is not None and self._as_usual(direct[1]):
+            return self._accept(view, stamp_s, *direct)
+        near = self._aligned(self._last, view, stamp_s)
+        if near is None:
+            return self._miss(view, stamp_s) if direct is None else self._accept(view, stamp_s, *direct)
+        place, seen = near
+        if direct is not None and self._no_worse(direct[1], self._compared(place, view)):
+            return self._accept(view, stamp_s, *direct)
+        return self._accept(view, stamp_s, place, seen, renew=True)
+
+    def resume(self, view: View, stamp_s: float, keyframe: int, place: Float64, seen: Agreement) -> Tracked:
+        """Go on from a view that was found again at a place in an earlier keyframe; it is the keyframe from now on."""
+        self._renew(view, stamp_s)
+        self._lost = False
+        return Tracked(State.RELOCALISED, keyframe, place, seen, new_keyframe=True)
+
+    def _begin(self, view: View, stamp_s: float) -> Tracked:
+        if float(np.isfinite(view.depth_m).mean()) < self.bounds.seen:
+            return Tracked(State.NOT_INITIALISED, -1, None, NONE)
+        self.keyframes = 0
+        self._renew(view, stamp_s)
+        return Tracked(State.TRACKED, 0, np.eye(4), WHOLE, new_keyframe=True, begins=True)
+
+    def _miss(self, view: View, stamp_s: float) -> Tracked:
+        if self.keyframes == 1 and self._last is self._keyframe:  # nothing could ever be aligned with the first view
+            return self._begin(view, stamp_s)
+        self._lost = True
+        return Tracked(State.LOST, self.keyframes - 1, None, NONE)
+
+    def _accept(self, view: View, stamp_s: float, place: Float64, seen: Agreement, *, renew: bool = False) -> Tracked:
+        state = State.RELOCALISED if self._lost else State.TRACKED
+        self._lost = False
+        number = self.keyframes - 1
+        renew = renew or seen.moved > self.bounds.moved or seen.overlap < self.bounds.kept
+        if renew:
+            self._renew(view, stamp_s)
+        else:
+            self._last = _Anchor(view, place, stamp_s)
+        self._usual = seen
+        return Tracked(state, number, place, seen, renew)
+
+    def _renew(self, view: View, stamp_s: float) -> None:
+        self._keyframe = self._last = _Anchor(view, np.eye(4), stamp_s)
+        self.keyframes += 1
+
+    def _aligned(self, anchor: _Anchor, view: View, stamp_s: float) -> tuple[Float64, Agreement] | None:
+        """Return the view's place in the keyframe's coordinates, by way of an anchor, if it can be believed."""
+        motion = self.aligner.align(anchor.view, view)
+        if motion is None or self._too_fast(motion, stamp_s - anchor.stamp_s):
+            return None
+        seen = agreement(self.aligner.camera, anchor.view, view, motion)
+        if not believed(seen, self.bounds):
+            return None
+        return anchor.keyframe_from_camera @ invert_pose(motion), seen
+
+    def _too_fast(self, motion: Float64, seconds: float) -> bool:
+        """Tell whether nothing moves like this in so much time."""
+        turn_deg = float(np.degrees(rotation_angle_rad(motion[:3, :3], np.eye(3))))
+        step_m = float(np.linalg.norm(motion[:3, 3]))
+        return step_m > self.bounds.speed_m_s * seconds or turn_deg > self.bounds.turn_deg_s * seconds
+
+    def _as_usual(self, direct: Agreement) -> bool:
+        """Tell whether a view fits the keyframe about as well as the view before it did."""
+        bounds, usual = self.bounds, self._usual
+        within = direct.error <= usual.error * (1.0 + bounds.unusual_error) + bounds.least_error
+        return within and direct.grey >= usual.grey - bounds.worse_grey
+
+    def _compared(self, place: Float64, view: View) -> Agreement:
+        assert self._keyframe is not None
+        return agreement(self.aligner.camera, self._keyframe.view, view, invert_pose(place))
+
+    def _no_worse(self, direct: Agreement, near: Agreement) -> bool:
+        """Tell whether a view fits the keyframe where it was found directly as well as by way of the last frame."""
+        bounds = self.bounds
+        within = direct.error <= near.error * (1.0 + bounds.worse_error) + bounds.least_error
+        return within and direct.grey >= near.grey - bounds.worse_grey
+
+
+def believed(seen: Agreement, bounds: Bounds) -> bool:
+    """Tell whether two views agree well enough for the motion between them to be believed."""
+    if seen.seen < bounds.seen or seen.overlap < bounds.overlap or seen.depth < bounds.depth:
+        return False
+    return seen.grey >= bounds.grey or seen.depth >= bounds.blind_depth

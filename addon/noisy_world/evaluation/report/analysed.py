@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tables of the analyses as the report shows them: a number and its interval share a cell."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..analysis.tables import CAPTIONS
+from .contents import Section
+from .figures.correlations import Correlation, correlation_matrices
+from .figures.curves import CurvePoint, curves
+from .figures.drawing import Picture
+from .labels import SHARED, column_of
+from .tables import NOTHING, Column, Table, shown
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+type Analyses = Mapping[str, "DataFrame"]
+
+TITLES = {
+    "spread": "Every measure of each system and setting",
+    "differences": "Differences from clean",
+    "tests": "Tests against clean",
+    "curves": "Over severity",
+    "systems": "Each system over all perturbed settings",
+    "by_perturbation": "Each perturbation",
+    "by_mode": "Static and dynamic",
+    "by_severity": "Each severity",
+    "robustness": "Resilience and corruption error",
+    "perturbation_correlations": "Perturbations with one another",
+    "system_correlations": "Systems with one another",
+    "indicator_correlations": "Errors and what the sequences are like",
+    "prediction": "Predicting failure",
+    "prediction_coefficients": "What the prediction goes by",
+    "predictions": "What was predicted of each sequence",
+    "images": "Images",
+    "depth": "Depth",
+    "motion": "Motion",
+}
+SECTIONS = {
+    "robustness": ("Robustness", ("robustness", "systems", "by_perturbation", "by_mode", "by_severity", "curves")),
+    "differences": ("Against clean", ("differences", "tests")),
+    "correlations": ("Correlations", ("perturbation_correlations", "system_correlations", "indicator_correlations")),
+    "prediction": ("Can the data alone tell?", ("prediction", "prediction_coefficients", "predictions")),
+    "data": ("What the sequences are like", ("images", "depth", "motion")),
+    "spread": ("All measures", ("spread",)),
+}
+"""Parts of the report with the tables that are in them; a table that is named nowhere comes last."""
+INTERVALS = (
+    ("ratio", "ratio_low", "ratio_high"),
+    ("geometric_mean", "geometric_low", "geometric_high"),
+    ("mrr", "mrr_low", "mrr_high"),
+    ("mce", "mce_low", "mce_high"),
+    ("pearson_log10", "low_log10", "high_log10"),
+    ("pearson", "low", "high"),
+    ("difference", "low", "high"),
+    ("mean", "low", "high"),
+)
+"""Columns that share a cell: a number and the ends of its 95 % interval; a column is in the first of them alone."""
+HERE = ("here_low", "here_high")
+LABELS = {
+    "n_runs": ("runs", "all of them, failed ones too"),
+    "n_failed": ("failed", ""),
+    "n": ("n", "values that the number is made of"),
+    "n_scenes": ("scenes", ""),
+    "n_settings": ("settings", ""),
+    "n_cells": ("scenes \u00d7 settings", ""),
+    "n_perturbations": ("perturbations", ""),
+    "standard_deviation": ("standard deviation", ""),
+    "geometric_mean": ("geometric mean", ""),
+    "clean_mean": ("clean", "the mean without perturbation, in the same scenes"),
+    "mrr": ("mRR", "mean resilience rate: the score over the own clean score; 1 is unimpaired"),
+    "mce": ("mCE", "mean corruption error: the error over the baseline's; 1 is its equal"),
+    "ratio": ("ratio", "of geometric means, to clean"),
+    "a": ("one", ""),
+    "b": ("other", ""),
+    "held_out": ("scene left out", "the model was fitted on the others"),
+    "base_rate": ("base rate", "the share that failed in the scenes that were fitted"),
+    "brier": ("Brier score", "the mean squared error of the probability; 0 is perfect"),
+    "brier_base": ("Brier, base rate", "of always predicting the base rate"),
+}
+FIGURES = {
+    "failed": ("failure_curves", "Failures over severity"),
+    "success_auc": ("auc_curves", "Success AUC over severity"),
+}
+
+
+def curve_pictures(analyses: Analyses) -> list[Picture]:
+    """Draw the curves over severity of the measures of FIGURES."""
+    table = analyses["curves"]
+    pictures = []
+    for measure, (name, title) in FIGURES.items():
+        rows = _records(table[table["measure"] == measure])
+        points = [
+            CurvePoint(
+                *(str(row["perturbation"]), str(row["system"]), str(row["mode"]), float(row["severity"])),
+                *(float(row["mean"]), (float(row["low"]), float(row["high"]))),
+                *((float(row["here_low"]), float(row["here_high"])), int(row["n_runs"])),
+            )
+            for row in rows
+        ]
+        if points:
+            label = "share failed" if measure == "failed" else column_of(measure).label
+            pictures.append(curves(points, name, title, label))
+    return pictures
+
+
+def sections(analyses: Analyses) -> list[Section]:
+    """Return the parts of the report that show the analyses."""
+    named = {name for _, names in SECTIONS.values() for name in names}
+    parts = [*((key, title, names) for key, (title, names) in SECTIONS.items())]
+    parts.append(("others", "More", tuple(name for name in analyses if name not in named)))
+    pictures = {"correlations": _correlation_pictures(analyses)}
+    return [
+        Section(key, title, pictures=pictures.get(key, ()), tables=_tables(analyses, names))
+        for key, title, names in parts
+    ]
+
+
+def table_of(name: str, frame: "DataFrame") -> Table:
+    """Return a table of the analyses as it is shown."""
+    return Table(name, TITLES.get(name, name), CAPTIONS.get(name, ""), frame, tuple(_columns(frame)))
+
+
+def with_interval(value: Any, low: Any, high: Any) -> str:
+    """Return "0.5 [0.4, 0.6]", without the brackets where there is no interval."""
+    said = shown(value, 3)
+    if NOTHING in (said, shown(low)):
+        return said
+    return f"{said} [{shown(low, 3)}, {shown(high, 3)}]"
+
+
+def _tables(analyses: Analyses, names: Sequence[str]) -> list[Table]:
+    return [table_of(name, analyses[name]) for name in names if name in analyses and len(analyses[name])]
+
+
+def _columns(frame: "DataFrame") -> list[Column]:
+    ends: dict[str, tuple[str, str]] = {}
+    taken: set[str] = set()
+    for name, low, high in INTERVALS:
+        if {name, low, high} <= set(frame.columns) and low not in taken:
+            ends[name] = low, high
+            taken |= {low, high}
+    columns = []
+    for name in map(str, frame.columns):
+        if name in taken or name == HERE[1]:
+            continue
+        columns.append(_here() if name == HERE[0] else _column(name, ends.get(name)))
+    return columns
+
+
+def _column(name: str, ends: tuple[str, str] | None) -> Column:
+    label, meaning = LABELS.get(name, (name.replace("_", " "), ""))
+    if name in ("measure", "score"):
+        return Column(name, label, text=lambda row: column_of(str(row[name])).heading)
+    if ends is None:
+        return SHARED.get(name) or Column(name, label, meaning=meaning)
+    low, high = ends
+    meaning = f"{meaning}; in brackets its 95 % interval".removeprefix("; ")
+    return Column(name, label, meaning=meaning, text=lambda row: with_interval(row[name], row[low], row[high]))
+
+
+def _here() -> Column:
+    def text(row: Mapping[str, Any]) -> str:
+        low, high = (shown(row[name], 3) for name in HERE)
+        return NOTHING if low == NOTHING else f"[{low}, {high}]"
+
+    return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)
+
+
+def _correlation_pictures(analyses: Analyses) -> list[Picture]:
+    pictures = []
+    for name, title in (("perturbation_correlations", "Perturbations"), ("system_correlations", "Systems")):
+        rows = _records(analyses[name]) if name in analyses else []
+        found = [
+            Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
+            for row in rows
+        ]
+        if any(item.value == item.value for item in found):
+            pictures.append(correlation_matrices(found, name, f"{title} with one another"))
+    return pictures
+
+
+def _records(frame: "DataFrame") -> list[dict[str, Any]]:
+    return [{str(name): value for name, value in row.items()} for row in frame.to_dict("records")]

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Texts that users chose, such as names of scenes, as LaTeX and Markdown show them; HTML is the template engine's."""
+
+import re
+
+from ...core.errors import one_line
+
+_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    **{letter: f"\\{letter}" for letter in "&%$#_{}"},
+    "\u2013": "--",
+    "…": r"\ldots{}",
+    "±": r"$\pm$",
+    "\u00d7": r"$\times$",
+    "↑": r"$\uparrow$",
+    "↓": r"$\downarrow$",
+}
+_LATEX_LETTERS = re.compile("[" + re.escape("".join(_LATEX)) + "]")
+_MARKDOWN_LETTERS = re.compile(r"[\\`*_{}\[\]<>#|~!&$]")
+
+
+def latex(text: str) -> str:
+    """Return a text as LaTeX shows it, in a document of UTF-8."""
+    return _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], one_line(text))
+
+
+def markdown(text: str) -> str:
+    """Return a text as Markdown shows it, in a cell of a table too."""
+    return _MARKDOWN_LETTERS.sub(lambda found: f"\\{found[0]}", one_line(text))

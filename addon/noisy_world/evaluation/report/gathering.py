@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report's contents, from what a results folder holds."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import analysed
+from .analysed import Analyses, curve_pictures
+from .beside import beside_table, notes
+from .contents import Contents, Section
+from .evaluated import again, command, facts, opening
+from .figures.heat_map import heat_map
+from .headline import headline_table
+from .labels import column_of
+from .per_setting import in_order, main_metrics, settings_table
+from .published import published
+from .reading import RUN_KEY, Results
+from .run_pictures import path_picture, time_picture, worst_frames
+from .tables import NOTHING, Table, shown
+
+if TYPE_CHECKING:
+    from .figures.drawing import Picture
+
+SCORE = "success_auc"
+RUN_COLUMNS = (
+    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure"),
+    *("frames", "seconds", "processor_s", "peak_memory_bytes"),
+)
+
+
+def gather(results: Results, analyses: Analyses) -> Contents:
+    """Return the contents. Raises InputError where a file in the folder cannot be read."""
+    missing = list(results.missing)
+    paper = published()
+    beside = beside_table(results, paper)
+    sections = [
+        Section("short", "In short", tables=[headline_table(results, analyses)]),
+        Section("severity", "Over severity", pictures=curve_pictures(analyses)),
+        Section("settings", "Settings", pictures=_some(_heat_map(results)), tables=[settings_table(results)]),
+        Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
+        Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
+    ]
+    if beside is not None:
+        sections.append(Section("paper", "Beside the paper", notes(beside, paper), tables=[beside]))
+    sections += analysed.sections(analyses)
+    return Contents(
+        "What noise did to SLAM",
+        opening(results),
+        facts(results),
+        [section for section in sections if section.pictures or section.frames or section.tables],
+        tuple(dict.fromkeys(missing)),
+        again(results),
+        command(results),
+    )
+
+
+_RUNS = (
+    "Of each system a clean run, the median and the worst of the others that were scored, and one that failed. All are "
+    "in the results folder, under runs/.",
+)
+_FRAMES = (
+    "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
+    "what the system was given, on the left the clean frame, if there is one.",
+)
+
+
+def _heat_map(results: Results) -> "Picture | None":
+    """Draw the mean success AUC of each setting and system, with the failures."""
+    if SCORE not in results.runs:
+        return None
+    runs = in_order(results.runs)
+    settings, systems = list(dict.fromkeys(runs["setting"])), sorted(set(runs["system"]))
+    values = np.full((len(settings), len(systems)), np.nan)
+    texts = [[NOTHING for _ in systems] for _ in settings]
+    for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
+        row, column = settings.index(str(setting)), systems.index(str(system))
+        values[row, column] = group[SCORE].mean()
+        failed = int(group["failed"].sum())
+        texts[row][column] = shown(group[SCORE].mean(), 2) + (f"  {failed}/{len(group)} failed" if failed else "")
+    return heat_map(settings, systems, values, texts, "mean success AUC")
+
+
+def _run_pictures(results: Results, missing: list[str]) -> "list[Picture]":
+    return [picture for draw in (path_picture, time_picture) if (picture := draw(results, missing))]
+
+
+def _runs_table(results: Results) -> Table:
+    """Return all runs, with the metrics."""
+    names = [name for name in RUN_COLUMNS if name in results.runs]
+    metrics = main_metrics(results.runs)
+    columns = tuple(column_of(str(name)) for name in (*names, *metrics))
+    caption = "A row for each run, with the main metrics; the file has all."
+    return Table("runs", "All runs", caption, results.runs, columns)
+
+
+def _some(picture: "Picture | None") -> "list[Picture]":
+    return [] if picture is None else [picture]

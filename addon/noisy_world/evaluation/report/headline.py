@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The first table: a row for each system, with what is to be known first."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from .analysed import LABELS, Analyses, with_interval
+from .labels import column_of
+from .per_setting import endings, records_of
+from .reading import Results
+from .tables import NOTHING, Column, Table, shown
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+ERROR = "ate_rmse_m"
+SCORES = ("success_auc", "f1_auc")
+ALL = "all"
+
+
+def headline_table(results: Results, analyses: Analyses) -> Table:
+    """Return the table."""
+    import pandas as pd
+
+    rows = []
+    for system, group in results.runs.groupby("system", sort=True):
+        row: dict[str, Any] = {"system": system, "runs": len(group), "failed": int(group["failed"].sum())}
+        row |= {"endings": endings(records_of(group)), "n_scenes": group["scene"].nunique()}
+        if ERROR in group:
+            row |= {f"{ERROR}.median": group[ERROR].median(), f"{ERROR}.n": int(group[ERROR].notna().sum())}
+        rows.append(row | _scores(analyses["systems"], str(system)) | _rates(analyses["robustness"], str(system)))
+    frame = pd.DataFrame(rows)
+    columns = [column_of("system"), column_of("runs"), column_of("failed"), Column("endings", "endings")]
+    if ERROR in results.runs:
+        columns.append(_median())
+    columns += [_interval(name, column_of(name)) for name in SCORES if name in frame]
+    columns += [
+        _interval(name, Column(name, LABELS[name][0], better=better, meaning=LABELS[name][1]))
+        for name, better in _RATES
+        if name in frame
+    ]
+    columns.append(Column("n_scenes", "scenes", meaning="which the intervals stand on"))
+    return Table("headline", "Systems", _caption(analyses), frame, tuple(columns))
+
+
+_RATES = (("mrr", "higher"), ("mce", "lower"))
+
+
+def _caption(analyses: Analyses) -> str:
+    table = analyses["robustness"]
+    baselines = sorted(set(table["baseline"])) if len(table) else []
+    against = f" mCE is against {baselines[0]}." if baselines else ""
+    return (
+        "All scenes, settings, seeds and repeats. Success AUC and F1 AUC are means over the perturbed settings, in "
+        "which a failed run is 0; mRR and mCE are of success AUC, over perturbations. In brackets: 95 % intervals for "
+        f"scenes at large.{against} The median of ATE is over the n runs that have one, clean ones too."
+    )
+
+
+def _scores(table: "DataFrame", system: str) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for name in SCORES:
+        rows = table[(table["system"] == system) & (table["measure"] == name)]
+        if len(rows):
+            row = rows.iloc[0]
+            found |= {name: row["mean"], f"{name}_low": row["low"], f"{name}_high": row["high"]}
+    return found
+
+
+def _rates(table: "DataFrame", system: str) -> dict[str, float]:
+    rows = table[(table["system"] == system) & (table["score"] == SCORES[0]) & (table["perturbation"] == ALL)]
+    if not len(rows):
+        return {}
+    return {name: rows.iloc[0][name] for rate, _ in _RATES for name in (rate, f"{rate}_low", f"{rate}_high")}
+
+
+def _interval(name: str, column: Column) -> Column:
+    def text(row: Mapping[str, Any]) -> str:
+        return with_interval(row[name], row[f"{name}_low"], row[f"{name}_high"])
+
+    return replace(column, text=text)
+
+
+def _median() -> Column:
+    metric = column_of(ERROR)
+
+    def text(row: Mapping[str, Any]) -> str:
+        return f"{shown(row[f'{ERROR}.median'], 3)} (n {row[f'{ERROR}.n']})" if row[f"{ERROR}.n"] else NOTHING
+
+    return Column(f"{ERROR}.median", f"median {metric.label}", metric.unit, "lower", metric.meaning, text)

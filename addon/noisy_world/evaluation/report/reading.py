@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a results folder holds, read for the report: the tables, what was evaluated, and what single runs left."""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ...core.datasets.json_text import read_json
+from ...core.errors import InputError
+from ..metrics import PAPER_METRICS, PAPER_PREFIX
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
+
+KEY = ("scene", "setting", "seed")
+"""What names a sequence."""
+RUN_KEY = (*KEY, "system", "repeat")
+TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure")
+RUN_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed", "system", "repeat", "outcome", "failure")
+SEQUENCE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
+STRICT_PREFIX = "strict."
+REMEDY = "the folder that 'noisy-world evaluate --out' wrote is needed"
+
+
+@dataclass(frozen=True)
+class Results:
+    """A results folder.
+
+    study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
+    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure. sequences: a
+    row for each sequence. missing: a sentence for each thing that the report has to do without.
+    """
+
+    folder: Path
+    study: Mapping[str, Any]
+    runs: "DataFrame"
+    sequences: "DataFrame"
+    missing: tuple[str, ...] = field(default=())
+
+    def run_folder(self, run: Mapping[str, Any]) -> Path:
+        """Return the folder of a run, given as a row of `runs`."""
+        return self._sequence_folder("runs", run) / str(run["system"]) / f"repeat-{int(run['repeat'])}"
+
+    def sequence_folder(self, run: Mapping[str, Any]) -> Path:
+        """Return the folder of the sequence that a run was on, or that a row of `sequences` tells of."""
+        return self._sequence_folder("sequences", run)
+
+    def _sequence_folder(self, kind: str, row: Mapping[str, Any]) -> Path:
+        return self.folder / kind / str(row["scene"]) / str(row["setting"]) / f"seed-{row['seed']}"
+
+
+def read_results(folder: Path) -> Results:
+    """Read a results folder. Raises InputError where it holds no table of runs, or one that cannot be read."""
+    path = folder / "tables" / "runs.csv"
+    if not path.is_file():
+        raise InputError(path, "is not there", remedy=REMEDY)
+    runs = read_table(path, RUN_COLUMNS)
+    if runs.empty:
+        raise InputError(path, "holds no run yet", remedy="let 'noisy-world evaluate' finish a run first")
+    runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
+    runs = _strict_first(runs)
+    runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")
+    missing = []
+    sequences_path = folder / "tables" / "sequences.csv"
+    if sequences_path.is_file():
+        sequences = read_table(sequences_path, SEQUENCE_COLUMNS)
+    else:
+        missing.append("tables/sequences.csv is not there: nothing is said of what was done to the sequences.")
+        sequences = runs[list(SEQUENCE_COLUMNS)].drop_duplicates(list(KEY))
+    sequences = sequences.sort_values(list(KEY), kind="stable", ignore_index=True, key=_natural)
+    study = _study(folder / "study.json", missing)
+    missing += _missing_runs(runs, sequences)
+    return Results(folder, study, runs, sequences, tuple(missing))
+
+
+def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
+    """Read a table of comma-separated values: names are texts, whatever they look like, all else is numbers.
+
+    Raises InputError for a table without a needed column, and for text where a number should be.
+    """
+    import pandas as pd
+
+    try:
+        text = path.read_text(encoding="utf-8")
+        table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
+    except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
+    for name in needed:
+        if name not in table.columns:
+            raise InputError(path, f"has no column {name!r}", remedy=REMEDY)
+    for name in table.columns:
+        if name not in TEXTS:
+            table[name] = _numbers(table[name].tolist(), path, name)
+    return table
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a small table, all texts. Raises InputError where it cannot be read."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
+
+
+def records(table: "DataFrame") -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table as mappings."""
+    for row in table.to_dict("records"):
+        yield {str(name): value for name, value in row.items()}
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Return the JSON object in a file. Raises InputError where there is none."""
+    try:
+        value = read_json(path)
+    except FileNotFoundError:
+        raise InputError(path, "is not there", remedy=REMEDY) from None
+    except ValueError as error:
+        raise InputError(path, str(error), remedy=REMEDY) from error
+    if not isinstance(value, dict):
+        raise InputError(path, f"is no JSON object but {json.dumps(value)[:40]}", remedy=REMEDY)
+    return value
+
+
+def _strict_first(runs: "DataFrame") -> "DataFrame":
+    """Return runs whose columns are named as under protocol strict, whichever protocol the study chose."""
+    if not any(str(name).startswith(STRICT_PREFIX) for name in runs.columns):
+        return runs
+    names = {name: f"{PAPER_PREFIX}{name}" for name in PAPER_METRICS if name in runs.columns}
+    names |= {name: name.removeprefix(STRICT_PREFIX) for name in runs.columns if name.startswith(STRICT_PREFIX)}
+    return runs.rename(columns=names)
+
+
+def _natural(column: "Series") -> "Series":
+    """Return what a column is sorted by: seeds as numbers, where they are."""
+    return column.str.zfill(20) if column.name == "seed" else column
+
+
+def _numbers(texts: list[str], path: Path, column: str) -> "list[float]":
+    numbers = []
+    for line, text in enumerate(texts, start=2):
+        try:
+            numbers.append(float(text) if text else float("nan"))
+        except ValueError:
+            where = f"line {line}, column {column!r}"
+            raise InputError(path, f"{text[:40]!r} is no number", where=where, remedy=REMEDY) from None
+    return numbers
+
+
+def _study(path: Path, missing: list[str]) -> dict[str, Any]:
+    if not path.is_file():
+        missing.append("study.json is not there: what was evaluated is told from the tables alone.")
+        return {}
+    document = read_object(path)
+    study = document.get("study")
+    return study if isinstance(study, dict) else document
+
+
+def _missing_runs(runs: "DataFrame", sequences: "DataFrame") -> list[str]:
+    """Tell which systems have no run on a sequence that others were run on."""
+    done = set(runs[[*KEY, "system"]].itertuples(index=False, name=None))
+    systems = sorted(set(runs["system"]))
+    every = sorted(
+        set(sequences[list(KEY)].itertuples(index=False, name=None)) | {tuple(key[:3]) for key in done},
+    )
+    told = []
+    for system in systems:
+        lacking = [key for key in every if (*key, system) not in done]
+        if lacking:
+            first = ", ".join(f"{scene}/{setting}/seed-{seed}" for scene, setting, seed in lacking[:3])
+            more = ", ..." if len(lacking) > 3 else ""
+            told.append(f"{system} has no run on {len(lacking)} of {len(every)} sequences: {first}{more}.")
+    return told

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a study consists of: cases, each a sequence, and the runs of systems on them, by name."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ...core.perturbing.kinds import MotionPerturbation, PairingPerturbation
+from ...core.perturbing.reading import Registry
+
+_CASE = re.compile(r"([^/]+)/([^/]+)/seed-([0-9]+)")
+
+
+@dataclass(frozen=True, order=True)
+class Case:
+    """A sequence of a study: a scene in a setting, with a seed."""
+
+    scene: str
+    setting: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Its name, which is its folder in the results too: SCENE/SETTING/seed-N."""
+        return f"{self.scene}/{self.setting}/seed-{self.seed}"
+
+    @classmethod
+    def parse(cls, name: str) -> "Case":
+        """Return the case of a name. Raises ValueError for what names none."""
+        if (found := _CASE.fullmatch(name)) is None:
+            raise ValueError(f"{name!r} is no case; it has to be SCENE/SETTING/seed-N")
+        return cls(found[1], found[2], int(found[3]))
+
+
+@dataclass(frozen=True, order=True)
+class SystemRun:
+    """A run of a system on a case. repeat: counted from 1."""
+
+    case: Case
+    system: str
+    repeat: int
+
+    @property
+    def name(self) -> str:
+        """Its name, which is its folder in the results too: SCENE/SETTING/seed-N/SYSTEM/repeat-K."""
+        return f"{self.case.name}/{self.system}/repeat-{self.repeat}"
+
+    @property
+    def placeholders(self) -> dict[str, str]:
+        """What a system's command may name of it."""
+        case = self.case
+        return {"scene": case.scene, "setting": case.setting, "seed": str(case.seed), "repeat": str(self.repeat)}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What is done in a setting, in the words of the tables.
+
+    perturbation: the names of its steps, joined by +; "clean" where there is none. mode: "static" or "dynamic" (where
+    it changes from frame to frame); "" where only the motion is another, and where nothing is done. severity: 1 to 5
+    where all steps have one and the same, else "".
+    """
+
+    perturbation: str
+    mode: str
+    severity: str
+
+    @classmethod
+    def of(cls, setting: dict[str, Any], known: Registry) -> "Condition":
+        """Return the condition of a setting as a dataset's identity has it."""
+        steps: list[dict[str, Any]] = setting["steps"]
+        if not steps:
+            return cls("clean", "", "")
+        name = "+".join(step["name"] for step in steps)
+        return cls(name, _mode(steps, known), _severity(step["severity"] for step in steps))
+
+
+def _mode(steps: list[dict[str, Any]], known: Registry) -> str:
+    kinds = [known.get(step["name"]) for step in steps]
+    if all(isinstance(kind, MotionPerturbation) for kind in kinds):
+        return ""
+    dynamic = any(
+        step["levels"] is not None
+        or (isinstance(kind, PairingPerturbation) and (step["parameters"] or {}).get("mode") == "dynamic")
+        for step, kind in zip(steps, kinds, strict=True)
+    )
+    return "dynamic" if dynamic else "static"
+
+
+def _severity(severities: Iterable[float | None]) -> str:
+    found = set(severities)
+    severity = found.pop() if len(found) == 1 else None
+    return "" if severity is None else f"{severity:g}"

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sequence without what was done to its colour, its depth and their pairing: the clean frames on the same path."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.datasets.images import as_bytes
+from ...core.datasets.layouts import Modality, OutputFormat
+from ...core.errors import StorageError
+from ...core.geometry import Intrinsics
+from ...core.planning.sequence import Sequence
+from ...core.planning.source import RenderedFrame
+from ...recipes.frame_numbers import FrameNumbers
+from ...recipes.opened import Frame, OpenedSequence
+from .kept_frames import KeptFrames
+
+
+class CleanSequence(OpenedSequence):
+    """The clean counterpart of a sequence, from kept clean frames: frame i shows what that of the sequence shows."""
+
+    def __init__(self, noisy: OpenedSequence, laid: Sequence, kept: KeptFrames, format_: OutputFormat) -> None:
+        """Take the sequence and how it was laid out. format_: in whose steps depth is."""
+        self.name = f"{noisy.name} without noise"
+        self._noisy = noisy
+        self._laid = laid
+        self.kept = kept
+        self.format = format_
+
+    @property
+    def frames(self) -> FrameNumbers:
+        """Those of the sequence."""
+        return self._noisy.frames
+
+    @property
+    def camera(self) -> Intrinsics | None:
+        """The sequence's."""
+        return self._noisy.camera
+
+    def _frame(self, index: int) -> "CleanCounterpart":
+        return CleanCounterpart(self, self._noisy[index], self._laid.source_frames[index])
+
+
+class CleanCounterpart(Frame):
+    """A clean frame: colour, and the depth of the same moment."""
+
+    def __init__(self, made_in: CleanSequence, noisy: Frame, source: int) -> None:
+        """Take the frame as it is in the sequence. source: the frame on the path that it shows."""
+        self.sequence = made_in.name
+        self.index = noisy.index
+        self.stamp_s = self.depth_stamp_s = noisy.stamp_s
+        self.c2w = noisy.c2w
+        self._in = made_in
+        self._source = source
+
+    def _kept(self, modality: Modality) -> RenderedFrame:
+        found = self._in.kept.read(self._source, (modality,))
+        if found is None:
+            place = f"{self._in.kept.folder}: lost the clean frame {self._source}"
+            raise StorageError(f"{place}; run the same command again")
+        return found
+
+    @property
+    def rgb(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB, not encoded."""
+        rgb = self._kept("rgb").rgb
+        assert rgb is not None, "it was asked for"
+        return as_bytes(rgb)
+
+    @property
+    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), RGB."""
+        return self.rgb
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void, in the steps of the dataset's files."""
+        depth_m = self._kept("depth").depth_m
+        assert depth_m is not None, "it was asked for"
+        return self._in.format.stored_depth_m(depth_m)
+
+    @property
+    def done(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def rgb_bytes(self) -> bytes:
+        """Return the colour as an image file of the dataset would hold it."""
+        return self._in.format.encode_rgb(self.rgb)
+
+    def depth_bytes(self) -> bytes:
+        """Return the depth as an image file of the dataset would hold it."""
+        return self._in.format.encode_depth(self.depth_m)

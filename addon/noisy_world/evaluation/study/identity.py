@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`study.json`: what a folder of results evaluates. A study grows by scenes, settings, systems, seeds and repeats."""
+
+from typing import Any
+
+from ...core.datasets.differences import first_difference
+from ...core.errors import StorageError
+from .results import STUDY, Results
+
+FORMAT = 1
+KIND = "study of Noisy World"
+BY_NAME = ("scenes", "settings", "sequences", "found")
+"""Parts of what the sequences are made from that hold something for each name: others are added."""
+FOR_PEOPLE = ("preset", "preset_sha256")
+"""Parts that decide nothing which other parts do not tell."""
+ANOTHER = "choose another folder with --out"
+
+
+def opened(results: Results, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
+    """Write what is evaluated, beside what was before in the same folder.
+
+    Raises StorageError where the folder holds a study of something else, in a line that names the first difference.
+    """
+    path = results.folder / STUDY
+    here = {**identity, "seeds": sorted(seeds), "repeats": repeats}
+    if path.is_file():
+        content = results.read_json(path)
+        if not isinstance(content, dict) or content.get("kind") != KIND or content.get("format") != FORMAT:
+            raise StorageError(f"{path}: is not of this version of Noisy World; {ANOTHER}")
+        there = content["study"]
+        if problem := why_not(there, here):
+            raise StorageError(f"{results.folder}: holds another study: {problem}; {ANOTHER}")
+        here = merged(there, here)
+    elif results.folder.is_dir() and any(item.name != results.work.name for item in results.folder.iterdir()):
+        raise StorageError(f"{results.folder}: is not empty and holds no study; {ANOTHER}")
+    results.write_json(path, {"kind": KIND, "format": FORMAT, "study": here})
+
+
+def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
+    """Return the first difference of two studies in what both name, or ""."""
+    for name in sorted({*there["systems"], *here["systems"]}):
+        if name in there["systems"] and name in here["systems"] and there["systems"][name] != here["systems"][name]:
+            return f"the definition of {name} is another"
+    for key in ("protocol", "maps"):
+        if there[key] != here[key]:
+            return first_difference(there[key], here[key], key) or ""
+    before, now = there["subject"], here["subject"]
+    for key in sorted({*before, *now} - set(FOR_PEOPLE)):
+        left, right = before.get(key), now.get(key)
+        if key in BY_NAME and isinstance(left, dict) and isinstance(right, dict):
+            both = [name for name in left if name in right]
+            left, right = ({name: part[name] for name in both} for part in (left, right))
+        if found := first_difference(left, right, key):
+            return found
+    return ""
+
+
+def merged(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:
+    """Return what a folder evaluates that held `there` and takes `here`."""
+    before, now = there["subject"], here["subject"]
+    subject = {
+        key: {**before.get(key, {}), **value} if key in BY_NAME and isinstance(value, dict) else value
+        for key, value in now.items()
+    }
+    return {
+        **here,
+        "subject": subject,
+        "systems": {**there["systems"], **here["systems"]},
+        "seeds": sorted({*there["seeds"], *here["seeds"]}),
+        "repeats": max(there["repeats"], here["repeats"]),
+    }

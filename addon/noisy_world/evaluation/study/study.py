@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A study: systems, the sequences that they are run on, and the folder of results, which it fills case by case."""
+
+import threading
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from ...core.presets.preset import check_document
+from ...core.progress import Progress
+from ..metrics.frame_errors import frame_errors_text
+from ..outcome import Outcome, RunRecord
+from ..systems.definition import System
+from ..systems.registry import find_system
+from ..systems.running import run_system
+from .cases import Case, SystemRun
+from .describing import describe, show, worst_frames
+from .found_origin import FoundOrigin
+from .made_origin import MadeOrigin
+from .mapping import MapsOfCase, maps_of
+from .order import Order
+from .origin import CaseSequence, Origin
+from .results import ERRORS, SCORES, Results
+from .run_files import read_run_record
+from .scoring import MAP, score_run
+
+
+class Study:
+    """A study that is to be carried out. Any number of processes may work at different cases of one."""
+
+    def __init__(self, order: Order, *, stop: threading.Event) -> None:
+        """Find the systems and the files of the scenes. stop: when set, `carry_out` ends with InterruptedRunError.
+
+        Raises InputError for what is missing or wrong.
+        """
+        self.order = order
+        self.results = Results(order.folder)
+        self.systems = {system.name: system for system in map(find_system, order.systems)}
+        self._stop = stop
+
+    @cached_property
+    def origin(self) -> Origin:
+        """Where the sequences come from."""
+        order = self.order
+        if order.document is None:
+            return FoundOrigin(Path(order.subject), order.scenes, order.settings)
+        preset = check_document(order.document, Path(order.subject))
+        return MadeOrigin(
+            preset, order.seeds, self.results, keep=order.keep, keep_clean=order.keep_clean, stop=self._stop
+        )
+
+    def runs_of(self, case: Case) -> list[SystemRun]:
+        """Return the runs on a case: one of a system that repeats itself, several of another."""
+        return [
+            SystemRun(case, system.name, repeat)
+            for system in self.systems.values()
+            for repeat in range(1, 1 + (1 if system.repeatable else self.order.repeats))
+        ]
+
+    def missing_runs(self, case: Case) -> list[SystemRun]:
+        """Return the runs on a case that are not there."""
+        return [run for run in self.runs_of(case) if not self.results.is_whole(run)]
+
+    @cached_property
+    def missing(self) -> list[Case]:
+        """The cases of which something is not there."""
+        return [case for case in self.origin.frames if self.missing_runs(case) or not self.results.is_described(case)]
+
+    def carry_out(self, case: Case, progress: Progress) -> None:
+        """Do what of a case is not there: make its sequence, run the systems on it, score them.
+
+        Raises InterruptedRunError where `stop` was set.
+        """
+        missing = self.missing_runs(case)
+        if not missing and self.results.is_described(case):
+            return
+        with self.origin.sequence(case, progress) as sequence:
+            with maps_of(sequence) as maps:
+                for run in missing:
+                    self._run(run, sequence, maps if self.order.maps else None, progress)
+            describe(self.results, case, sequence)
+
+    def _run(self, run: SystemRun, sequence: CaseSequence, maps: MapsOfCase | None, progress: Progress) -> None:
+        """Run a system, unless it was run and only its scores are missing; show its worst frames, and score it.
+
+        maps: scores its map, if that is asked for.
+        """
+        system, folder = self.systems[run.system], self.results.of_run(run)
+        record = read_run_record(folder)
+        if record is None:
+            self.results.remove(folder)  # what a run that was killed has left
+            record = run_system(system, sequence.folder, folder, stop=self._stop, names=run.placeholders)
+        _tell(run, record, progress)
+        scored = score_run(
+            folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
+        )
+        self.results.write(folder / ERRORS, frame_errors_text(scored.errors))
+        show(self.results, run.case, sequence, worst_frames(scored.errors))
+        of_map = {} if maps is None else maps.score(folder, scored, progress)
+        self.results.write_json(folder / SCORES, {**scored.content, MAP: of_map})
+        progress.advance(len(sequence.truth))
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
+        systems = {name: _described(system) for name, system in self.systems.items()}
+        how = {"maps": self.order.maps, "protocol": self.order.protocol}
+        return {**how, "subject": self.origin.identity, "systems": systems}
+
+
+def _described(system: System) -> dict[str, Any]:
+    return {"digest": system.digest, "repeatable": system.repeatable}
+
+
+def _tell(run: SystemRun, record: RunRecord, progress: Progress) -> None:
+    """Say how a system ended that did not end well; once for each way."""
+    if record.outcome is not Outcome.FINISHED:
+        where = f"{run.system} on {run.case.name}"
+        progress.note(f"{where}: {record.outcome.replace('_', ' ')}: {record.detail}", f"{run.system} {record.outcome}")

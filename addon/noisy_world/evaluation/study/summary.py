@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A short table of a study for a terminal: what each system made of each perturbation."""
+
+import csv
+import statistics
+from collections.abc import Iterable
+
+from ...core.errors import MissingDependencyError
+from ..metrics.names import METRICS, PAPER_METRICS
+from .results import Results
+from .tables import RUNS
+
+SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
+"""What is shown by each protocol: the first is the error, in metres."""
+type Row = dict[str, str]
+
+
+def summary_text(results: Results, protocol: str) -> str:
+    """Return the table: a row for each perturbation and severity, for each system medians over scenes, seeds, repeats.
+
+    Raises MissingDependencyError without the extra `evaluate`.
+    """
+    try:
+        from tabulate import tabulate
+    except ImportError as error:
+        remedy = "install it with pip install 'noisy-world[evaluate]'"
+        raise MissingDependencyError(f"tabulate: missing in this Python; {remedy}") from error
+    with (results.tables / RUNS).open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    systems = list(dict.fromkeys(row["system"] for row in rows))
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["setting"],), []).append(row)
+    metrics = SHOWN[protocol]
+    known = METRICS if protocol == "strict" else PAPER_METRICS
+    header = ["setting", *(f"{system}\n{known[name].label}" for system in systems for name in metrics), "runs"]
+    table = [
+        [
+            setting,
+            *(_median(rows_of(found, system), name) for system in systems for name in metrics),
+            len(found),
+        ]
+        for (setting,), found in groups.items()
+    ]
+    return tabulate(table, header, disable_numparse=True)
+
+
+def rows_of(rows: Iterable[Row], system: str) -> list[Row]:
+    """Return the rows of a system."""
+    return [row for row in rows if row["system"] == system]
+
+
+def _median(rows: list[Row], name: str) -> str:
+    """Return the median of a metric: an error in millimetres; with how many of the runs have one, where not all do."""
+    values = [float(row[name]) for row in rows if row[name]]
+    if not rows:
+        return ""
+    if not values:
+        return "failed"
+    middle = statistics.median(values)
+    text = f"{middle * 1000:.1f} mm" if name.endswith("_m") else f"{middle:.2f}"
+    return text if len(values) == len(rows) else f"{text} ({len(values)} of {len(rows)})"

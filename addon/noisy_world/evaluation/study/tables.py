@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tables of a study, made from its folders alone: a row for each run, and one for each sequence."""
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from ...perturbations import registry
+from ..metrics.names import METRICS, PAPER_METRICS
+from .cases import Case, Condition, SystemRun
+from .found_origin import CLEAN, RECORDED
+from .results import INDICATORS, SCORES, STUDY, Results
+from .run_files import read_run_record
+from .scoring import MAP, PAPER, STRICT
+
+RUNS, SEQUENCES = "runs.csv", "sequences.csv"
+type Row = dict[str, Any]
+
+
+def write_tables(results: Results) -> None:
+    """Write runs.csv and sequences.csv. Raises StorageError where a file in the folder is damaged."""
+    study = results.read_json(results.folder / STUDY)["study"]
+    conditions = _Conditions(study["subject"]["settings"])
+    rows = [_run_row(results, run, conditions, study["protocol"]) for run in results.runs()]
+    results.write(results.tables / RUNS, csv_text(rows, run_columns(rows, study["protocol"])))
+    described = [_sequence_row(results, case, conditions) for case in results.cases()]
+    results.write(results.tables / SEQUENCES, csv_text(described, _with_others(SEQUENCE_COLUMNS, described)))
+
+
+CASE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
+SEQUENCE_COLUMNS = (*CASE_COLUMNS, "frames")
+RUN_COLUMNS = (
+    *CASE_COLUMNS,
+    *("system", "repeat", "outcome", "failure", "frames", "seconds", "processor_s", "peak_memory_bytes"),
+)
+
+
+class _Conditions:
+    """What is done in each setting, by its name."""
+
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        known = registry()
+        self._found = {name: Condition.of(setting, known) for name, setting in settings.items()}
+
+    def columns(self, case: Case) -> Row:
+        name = case.setting
+        plain = Condition("clean" if name in (CLEAN, RECORDED) else name, "", "")
+        found = self._found.get(name, plain)
+        told = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
+        return {"scene": case.scene, "setting": name, **told, "seed": case.seed}
+
+
+def _run_row(results: Results, run: SystemRun, conditions: _Conditions, protocol: str) -> Row:
+    folder = results.of_run(run)
+    record = read_run_record(folder)
+    scores = results.read_json(folder / SCORES)
+    row: Row = conditions.columns(run.case)
+    row |= {"system": run.system, "repeat": run.repeat, "failure": scores["failure"]}
+    if record is not None:
+        row |= {"outcome": str(record.outcome), "frames": record.frames, "seconds": record.seconds}
+        row |= {"processor_s": record.processor_s, "peak_memory_bytes": record.peak_memory_bytes}
+    for kind in (STRICT, PAPER, MAP):
+        row |= {_column(kind, name, protocol): value for name, value in scores.get(kind, {}).items()}
+    return row
+
+
+def _column(kind: str, name: str, protocol: str) -> str:
+    """Return the column of a value: those of the study's protocol go by their names alone."""
+    return name if kind == protocol else f"{kind}.{name}"
+
+
+def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
+    """Return the columns of runs.csv: those of every run, the metrics in their order, then what else there is."""
+    strict = [_column(STRICT, name, protocol) for name in METRICS]
+    paper = [_column(PAPER, name, protocol) for name in PAPER_METRICS]
+    metrics = [*strict, *paper] if protocol == STRICT else [*paper, *strict]
+    return _with_others((*RUN_COLUMNS, *metrics), rows)
+
+
+def _sequence_row(results: Results, case: Case, conditions: _Conditions) -> Row:
+    found = results.read_json(results.of_case(case) / INDICATORS)
+    return {**conditions.columns(case), **found}
+
+
+def _with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
+    known = list(first)
+    return [*known, *sorted({name for row in rows for name in row} - set(known))]
+
+
+def csv_text(rows: Iterable[Row], columns: Sequence[str]) -> str:
+    """Return rows as CSV; what is None is an empty cell, a number has all its digits."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows([["" if (value := row.get(name)) is None else value for name in columns] for row in rows])
+    return text.getvalue()

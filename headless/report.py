@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Write the report of a study anew: `noisy-world report` as a script, which needs no installation.
+
+python headless/report.py out/study-results
+"""
+
+import sys
+from pathlib import Path
+
+SCRIPT = Path(__file__).resolve()
+# A Blender program does not import modules from the script's folder by itself.
+sys.path.insert(0, str(SCRIPT.parent))
+
+from installation import end_with, entry, prepare_imports
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    prepare_imports()
+    from noisy_world.cli import report_command  # noqa: PLC0415 - importable only now
+
+    return report_command.main(arguments, entry(SCRIPT))
+
+
+if __name__ == "__main__":
+    end_with(main)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Intervals, against scipy, statsmodels, equations solved by hand, and draws whose truth is known."""
+
+import numpy as np
+import pytest
+from interval_coverage import coverage, geometric_coverage, here_coverage, quantile_coverage, ratio_coverage
+from scipy import stats
+
+from noisy_world.evaluation.analysis.intervals import (
+    bootstrap_interval,
+    difference_here_interval,
+    geometric_interval,
+    here_interval,
+    mean_interval,
+    share_interval,
+)
+
+
+@pytest.mark.parametrize("scenes", [2, 3, 8])
+def test_a_mean_has_students_interval(scenes):
+    values = np.random.default_rng(1).normal(3.0, 2.0, scenes)
+    expected = stats.t.interval(0.95, scenes - 1, values.mean(), stats.sem(values))
+    assert mean_interval(values) == pytest.approx(expected, rel=1e-12)
+    weightstats = pytest.importorskip("statsmodels.stats.weightstats")
+    assert mean_interval(values) == pytest.approx(weightstats.DescrStatsW(values).tconfint_mean(), rel=1e-12)
+    assert geometric_interval(values) == pytest.approx(np.exp(expected), rel=1e-12)
+
+
+def test_no_spread_is_no_interval():
+    for values in ([], [0.3], [0.1 + 0.2, 0.3, 0.3], [0.0, 0.0]):
+        assert np.isnan(mean_interval(values)).all()
+    assert np.isnan(here_interval([[1.0, 2.0], [3.0]])).all()  # one seed in a scene
+    assert np.isnan(here_interval([[1.0, 1.0], [3.0, 3.0]])).all()
+    assert np.isnan(here_interval([])).all()
+    assert np.isnan(share_interval([1.0])).all()
+    assert np.isnan(bootstrap_interval(lambda taken: taken[:, 0], 1, "one")).all()
+    assert np.isnan(bootstrap_interval(lambda taken: np.full(len(taken), np.nan), 4, "nothing")).all()
+
+
+def test_a_share_solves_the_score_equation():
+    # Its ends are where the distance to the share is t standard errors of the end itself, as Wilson's are.
+    shares = np.array([1.0, 2.0 / 3.0, 1.0 / 3.0, 1.0])
+    mean, variance = shares.mean(), shares.var(ddof=1) / 4
+    independent = mean * (1.0 - mean) / variance
+    assert 4 < independent < 12
+    for end in share_interval(shares, 12):
+        assert abs(mean - end) == pytest.approx(stats.t.ppf(0.975, 3) * np.sqrt(end * (1.0 - end) / independent))
+
+
+def test_a_share_of_many_scenes_is_wilsons():
+    proportion = pytest.importorskip("statsmodels.stats.proportion")
+    shares = np.repeat([0.0, 1.0], [3000, 7000])  # one run a scene
+    expected = proportion.proportion_confint(7000, 10_000, method="wilson")
+    assert share_interval(shares, 10_000) == pytest.approx(expected, abs=3e-5)
+
+
+def test_where_all_scenes_agree_the_share_is_not_certain():
+    low, high = share_interval([1.0, 1.0, 1.0], 9)
+    assert high == 1.0
+    assert low == pytest.approx(1.0 / (1.0 + stats.t.ppf(0.975, 2) ** 2 / 3.0))  # Wilson's at a share of 1
+    assert share_interval([0.0, 0.0, 0.0], 9) == pytest.approx((0.0, 1.0 - low))
+
+
+def test_two_groups_of_one_scene_have_welchs_interval():
+    rng = np.random.default_rng(2)
+    first, second = rng.normal(5.0, 3.0, 4), rng.normal(2.0, 1.0, 7)
+    expected = stats.ttest_ind(first, second, equal_var=False).confidence_interval(0.95)
+    assert difference_here_interval([first], [second]) == pytest.approx(tuple(expected), rel=1e-9)
+    assert here_interval([first]) == pytest.approx(mean_interval(first), rel=1e-12)
+    exact = difference_here_interval([first], [[2.0]])
+    assert exact == pytest.approx(np.array(mean_interval(first)) - 2.0, rel=1e-12)
+
+
+def test_a_bootstrap_of_scenes_agrees_with_the_closed_form_of_a_mean():
+    values = np.array([1.0, 4.0, 2.0, 8.0, 3.0])
+
+    def mean(taken):
+        return taken @ values / taken.sum(axis=1)
+
+    found = bootstrap_interval(mean, 5, "mean", resamples=100_000)
+    assert found == pytest.approx(mean_interval(values), abs=0.02 * np.ptp(mean_interval(values)))
+    assert bootstrap_interval(mean, 5, "a") == bootstrap_interval(mean, 5, "a")
+    assert bootstrap_interval(mean, 5, "a") != bootstrap_interval(mean, 5, "b")
+
+
+SETS = 700
+WITHIN = (
+    0.02 + 3.0 * np.sqrt(0.95 * 0.05 / SETS) / 2.0
+)  # what is allowed, and half of three standard errors of the draw
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say():
+    rng = np.random.default_rng(3)
+    for scenes in (2, 3, 8):
+        assert coverage("normal", scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
+        assert geometric_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
+        assert here_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
+    for kind in ("success often", "success at times"):
+        assert coverage(kind, 3, 200, rng) >= 0.95 - WITHIN
+    assert ratio_coverage(5, 250, rng, resamples=200) == pytest.approx(0.95, abs=0.04)
+
+
+def test_quantiles_of_a_bootstrap_would_not():
+    rng = np.random.default_rng(4)
+    assert quantile_coverage("normal", 3, 200, rng, both=False, resamples=400) < 0.85
+    assert quantile_coverage("normal", 3, 200, rng, both=True, resamples=400) < 0.92

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report as a whole: what is in it, that it is the same twice, what it does with folders that lack something."""
+
+import csv
+import html.parser
+import shutil
+
+import pytest
+from results_made import SETTINGS, SMALL, make_results
+
+pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
+pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
+pytest.importorskip("scipy", reason="the extra evaluate is not installed")
+
+from noisy_world.core.errors import InputError
+from noisy_world.evaluation.analysis import tables as analysis_tables
+from noisy_world.evaluation.report import write_report
+from noisy_world.evaluation.report.per_setting import settings_table
+from noisy_world.evaluation.report.reading import read_results
+
+# A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
+HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"
+
+
+class Page(html.parser.HTMLParser):
+    """What a browser would fetch, and how elements nest."""
+
+    VOID = {"meta", "img", "br", "link", "input"}
+
+    def __init__(self, text):
+        super().__init__()
+        self.fetched, self.open, self.anchors, self.ids, self.images = [], [], [], [], 0
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        values = dict(attributes)
+        self.fetched += [values[name] for name in ("src", "href", "data", "poster") if name in values]
+        self.ids += [values["id"]] if "id" in values else []
+        self.images += tag == "img"
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A results folder with its report."""
+    folder = make_results(tmp_path_factory.mktemp("results"), **SMALL)
+    return folder, write_report(folder)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Leave the analyses, which take most of the time, with nothing to analyse."""
+    analyse = analysis_tables.analyse
+    monkeypatch.setattr(analysis_tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+
+
+def test_page_opens_offline_and_is_well_formed(made):
+    folder, _ = made
+    text = (folder / "report.html").read_text()
+    page = Page(text)
+    assert page.open == []
+    assert all(link.startswith(("#", "data:")) for link in page.fetched)
+    assert len(page.ids) == len(set(page.ids))
+    assert {link[1:] for link in page.fetched if link[0] == "#"} <= set(page.ids)
+    assert page.images >= 6
+    for part in ("Systems", "Over severity", "Beside the paper", "Tests against clean", "study.json"):
+        assert part in text
+    assert "@import" not in text
+    assert "url(" not in text
+
+
+def test_markdown_names_pictures_that_are_there(made):
+    folder, _ = made
+    lines = (folder / "report.md").read_text().splitlines()
+    pictures = [line.split("](")[1].rstrip(")") for line in lines if line.startswith("![")]
+    assert len(pictures) >= 6
+    assert all((folder / name).is_file() for name in pictures)
+    rows = [line for line in lines if line.startswith("| rgbd")]
+    assert rows
+    assert len({line.replace("\\|", "").count("|") for line in rows[:1]}) == 1
+
+
+def test_tables_are_files(made):
+    folder, written = made
+    with (folder / "tables" / "settings.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(SMALL["settings"]) * len(SMALL["systems"])
+    assert {path.relative_to(folder).as_posix() for path in written.files} >= {
+        *("report.html", "report.md", "tables/headline.csv", "tables/headline.tex", "figures/paths.svg"),
+        *("tables/tests.csv", "tables/paper_colour_static_paper_ate_m.tex", "figures/heat_map.svg"),
+    }
+    assert not list(folder.rglob("*.unfinished"))
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    assert parquet.read_table(folder / "tables" / "settings.parquet").num_rows == len(rows)
+
+
+def test_same_folder_gives_the_same_bytes_whatever_the_order_of_rows(tmp_path, quick):
+    folder = make_results(tmp_path / "once", **SMALL)
+    once = write_report(folder)
+    again = tmp_path / "again"
+    shutil.copytree(folder, again)
+    for path in once.files:
+        (again / path.relative_to(folder)).unlink()
+    head, *rows = (again / "tables" / "runs.csv").read_text().splitlines(keepends=True)
+    (again / "tables" / "runs.csv").write_text("".join([head, *reversed(rows)]))
+    written = write_report(again).files
+    assert len(written) == len(once.files)
+    for path in written:
+        assert path.read_bytes() == (folder / path.relative_to(again)).read_bytes(), path.name
+
+
+def test_names_of_users_are_escaped(tmp_path, quick):
+    settings = (SETTINGS[0], (HOSTILE, "frost", "static", 5, {}))
+    folder = make_results(
+        tmp_path / "results", systems=("orb_slam3",), scenes=("<i>s",), settings=settings, seeds=("1",)
+    )
+    write_report(folder)
+    page = (folder / "report.html").read_text()
+    assert Page(page).open == []
+    assert "<i>s" not in page
+    assert "a<b>" not in page
+    assert "a&lt;b&gt;&amp;" in page
+    text = (folder / "report.md").read_text()
+    assert "a\\<b\\>\\&" in text
+    assert "<b>" not in text
+    latex = (folder / "tables" / "settings.tex").read_text()
+    assert r"\textless{}b\textgreater{}\&" in latex
+    assert r"\textbar{}\_\$\%\#\{\textasciitilde{}\textasciicircum{}" in latex
+
+
+@pytest.mark.parametrize("all_failed", [False, True], ids=["scored", "failed"])
+def test_one_run(tmp_path, all_failed):
+    only = {"systems": ("my_own",), "scenes": ("room0",), "settings": SETTINGS[:1], "seeds": ("1",)}
+    folder = make_results(tmp_path / "results", **only, all_failed=all_failed)
+    written = write_report(folder)
+    text = (folder / "report.html").read_text()
+    assert "1 run of 1 system on 1 sequence" in text
+    assert ("1 of them failed" if all_failed else "0 of them failed") in text
+    assert written.missing == ()
+
+
+def test_what_is_missing_is_said(tmp_path, quick):
+    gone = ("room1", "clean", "1", "orb_slam3")
+    folder = make_results(tmp_path / "results", **SMALL, skip=[gone])
+    (folder / "study.json").unlink()
+    (folder / "tables" / "sequences.csv").unlink()
+    for name in ("thumbs", "frames.csv", "truth.txt"):
+        for path in (folder / "sequences").rglob(name):
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for path in (folder / "runs").rglob("errors.csv"):
+        path.unlink()
+    said = " ".join(write_report(folder).missing)
+    assert "orb_slam3 has no run on 1 of 10 sequences: room1/clean/seed-1." in said
+    for name in ("study.json", "sequences.csv", "errors.csv", "truth.txt"):
+        assert name in said
+    assert "Missing here" in (folder / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: text.replace("outcome", "ending", 1), "has no column 'outcome'"),
+        (lambda text: text.replace(",40,", ",forty,", 1), "line 2, column 'frames': 'forty' is no number"),
+        (lambda text: text.splitlines(keepends=True)[0], "holds no run yet"),
+        (lambda text: "", "cannot be read"),
+    ],
+)
+def test_damaged_table_is_one_line(tmp_path, change, said):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:1]})
+    path = folder / "tables" / "runs.csv"
+    path.write_text(change(path.read_text()))
+    with pytest.raises(InputError) as error:
+        write_report(folder)
+    assert str(error.value).startswith(f"{path}: ")
+    assert said in str(error.value)
+
+
+def test_folder_without_results_is_one_line(tmp_path):
+    with pytest.raises(InputError, match=r"tables/runs.csv: is not there; the folder that"):
+        write_report(tmp_path)
+
+
+def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:2]})
+    path = folder / "runs" / "room0" / "clean" / "seed-1" / "rgbd_odometry" / "repeat-1" / "errors.csv"
+    path.write_text(path.read_text().replace("error_m", "mistake", 1))
+    with pytest.raises(InputError, match=r"errors.csv: has no column 'error_m'"):
+        write_report(folder)
+
+
+def test_numbers_of_protocol_paper_come_under_their_names(tmp_path):
+    # A study of protocol paper names its columns the other way round.
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",)})
+    path = folder / "tables" / "runs.csv"
+    head, *rows = path.read_text().splitlines(keepends=True)
+    names = head.strip().split(",")
+    turned = [name.removeprefix("paper.") if name.startswith("paper.") else name for name in names]
+    turned = [f"strict.{name}" if name in ("ate_rmse_m", "success_auc", "tracked_share") else name for name in turned]
+    expected = settings_table(read_results(folder)).frame
+    path.write_text("".join([",".join(turned) + "\n", *rows]))
+    assert settings_table(read_results(folder)).frame.equals(expected)

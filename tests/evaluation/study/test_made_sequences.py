@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sequences that a study makes: the bytes that `generate` makes, each clean frame rendered once, and nothing left."""
+
+import hashlib
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from study_tools import FRAMES, small_world
+from written import run
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.evaluation.study.cases import Case, Condition
+from noisy_world.evaluation.study.made_origin import MadeOrigin
+from noisy_world.evaluation.study.results import Results
+from noisy_world.perturbations import registry
+
+pytest.importorskip("embreex", reason="embreex comes with an extra")
+
+SHAKY = {"motion_deviation": {"rotation_deg": 3, "translation_m": 0.05}}
+SETTINGS = [
+    {"name": "clean"},
+    {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]},
+    {"name": "bright", "perturb": [{"brightness": {"severity": 3}}]},
+    {"name": "bright_dynamic", "perturb": [{"brightness": {"severity": 5, "mode": "dynamic"}}]},
+    {"name": "holes", "perturb": [{"depth_random_missing": {"severity": 3}}]},
+    {"name": "near", "perturb": [{"depth_range_clipping": {"severity": 3}}]},
+    {"name": "late", "perturb": [{"desync": {"offset": 2}}]},
+    {"name": "adrift", "perturb": [{"desync": {"offset": 2, "mode": "dynamic"}}]},
+    {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]},
+    {"name": "shaky", "perturb": [SHAKY]},
+    {"name": "shaky_mixed", "perturb": [SHAKY, {"frost": {"severity": 2}}, {"desync": {"offset": 1}}]},
+]
+VARY = {"noise", "bright_dynamic", "holes", "adrift", "shaky", "shaky_mixed"}
+
+
+def progress():
+    return PlainProgress(sys.stderr)
+
+
+def files_in(folder):
+    return {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def origin_of(preset, results, *seeds, **options):
+    return MadeOrigin(read_preset(preset), seeds, Results(results), **options)
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    return small_world(tmp_path_factory.mktemp("world"), frames=12, settings=SETTINGS)
+
+
+def test_the_bytes_are_those_of_generate_and_each_frame_is_rendered_once(world, tmp_path, monkeypatch):
+    rendered = []
+    frame = __import__("noisy_world.rays.session", fromlist=["RaySession"])
+    session = next(item for item in vars(frame).values() if isinstance(item, type) and hasattr(item, "serves"))
+    original = session.frame
+    monkeypatch.setattr(
+        session, "frame", lambda self, moment: (rendered.append(moment.index), original(self, moment))[1]
+    )
+    origin = origin_of(world, tmp_path / "results", 3, 8)
+    made = {}
+    for case in origin.frames:
+        with origin.sequence(case, progress()) as sequence:
+            made[case] = files_in(sequence.folder)
+    origin.finished("box")
+    # 12 frames of the path; shaky and shaky_mixed move it, each for both seeds. The first frames are looked at, too.
+    looked_at = len([index for index in rendered if index < 3])
+    assert len([index for index in rendered if index >= 3]) == 9 * (1 + 2 * 2)
+    assert looked_at <= 2 * 3 * (1 + 2 * 2)
+    monkeypatch.undo()
+    for seed in (3, 8):
+        run(world, tmp_path / f"seed{seed}", overrides=[f"seed={seed}"])
+        for case, files in made.items():
+            if case.seed == seed:
+                assert files == files_in(tmp_path / f"seed{seed}" / case.setting / case.scene), case
+    assert not [path for path in tmp_path.glob("results/**/*") if path.is_file()]
+
+
+def test_settings_that_no_seed_changes_have_the_first_seed_only(world, tmp_path):
+    cases = origin_of(world, tmp_path, 3, 8, 9).frames
+    assert {case.setting for case in cases if case.seed == 3} == {item["name"] for item in SETTINGS}
+    assert {case.setting for case in cases if case.seed == 8} == VARY
+    assert {case.setting for case in cases if case.seed == 9} == VARY
+    assert cases[Case("box", "fast", 3)] == 6
+    assert cases[Case("box", "noise", 9)] == 12
+
+
+def test_clean_counterparts(world, tmp_path):
+    origin = origin_of(world, tmp_path, 3)
+    with origin.sequence(Case("box", "clean", 3), progress()) as clean:
+        assert clean.clean is None
+        truth = clean.truth
+        frames = [(frame.rgb, frame.depth_m) for frame in clean.opened]
+    for setting in ("noise", "holes", "late"):
+        with origin.sequence(Case("box", setting, 3), progress()) as noisy:
+            assert noisy.clean is not None
+            assert np.array_equal(noisy.truth.c2w, truth.c2w)
+            for (rgb, depth_m), counterpart in zip(frames, noisy.clean, strict=True):
+                assert np.array_equal(counterpart.rgb, rgb)
+                assert np.array_equal(counterpart.depth_m, depth_m)
+    with origin.sequence(Case("box", "shaky_mixed", 3), progress()) as mixed:
+        assert mixed.clean is not None
+        assert not np.array_equal(mixed.truth.c2w, truth.c2w)
+        assert np.array_equal(mixed.clean[4].c2w, mixed.truth.c2w[4])
+        assert not np.array_equal(mixed.clean[4].rgb, frames[4][0])
+    with origin.sequence(Case("box", "shaky", 3), progress()) as moved:
+        assert moved.clean is None  # its images are clean
+
+
+def test_kept_sequences_stay_as_datasets(world, tmp_path):
+    origin = origin_of(world, tmp_path, keep=True)
+    with origin.sequence(Case("box", "noise", 3), progress()):
+        pass
+    assert (tmp_path / "kept/box/noise/seed-3/manifest.json").is_file()
+    assert len(list((tmp_path / "kept/box/noise/seed-3/noise/box/results").glob("frame*"))) == 12
+
+
+def test_without_kept_clean_frames_the_bytes_are_the_same(world, tmp_path):
+    found = []
+    for keep_clean in (True, False):
+        origin = origin_of(world, tmp_path / str(keep_clean), keep_clean=keep_clean)
+        with origin.sequence(Case("box", "noise", 3), progress()) as sequence:
+            found.append(files_in(sequence.folder))
+            assert (tmp_path / str(keep_clean) / ".noisy_world/clean").exists() == keep_clean
+    assert found[0] == found[1]
+
+
+def test_paths_keep_the_presets_seed(tmp_path):
+    walked = {"handheld": {"frames": FRAMES}}
+    own = {"handheld": {"frames": FRAMES, "seed": 11}}
+    scenes = [
+        {"name": "one", "mesh": "embedded:room?seed=0", "trajectory": walked},
+        {"name": "two", "mesh": "embedded:room?seed=0", "trajectory": own},
+    ]
+    origin = origin_of(small_world(tmp_path, scenes=scenes), tmp_path / "results", 21, 22)
+    seeds = [scene.trajectory.handheld.seed for scene in origin.preset.spec.scenes]
+    assert seeds == [3, 11]
+    assert origin.preset.spec.seed == 3
+
+
+def test_a_preset_without_colour_is_refused(tmp_path):
+    preset = small_world(tmp_path, output={"layout": "tum", "modalities": ["depth"]})
+    with pytest.raises(InputError, match="systems read colour"):
+        origin_of(preset, tmp_path / "results")
+
+
+@pytest.mark.parametrize(
+    ("steps", "condition"),
+    [
+        ([], Condition("clean", "", "")),
+        ([("frost", 3.0, None, {})], Condition("frost", "static", "3")),
+        ([("frost", 5.0, [0.0, 5.0], [])], Condition("frost", "dynamic", "5")),
+        ([("faster_motion", None, None, {"factor": 4})], Condition("faster_motion", "", "")),
+        ([("desync", None, None, {"mode": "static"})], Condition("desync", "static", "")),
+        ([("desync", None, None, {"mode": "dynamic"})], Condition("desync", "dynamic", "")),
+        ([("frost", 3.0, None, {}), ("fog", 3.0, None, {})], Condition("frost+fog", "static", "3")),
+        ([("frost", 3.0, None, {}), ("fog", 1.0, [1.0], [])], Condition("frost+fog", "dynamic", "")),
+        (
+            [("motion_deviation", None, None, {}), ("fog", 2.5, None, {})],
+            Condition("motion_deviation+fog", "static", ""),
+        ),
+        ([("somebodys_own", 2.0, None, {})], Condition("somebodys_own", "static", "2")),
+    ],
+)
+def test_conditions_are_the_words_of_the_tables(steps, condition):
+    keys = ("name", "severity", "levels", "parameters")
+    setting = {"steps": [dict(zip(keys, step, strict=True)) for step in steps]}
+    assert Condition.of(setting, registry()) == condition
+
+
+def test_names_of_cases():
+    case = Case("room0", "frost_s5_static", 7)
+    assert case.name == "room0/frost_s5_static/seed-7"
+    assert Case.parse(case.name) == case
+    assert sorted([replace(case, seed=10), case])[0] == case
+    for name in ("room0", "room0/frost/seed-x", "a/b/c/seed-1", "room0//seed-1"):
+        with pytest.raises(ValueError, match="is no case"):
+            Case.parse(name)
