@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -93,6 +93,10 @@ test-above: $(VENV)/.extras
 
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
+
+benchmark: $(VENV)/.evaluate ## evaluate two SLAM systems in two rooms into out/benchmark: some minutes; ORB-SLAM3 needs Python 3.11 or 3.12
+	-$(MAKE) slam-env
+	$(PY) headless/evaluate.py presets/benchmark.yaml --systems rgbd_odometry$$(test -f .venv-slam/orb_vocabulary.txt && echo ,orb_slam3) --repeats 1 --out out/benchmark
 
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env

@@ -38,6 +38,7 @@ SUBCOMMANDS = {
     "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
     "report": Subcommand("report_command", "write the report of a study anew"),
     "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
+    "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
     "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
     "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
 }

@@ -199,6 +199,11 @@ class StoredScene:
         """Return the path."""
         return self.path
 
+    @property
+    def mesh(self) -> None:
+        """None: frames were rendered."""
+        return None
+
     def hashes(self) -> dict[str, Any]:
         """Return the inputs that the frames were made from."""
         return dict(self.known["inputs"])

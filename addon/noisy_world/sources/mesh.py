@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +119,11 @@ class MeshSource:
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error
         return selected_poses(path, self.spec, self.place.at("trajectory"))
+
+    @property
+    def mesh(self) -> Callable[[], Mesh]:
+        """Returns the mesh: it is read, or built."""
+        return partial(load_mesh, self.mesh_path, self.room)
 
     def hashes(self) -> dict[str, Any]:
         """Return the names and hashes of the mesh, of its textures if it has any, and of the path's file."""

@@ -82,6 +82,11 @@ class Recording:
         """Return its ground truth."""
         return self.stored.trajectory
 
+    @property
+    def mesh(self) -> None:
+        """None: frames were recorded."""
+        return None
+
     def hashes(self) -> dict[str, Any]:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored

@@ -143,3 +143,17 @@ def test_what_is_wrong_is_a_line(tmp_path, capfd):
         with pytest.raises(SystemExit):
             evaluate(preset, *words)
     assert not (tmp_path / "out").exists()
+
+
+def test_maps(tmp_path):
+    """Frames without noise, fused along the true path, lie on the room's walls."""
+    preset = small_world(tmp_path / "world", size=(64, 48), settings=SETTINGS[:1])
+    systems = write_systems(tmp_path / "systems", "fine", "crash")
+    out = tmp_path / "out"
+    assert evaluate(preset, "--systems", systems, "--out", out, "--jobs", 1, "--maps") == 0
+    fine, crash = sorted(rows_of(out), key=lambda row: row["system"], reverse=True)
+    assert float(fine["map.accuracy_m"]) < 0.01
+    assert float(fine["map.completion_ratio_5cm"]) > 0.9
+    assert crash["map.accuracy_m"] == ""
+    assert float(crash["map.completion_ratio_5cm"]) == 0.0
+    assert evaluate(preset, "--systems", systems, "--out", out) == 1  # a study without maps is another

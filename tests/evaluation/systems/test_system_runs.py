@@ -30,10 +30,14 @@ def ended(tmp_path, recording, script, **keys):
 
 def test_a_run_leaves_its_record_and_the_estimate(tmp_path, recording):
     script = GOOD + "write(line(frames[0]), 'kf.txt')\nprint('hello')\nprint('trouble', file=sys.stderr)\n"
-    script += "write('index,stamp_s,state\\n0,0.0,tracked\\n', 'frames.csv')\nwrite('ply', 'map.ply')\n"
+    script += "write('index,stamp_s,state\\n0,0.0,tracked\\n', 'frames.csv')\n"
     script += "write('big', 'checkpoint.bin')\nsum(range(3_000_000))\n"
-    record = ended(tmp_path, recording, script, writes={"file": "poses.txt", "keyframes": "kf.txt"})
+    script += "write(sys.argv[-1], 'map.ply')\n"
+    writes = {"file": "poses.txt", "keyframes": "kf.txt"}
+    system = script_system(tmp_path / "system", script, writes=writes, map_arguments=["--map"])
     out = tmp_path / "out"
+    record = run_system(system, recording, out, maps=True)
+    assert (out / "map.ply").read_text() == "--map"
     assert (record.outcome, record.detail, record.frames, record.exit_status) == (Outcome.FINISHED, "", 5, 0)
     assert 0.02 < record.processor_s <= record.seconds * 4
     assert 4e6 < record.peak_memory_bytes < 60e6  # of a bare Python, not of the process that started it
@@ -165,6 +169,11 @@ def test_an_earlier_run_leaves_nothing(tmp_path, recording):
 def test_modalities_that_a_system_does_not_read_are_not_named(tmp_path, recording):
     script = "assert all(f['depth'] is None and f['colour'] for f in frames)\n" + GOOD
     assert ended(tmp_path, recording, script, reads={"modalities": ["colour"]}).outcome == "finished"
+
+
+def test_a_map_that_nobody_asked_for_is_left_out(tmp_path, recording):
+    ended(tmp_path, recording, GOOD + "write(' '.join(sys.argv[2:]) or 'none', 'map.ply')", map_arguments=["--map"])
+    assert not (tmp_path / "out" / "map.ply").exists()
 
 
 def test_variables_and_threads(tmp_path, recording):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
 from ..presets.preset import EngineName
+from ..scenes.mesh import Mesh
 from ..schema import Place
 from ..trajectories.sensor_paths import Moment, SensorPaths
 from ..trajectories.stamps import FrameStamps
@@ -144,6 +145,11 @@ class Source(Protocol):
 
     def trajectory(self) -> Trajectory:
         """Return the path of the camera, or of the robot that carries it. It is made once and may take seconds."""
+        ...
+
+    @property
+    def mesh(self) -> Callable[[], Mesh] | None:
+        """Returns the mesh that the frames show; None where it is none."""
         ...
 
     def hashes(self) -> dict[str, Any]:

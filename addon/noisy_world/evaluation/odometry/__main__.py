@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     try:
-        wanted = Options(smooth=options.smooth, widest_px=options.widest)
+        wanted = Options(options.smooth, options.loops, options.widest)
         progress = PlainProgress(sys.stderr)
         result = run(read_index(options.frames), wanted, progress=progress, stopped=stop.is_set)
         write_results(options.out, result.frames, result.keyframes)
@@ -45,14 +45,15 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
-        description="Follow an RGB-D camera through a sequence: OpenCV's odometry with keyframes. Writes estimate.txt, "
-        "frames.csv and keyframes.txt.",
+        description="Follow an RGB-D camera through a sequence: OpenCV's odometry with keyframes, and "
+        "loops that gtsam closes. Writes estimate.txt, frames.csv and keyframes.txt.",
     )
     parser.add_argument("frames", metavar="FRAMES", type=Path, help="JSON index of the frames and their camera")
     parser.add_argument("out", metavar="OUT", type=Path, help="folder for what is found")
     parser.add_argument(
         "--no-smoothing", dest="smooth", action="store_false", help="take depth as it is, however noisy"
     )
+    parser.add_argument("--no-loops", dest="loops", action="store_false", help="do not close loops, which needs gtsam")
     parser.add_argument(
         "--widest", metavar="PX", type=_pixels, default=640, help="make images smaller that are wider (default: 640)"
     )

@@ -77,18 +77,18 @@ def agreement(camera: Intrinsics, source: View, target: View, target_from_source
     )
 
 
-def _at[T: np.generic](image: NDArray[T], u: Float64, v: Float64) -> NDArray[T]:
+def _at(image: NDArray, u: Float64, v: Float64) -> NDArray:
     """Return the image's values (N,) at pixels between the grid's, linearly interpolated; next to NaN they are NaN."""
     import cv2
 
-    u, v = u.astype(np.float32)[None], v.astype(np.float32)[None]
-    return np.asarray(cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))[0]
+    columns, rows = u.astype(np.float32)[None], v.astype(np.float32)[None]
+    return np.asarray(cv2.remap(image, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))[0]
 
 
 def _correlation(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     """Return Pearson's correlation, 0 where there are few values or one of the sides is uniform."""
     if len(a) < 2:
         return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
-    return float((a * b).sum()) / norm if norm > 0.0 else 0.0
+    of_a, of_b = a - a.mean(), b - b.mean()
+    norm = float(np.sqrt((of_a * of_a).sum() * (of_b * of_b).sum()))
+    return float((of_a * of_b).sum()) / norm if norm > 0.0 else 0.0

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.geometry import Intrinsics
+from ...core.geometry import Intrinsics, invert_pose
 from .frames import Depth, Grey
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ FARTHEST_M = 50.0  # chosen: farther than 16-bit depth of any layout reaches
 DEPTH_DIFFERENCE_M = 0.07  # OpenCV's own: points whose depths differ by more do not correspond
 LARGEST_STEP_M = 1.0  # OpenCV refuses larger motions between two views; bounds of speed are the tracker's
 LARGEST_TURN_DEG = 60.0
+REFINEMENTS = 4  # at most; two are enough where the guess is within some pixels
+SETTLED = 1e-3  # of a correction, its largest entry less the identity's: then there is no further one
 TEXTURE = 10.0  # OpenCV's own: least gradient of grey, a pixel
 
 
@@ -75,6 +77,49 @@ class Aligner:
         if not found or not np.isfinite(motion).all():
             return None
         return np.asarray(motion, np.float64)
+
+    def refined(self, source: View, target: View, guess: Float64) -> Float64 | None:
+        """Return target_from_source near a guess of it, from however far apart the two were taken."""
+        motion = guess
+        for _ in range(REFINEMENTS):
+            correction = self.align(self.seen_from(source, target, motion), target)
+            if correction is None:
+                return None
+            motion = correction @ motion
+            if np.abs(correction - np.eye(4)).max() < SETTLED:
+                break
+        return motion
+
+    def seen_from(self, source: View, target: View, target_from_source: Float64) -> View:
+        """Return the source as the target's camera would see it; void where the target is, or what it sees is outside.
+
+        Each pixel of the target is looked up in the source by its own depth, between the source's pixels, so there are
+        no holes, and at the true motion no rounding either. cv2.warpFrame is off by half a pixel.
+        """
+        import cv2
+
+        camera = self.camera
+        points = camera.ray_directions() * target.depth_m[..., None]
+        back = invert_pose(target_from_source)
+        x, y, z = np.moveaxis(points @ back[:3, :3].T + back[:3, 3], -1, 0)
+        z = np.where(z > 0.0, z, np.nan)
+        with np.errstate(invalid="ignore"):
+            u = x / z * camera.fx_px + camera.cx_px
+            v = y / z * camera.fy_px + camera.cy_px
+        known = np.isfinite(u)
+        u, v = (np.where(known, places, -2.0).astype(np.float32) for places in (u, v))
+        grey = cv2.remap(source.grey, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        found_m = cv2.remap(
+            source.depth_m, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(float("nan"),) * 4
+        )
+        forward = target_from_source
+        across = [
+            (places - centre) / focal
+            for places, centre, focal in ((u, camera.cx_px, camera.fx_px), (v, camera.cy_px, camera.fy_px))
+        ]
+        depth_m = found_m * (forward[2, 0] * across[0] + forward[2, 1] * across[1] + forward[2, 2]) + forward[2, 3]
+        depth_m = np.where(known & (depth_m > 0.0), depth_m, np.nan).astype(np.float32)
+        return self.view(np.asarray(grey, np.uint8), depth_m)
 
 
 def _first_column(values: list, kind: type) -> NDArray:

@@ -3,138 +3,36 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.geometry import Intrinsics
 from ...core.progress import Progress
-from .agreement import NONE
+from .agreement import Agreement
 from .alignment import Aligner
-from .frames import FrameEntry, FrameIndex, Grey, grey_of, read_colour, read_depth
-from .smoothing import smoothed
-from .tracking import State, Tracked, Tracker
-from .written import FrameResult
-
-type Float64 = NDArray[np.float64]
+from .frames import FrameIndex
+from .loops import find_loops
+from .pictures import Pictures
+from .places import Places
+from .pose_graph import can_optimise, optimised
+from .story import Result, Story
+from .tracking import State, Tracker, believed
 
 WIDEST_PX = 640  # wider images are made smaller: chosen for time, as accuracy does not gain
 SEED = 1  # of OpenCV's own random numbers
+NO_LOOPS = "loops are not closed, as gtsam is missing: pip install 'noisy-world[evaluate]'"
 
 
 @dataclass(frozen=True)
 class Options:
-    """How to run. smooth: whether noisy depth is smoothed. widest_px: wider images are thinned out."""
+    """How to run. smooth: whether noisy depth is smoothed. loops: whether loops are closed, which needs gtsam.
+
+    widest_px: wider images are thinned out.
+    """
 
     smooth: bool = True
+    loops: bool = True
     widest_px: int = WIDEST_PX
-
-
-@dataclass(frozen=True)
-class Result:
-    """What came out: every frame's state and pose, and the keyframes. stopped: whether it ended before the last."""
-
-    frames: tuple[FrameResult, ...]
-    keyframes: tuple[FrameResult, ...]
-    stopped: bool
-
-    @property
-    def summary(self) -> str:
-        """Return a line on how it went."""
-        known = sum(frame.c2w is not None for frame in self.frames)
-        return f"{known} of {len(self.frames)} frames tracked, {len(self.keyframes)} keyframes"
-
-
-class Pictures:
-    """The images of a sequence as the odometry wants them: grey and depth in metres, of a size that is fast."""
-
-    def __init__(self, index: FrameIndex, options: Options) -> None:
-        self._index = index
-        self._full = index.intrinsics
-        self._options = options
-        self.step = max(1, -(-self._full.width_px // options.widest_px))
-        self.camera = smaller(self._full, self.step)
-
-    def read(self, entry: FrameEntry) -> tuple[Grey, NDArray[np.float32]]:
-        """Read a frame: grey (H, W) and depth (H, W) in metres, NaN where void."""
-        import cv2
-
-        grey = grey_of(read_colour(entry, self._full))
-        depth_m = read_depth(entry, self._full, self._index.depth_scale_per_m)
-        if self.step > 1:  # of both the same pixels are taken: depth is not averaged, or surfaces would appear between
-            grey = np.asarray(cv2.GaussianBlur(grey, (0, 0), self.step / 2.0), np.uint8)
-            grey, depth_m = (self._thinned(image) for image in (grey, depth_m))
-        return grey, smoothed(depth_m) if self._options.smooth else depth_m
-
-    def _thinned[T: np.generic](self, image: NDArray[T]) -> NDArray[T]:
-        first = self.step // 2
-        thinned = image[first :: self.step, first :: self.step]
-        return np.ascontiguousarray(thinned[: self.camera.height_px, : self.camera.width_px])
-
-
-def smaller(camera: Intrinsics, step: int) -> Intrinsics:
-    """Return the camera of an image of every `step`-th pixel, the first being the (step // 2)-th."""
-    first = step // 2
-    return Intrinsics(
-        max(1, (camera.width_px - first + step - 1) // step),
-        max(1, (camera.height_px - first + step - 1) // step),
-        camera.fx_px / step,
-        camera.fy_px / step,
-        (camera.cx_px - first) / step,
-        (camera.cy_px - first) / step,
-    )
-
-
-@dataclass(frozen=True)
-class Edge:
-    """A measured place of a keyframe in another one: first_from_second (4, 4)."""
-
-    first: int
-    second: int
-    first_from_second: Float64
-
-
-class Story:
-    """What became of the frames so far, and the keyframes with their places in one another."""
-
-    def __init__(self) -> None:
-        self.frames: list[tuple[FrameEntry, Tracked]] = []
-        self.keyframes: list[FrameEntry] = []
-        self.edges: list[Edge] = []
-
-    def add(self, entry: FrameEntry, tracked: Tracked) -> None:
-        """Take in the next frame. A first keyframe that no frame could be aligned with is given up for a new one."""
-        place = tracked.keyframe_from_camera
-        if place is not None and tracked.new_keyframe:
-            if tracked.begins:
-                nothing = Tracked(State.NOT_INITIALISED, -1, None, NONE)
-                self.frames = [(earlier, nothing) for earlier, _ in self.frames]
-                self.keyframes = []
-            else:
-                self.edges.append(Edge(tracked.keyframe, len(self.keyframes), place))
-                tracked = replace(tracked, keyframe=len(self.keyframes), keyframe_from_camera=np.eye(4))
-            self.keyframes.append(entry)
-        self.frames.append((entry, tracked))
-
-    def chained(self) -> list[Float64]:
-        """Return each keyframe's c2w by the edge that it was made with; the first is at the origin."""
-        places = [np.eye(4)] if self.keyframes else []
-        places.extend(places[edge.first] @ edge.first_from_second for edge in self.edges)
-        return places
-
-    def result(self, places: list[Float64] | None = None, *, stopped: bool = False) -> "Result":
-        """Return every frame's pose. places: the keyframes' c2w, by default as they were chained."""
-        places = self.chained() if places is None else places
-        frames: list[FrameResult] = []
-        for entry, tracked in self.frames:
-            place = tracked.keyframe_from_camera
-            c2w = None if place is None else places[tracked.keyframe] @ place
-            frames.append(
-                FrameResult(entry.index, entry.stamp_s, tracked.state, tracked.keyframe, tracked.agreement, c2w)
-            )
-        indices = {entry.index for entry in self.keyframes}
-        return Result(tuple(frames), tuple(frame for frame in frames if frame.index in indices), stopped)
 
 
 def run(
@@ -146,25 +44,59 @@ def run(
 ) -> Result:
     """Follow the camera through all frames. The same frames give the same result, bit by bit.
 
-    Raises InputError for an image that cannot be read or has another size than the camera.
+    Without gtsam loops are not closed, and the progress is told so. Raises InputError for an image that cannot be read
+    or has another size than the camera.
     """
     options = options or Options()
     with _repeatable():
-        pictures = Pictures(index, options)
-        tracker = Tracker(Aligner(pictures.camera))
-        story = Story()
-        if progress:
-            progress.start("tracking", len(index.frames))
-        for entry in index.frames:
-            if stopped():
-                break
-            view = tracker.aligner.view(*pictures.read(entry))
-            story.add(entry, tracker.track(view, entry.stamp_s))
+        pictures = Pictures(index, widest_px=options.widest_px, smooth=options.smooth)
+        places = Places(Aligner(pictures.camera), pictures)
+        story = _followed(index, pictures, places, progress, stopped)
+        ended = len(story.frames) == len(index.frames)
+        if not (ended and options.loops and story.keyframes):
+            return story.result(stopped=not ended)
+        if not can_optimise():
             if progress:
-                progress.advance()
+                progress.note(NO_LOOPS)
+            return story.result()
+        c2w = story.chained()
+        loops = find_loops(places, c2w, _usual(story), stopped=stopped)
+        return story.result(optimised(c2w, story.edges, loops) if loops else c2w, loops=len(loops))
+
+
+def _followed(
+    index: FrameIndex, pictures: Pictures, places: Places, progress: Progress | None, stopped: Callable[[], bool]
+) -> Story:
+    """Track frame after frame; a frame that is lost is looked for among all keyframes."""
+    tracker, story = Tracker(places.aligner), Story()
+    if progress:
+        progress.start("tracking", len(index.frames))
+    for entry in index.frames:
+        if stopped():
+            break
+        view = places.aligner.view(*pictures.read(entry))
+        tracked = tracker.track(view, entry.stamp_s)
+        if tracked.state is State.LOST:
+            found = places.found(view, lambda seen: believed(seen, tracker.bounds))
+            if found is not None:
+                tracked = tracker.resume(view, entry.stamp_s, *found)
+        if tracked.begins:
+            places.forget()
+        if tracked.new_keyframe:
+            places.remember(entry, view)
+        story.add(entry, tracked)
         if progress:
-            progress.finish()
-    return story.result(stopped=len(story.frames) < len(index.frames))
+            progress.advance()
+    if progress:
+        progress.finish()
+    return story
+
+
+def _usual(story: Story) -> Agreement:
+    """Return how well tracked views agree: the median of each number."""
+    seen = [tracked.agreement for _, tracked in story.frames if tracked.keyframe_from_camera is not None]
+    numbers = np.array([(a.overlap, a.seen, a.depth, a.grey, a.moved, a.error) for a in seen])
+    return Agreement(*np.median(numbers, axis=0).tolist())
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frame after frame: where the camera is, and whether that is known.
 
-Each frame is aligned with the one before it, which hardly ever fails, and with the keyframe, which does not drift. The
-second is taken where it fits the keyframe no worse than the first.
+A frame is aligned with the keyframe, which does not drift. Where it does not fit as the frame before did, it is aligned
+with the last frame, too, which hardly ever fails, and what fits the keyframe better is taken.
 """
 
 from dataclasses import dataclass
@@ -39,6 +39,7 @@ class Bounds:
     speed_m_s: float = 6.0  # a person runs
     turn_deg_s: float = 400.0  # a fast turn of a head
     worse_error: float = 0.1  # how much worse the keyframe's own alignment may fit than that by way of the last frame
+    unusual_error: float = 0.3  # and than that of the frame before, or the last frame is asked, too
     least_error: float = 1e-4
     worse_grey: float = 0.02
     moved: float = 0.06  # mean motion in the image since the keyframe, of its width: then there is a new one
@@ -81,21 +82,25 @@ class Tracker:
         self._keyframe: _Anchor | None = None
         self._last: _Anchor | None = None
         self._lost = False
+        self._usual = NONE
 
     def track(self, view: View, stamp_s: float) -> Tracked:
         """Find the place of the next view."""
         if self._keyframe is None or self._last is None:
             return self._begin(view, stamp_s)
-        near = self._aligned(self._last, view, stamp_s)
         if self._last is self._keyframe:
+            near = self._aligned(self._last, view, stamp_s)
             return self._miss(view, stamp_s) if near is None else self._accept(view, stamp_s, *near)
         direct = self._aligned(self._keyframe, view, stamp_s)
+        if direct is not None and self._as_usual(direct[1]):
+            return self._accept(view, stamp_s, *direct)
+        near = self._aligned(self._last, view, stamp_s)
         if near is None:
             return self._miss(view, stamp_s) if direct is None else self._accept(view, stamp_s, *direct)
-        place, seen = near[0], self._compared(near[0], view)
-        if direct is not None and self._no_worse(direct[1], seen):
+        place, seen = near
+        if direct is not None and self._no_worse(direct[1], self._compared(place, view)):
             return self._accept(view, stamp_s, *direct)
-        return self._accept(view, stamp_s, place, near[1], renew=True)
+        return self._accept(view, stamp_s, place, seen, renew=True)
 
     def resume(self, view: View, stamp_s: float, keyframe: int, place: Float64, seen: Agreement) -> Tracked:
         """Go on from a view that was found again at a place in an earlier keyframe; it is the keyframe from now on."""
@@ -125,6 +130,7 @@ class Tracker:
             self._renew(view, stamp_s)
         else:
             self._last = _Anchor(view, place, stamp_s)
+        self._usual = seen
         return Tracked(state, number, place, seen, renew)
 
     def _renew(self, view: View, stamp_s: float) -> None:
@@ -137,7 +143,7 @@ class Tracker:
         if motion is None or self._too_fast(motion, stamp_s - anchor.stamp_s):
             return None
         seen = agreement(self.aligner.camera, anchor.view, view, motion)
-        if not self.believed(seen):
+        if not believed(seen, self.bounds):
             return None
         return anchor.keyframe_from_camera @ invert_pose(motion), seen
 
@@ -147,12 +153,11 @@ class Tracker:
         step_m = float(np.linalg.norm(motion[:3, 3]))
         return step_m > self.bounds.speed_m_s * seconds or turn_deg > self.bounds.turn_deg_s * seconds
 
-    def believed(self, seen: Agreement) -> bool:
-        """Tell whether two views agree well enough for the motion between them to be believed."""
-        bounds = self.bounds
-        if seen.seen < bounds.seen or seen.overlap < bounds.overlap or seen.depth < bounds.depth:
-            return False
-        return seen.grey >= bounds.grey or seen.depth >= bounds.blind_depth
+    def _as_usual(self, direct: Agreement) -> bool:
+        """Tell whether a view fits the keyframe about as well as the view before it did."""
+        bounds, usual = self.bounds, self._usual
+        within = direct.error <= usual.error * (1.0 + bounds.unusual_error) + bounds.least_error
+        return within and direct.grey >= usual.grey - bounds.worse_grey
 
     def _compared(self, place: Float64, view: View) -> Agreement:
         assert self._keyframe is not None
@@ -163,3 +168,10 @@ class Tracker:
         bounds = self.bounds
         within = direct.error <= near.error * (1.0 + bounds.worse_error) + bounds.least_error
         return within and direct.grey >= near.grey - bounds.worse_grey
+
+
+def believed(seen: Agreement, bounds: Bounds) -> bool:
+    """Tell whether two views agree well enough for the motion between them to be believed."""
+    if seen.seen < bounds.seen or seen.overlap < bounds.overlap or seen.depth < bounds.depth:
+        return False
+    return seen.grey >= bounds.grey or seen.depth >= bounds.blind_depth

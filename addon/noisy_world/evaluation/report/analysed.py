@@ -61,6 +61,9 @@ INTERVALS = (
 )
 """Columns that share a cell: a number and the ends of its 95 % interval; a column is in the first of them alone."""
 HERE = ("here_low", "here_high")
+MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
+SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
+"""The measures whose rows are shown where all would be too many."""
 LABELS = {
     "n_runs": ("runs", "all of them, failed ones too"),
     "n_failed": ("failed", ""),
@@ -111,7 +114,11 @@ def sections(analyses: Analyses) -> list[Section]:
 
 def table_of(name: str, frame: "DataFrame") -> Table:
     """Return a table of the analyses as it is shown."""
-    return Table(name, TITLES.get(name, name), CAPTIONS.get(name, ""), frame, tuple(_columns(frame)))
+    caption, page = CAPTIONS.get(name, ""), None
+    if "measure" in frame and len(frame) > MOST_SHOWN:
+        page = frame[frame["measure"].isin(SHOWN)].head(MOST_SHOWN)
+        caption += f" Here are the rows of {', '.join(column_of(measure).label for measure in SHOWN)}; the file has all."
+    return Table(name, TITLES.get(name, name), caption, frame, tuple(_columns(frame)), page)
 
 
 def with_interval(value: Any, low: Any, high: Any) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
 from ...core.planning.source import Gives, OpenSource, PreparedSource, RenderOptions, Source
+from ...core.scenes.mesh import Mesh
 from ...core.trajectories.sensor_paths import SensorPaths
 from ...core.trajectories.stamps import FrameStamps
 from ...core.trajectories.trajectory import Axes, Trajectory
@@ -84,6 +85,11 @@ class SourceInside:
     def trajectory(self) -> Trajectory:
         """Return the path."""
         return self.source.trajectory()
+
+    @property
+    def mesh(self) -> Callable[[], Mesh] | None:
+        """Returns the mesh that it shows, if it is one."""
+        return self.source.mesh
 
     def hashes(self) -> dict[str, Any]:
         """Return what decides the frames' bytes."""

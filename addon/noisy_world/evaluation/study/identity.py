@@ -41,8 +41,9 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     for name in sorted({*there["systems"], *here["systems"]}):
         if name in there["systems"] and name in here["systems"] and there["systems"][name] != here["systems"][name]:
             return f"the definition of {name} is another"
-    if there["protocol"] != here["protocol"]:
-        return first_difference(there["protocol"], here["protocol"], "protocol") or ""
+    for key in ("protocol", "maps"):
+        if there[key] != here[key]:
+            return first_difference(there[key], here[key], key) or ""
     before, now = there["subject"], here["subject"]
     for key in sorted({*before, *now} - set(FOR_PEOPLE)):
         left, right = before.get(key), now.get(key)

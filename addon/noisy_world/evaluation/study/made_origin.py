@@ -135,7 +135,8 @@ class MadeOrigin:
         place = folder / sequence.folder
         changed = bool(sequence.setting.rgb or sequence.setting.depth or sequence.paired)
         clean = CleanSequence(opened, sequence, kept, plan.format) if changed and kept is not None else None
-        yield CaseSequence(place, find_sequence(place).trajectory, opened, clean)
+        mesh = self._scenes[case.scene].source.mesh
+        yield CaseSequence(place, find_sequence(place).trajectory, opened, clean, mesh)
         if render.moving and kept is not None:
             self._results.remove(kept.folder)
         if not self._keep:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where the sequences of a study come from: made of a preset one by one, or found in a folder."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from ...core.progress import Progress
+from ...core.scenes.mesh import Mesh
 from ...core.trajectories.trajectory import Trajectory
 from ...recipes.opened import OpenedSequence
 from .cases import Case, Condition
@@ -19,13 +20,14 @@ class CaseSequence:
 
     folder: where it lies. truth: the colour camera's poses, one for each frame. opened: its frames. clean: the frames
     that it would have without what was done to colour, depth and their pairing; None where nothing was, or they are not
-    there.
+    there. mesh: returns what the true scene is; None where nobody knows.
     """
 
     folder: Path
     truth: Trajectory
     opened: OpenedSequence
     clean: OpenedSequence | None
+    mesh: Callable[[], Mesh] | None = None
 
 
 class Origin(Protocol):

@@ -9,13 +9,14 @@ import numpy as np
 
 from ...core.trajectories.trajectory import Trajectory
 from ..estimate import Estimate
+from ..metrics.alignment import Similarity
 from ..metrics.frame_errors import FrameErrors
 from ..metrics.protocols import paper_protocol
 from ..metrics.score import score_trajectory
 from ..outcome import Outcome, RunRecord
 from ..systems.estimate_file import ESTIMATE, KEYFRAMES, read_estimate_file
 
-STRICT, PAPER = "strict", "paper"
+STRICT, PAPER, MAP = "strict", "paper", "map"
 PROTOCOL_NAMES = (STRICT, PAPER)
 
 NOTHING = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
@@ -23,10 +24,16 @@ NOTHING = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """A run that was scored. content: of scores.json. errors: of its frames, by the study's protocol."""
+    """A run that was scored.
+
+    content: of scores.json. errors: of its frames, by the study's protocol. estimate: its poses. by: what lays them
+    over the truth by protocol strict; None where the run failed.
+    """
 
     content: dict[str, Any]
     errors: FrameErrors
+    estimate: Estimate
+    by: Similarity | None
 
 
 def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: str, monocular: bool) -> Scored:
@@ -45,4 +52,5 @@ def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: s
         ),
     }
     content: dict[str, Any] = {name: score.values for name, score in scores.items()}
-    return Scored({"failure": scores[protocol].failure, **content}, scores[protocol].frame_errors)
+    content |= {"failure": scores[protocol].failure, MAP: {}}
+    return Scored(content, scores[protocol].frame_errors, estimate, scores[STRICT].by)

@@ -17,11 +17,12 @@ from .cases import Case, SystemRun
 from .describing import describe, show, worst_frames
 from .found_origin import FoundOrigin
 from .made_origin import MadeOrigin
+from .mapping import MapsOfCase, maps_of
 from .order import Order
 from .origin import CaseSequence, Origin
 from .results import ERRORS, SCORES, Results
 from .run_files import read_run_record
-from .scoring import score_run
+from .scoring import MAP, score_run
 
 
 class Study:
@@ -74,12 +75,16 @@ class Study:
         if not missing and self.results.is_described(case):
             return
         with self.origin.sequence(case, progress) as sequence:
-            for run in missing:
-                self._run(run, sequence, progress)
+            with maps_of(sequence) as maps:
+                for run in missing:
+                    self._run(run, sequence, maps if self.order.maps else None, progress)
             describe(self.results, case, sequence)
 
-    def _run(self, run: SystemRun, sequence: CaseSequence, progress: Progress) -> None:
-        """Run a system, unless it was run and only its scores are missing; show its worst frames, and score it."""
+    def _run(self, run: SystemRun, sequence: CaseSequence, maps: MapsOfCase | None, progress: Progress) -> None:
+        """Run a system, unless it was run and only its scores are missing; show its worst frames, and score it.
+
+        maps: scores its map, if that is asked for.
+        """
         system, folder = self.systems[run.system], self.results.of_run(run)
         record = read_run_record(folder)
         if record is None:
@@ -91,14 +96,16 @@ class Study:
         )
         self.results.write(folder / ERRORS, frame_errors_text(scored.errors))
         show(self.results, run.case, sequence, worst_frames(scored.errors))
-        self.results.write_json(folder / SCORES, scored.content)
+        of_map = {} if maps is None else maps.score(folder, scored, progress)
+        self.results.write_json(folder / SCORES, {**scored.content, MAP: of_map})
         progress.advance(len(sequence.truth))
 
     @cached_property
     def identity(self) -> dict[str, Any]:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
-        return {"protocol": self.order.protocol, "subject": self.origin.identity, "systems": systems}
+        how = {"maps": self.order.maps, "protocol": self.order.protocol}
+        return {**how, "subject": self.origin.identity, "systems": systems}
 
 
 def _described(system: System) -> dict[str, Any]:

@@ -12,10 +12,9 @@ from .cases import Case, Condition, SystemRun
 from .found_origin import CLEAN, RECORDED
 from .results import INDICATORS, SCORES, STUDY, Results
 from .run_files import read_run_record
-from .scoring import PAPER, STRICT
+from .scoring import MAP, PAPER, STRICT
 
 RUNS, SEQUENCES = "runs.csv", "sequences.csv"
-MAP = "map"
 type Row = dict[str, Any]
 
 

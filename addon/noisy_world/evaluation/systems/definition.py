@@ -125,6 +125,9 @@ class System:
         pattern=_no_word,
     )
     writes: Writes = key("what it writes")
+    map_arguments: tuple[str, ...] = key(
+        "arguments that follow where a map is asked for, which it then writes as map.ply", default=(), pattern=_no_word
+    )
     about: str = key("a sentence on what it is", default="")
     reads: Reads = key("what it is given", default=Reads())
     environment: str = key(
@@ -178,7 +181,7 @@ def _check(system: System, place: Place) -> None:
             )
     if not system.reads.modalities:
         raise place.at("reads").at("modalities").error("is empty", "name colour, depth or both")
-    for name in ("command", "versions"):
+    for name in ("command", "map_arguments", "versions"):
         for index, word in enumerate(getattr(system, name)):
             _check_word(system, word, place.at(name).at(index))
     if not system.command:

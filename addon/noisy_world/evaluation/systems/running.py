@@ -45,14 +45,15 @@ def run_system(
     stop: threading.Event | None = None,
     camera: Intrinsics | None = None,
     names: Mapping[str, str] | None = None,
+    maps: bool = False,
     keep: bool = False,
 ) -> RunRecord:
     """Run a system on a sequence of any layout, and write into a folder how that ended and what it estimated.
 
     The folder then holds log.txt; estimate.txt, in TUM's format, unless there is no estimate; keyframes.txt, frames.csv
-    and map.ply where the system writes them; and run.json, which is written last. camera: its intrinsics, where no file
-    says them. names: of the run in a study, for a command that names {scene}, {setting}, {seed} or {repeat}. keep: what
-    else the system wrote stays, in the folder .work/out.
+    and, if maps are asked for, map.ply where the system writes them; and run.json, which is written last. camera: its
+    intrinsics, where no file says them. names: of the run in a study, for a command that names {scene}, {setting},
+    {seed} or {repeat}. keep: what else the system wrote stays, in the folder .work/out.
 
     Raises InputError where the sequence cannot be read or the system cannot be run here, StorageError, and
     InterruptedRunError where `stop` was set; then there is no run.json.
@@ -66,11 +67,11 @@ def run_system(
         (work / "out").mkdir(parents=True)
         for name in (RUN, ESTIMATE, KEYFRAMES, FRAMES, MAP):
             (out / name).unlink(missing_ok=True)
-    command = _command(system, given, work, names or {})
+    command = _command(system, given, work, names or {}, maps=maps)
     told = _guarded(command, system, given, out, stop)
     if stop is not None and stop.is_set():
         raise InterruptedRunError(f"{system.name} was stopped; its run will be made anew")
-    record = _record(system, given, told, versions, out)
+    record = _record(system, given, told, versions, out, maps=maps)
     with storage_errors(work):
         shutil.rmtree(work / "given")
         if not keep:
@@ -80,9 +81,10 @@ def run_system(
     return record
 
 
-def _command(system: System, given: Given, work: Path, names: Mapping[str, str]) -> list[str]:
+def _command(system: System, given: Given, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
     """Return the command, after what it reads is written. Raises InputError where it names what only a study knows."""
-    named = " ".join(system.command)
+    words = system.command + (system.map_arguments if maps else ())
+    named = " ".join(words)
     unknown = next((name for name in STUDY_NAMES if f"{{{name}}}" in named and name not in names), None)
     if unknown is not None:
         remedy = "run it in a study: noisy-world evaluate"
@@ -92,10 +94,10 @@ def _command(system: System, given: Given, work: Path, names: Mapping[str, str])
     with storage_errors(folder):
         folder.mkdir(parents=True)
     given.write_index(frames)
-    if "{sequence}" in named:
+    if any("{sequence}" in word for word in words):
         given.write_sequence(folder, system.reads.layouts)
     values = {"frames": frames.resolve(), "sequence": folder.resolve(), "out": (work / "out").resolve()}
-    return filled(system.command, {**command_values(system), **names, **values})
+    return filled(words, {**command_values(system), **names, **values})
 
 
 def _guarded(
@@ -135,13 +137,15 @@ def _guarded(
     return json.loads(told)
 
 
-def _record(system: System, given: Given, told: dict[str, Any], versions: dict[str, str], out: Path) -> RunRecord:
+def _record(
+    system: System, given: Given, told: dict[str, Any], versions: dict[str, str], out: Path, *, maps: bool
+) -> RunRecord:
     """Write what the system estimated; return how the run ended."""
     written = out / WORK / "out"
     outcome, detail = _how_it_ended(told, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
         found = normalised(written, system.writes, given.stamps_s, colour=given.stored.rgb_files)
-        outcome, detail = found.outcome, _sentences(found.detail, _take_files(system, given, written, out))
+        outcome, detail = found.outcome, _sentences(found.detail, _take_files(system, given, written, out, maps=maps))
         if outcome is Outcome.FINISHED:
             _write_estimate(out / ESTIMATE, found)
     return RunRecord(
@@ -176,7 +180,7 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def _take_files(system: System, given: Given, written: Path, out: Path) -> str:
+def _take_files(system: System, given: Given, written: Path, out: Path, *, maps: bool) -> str:
     """Take over what else of the contract a system wrote; return sentences on what is wrong in it."""
     problems = []
     if system.writes.keyframes and found_file(written, system.writes.keyframes) is not None:
@@ -192,7 +196,7 @@ def _take_files(system: System, given: Given, written: Path, out: Path) -> str:
             problems.append(f"its {FRAMES} is not used: {problem}")
         else:
             Mover(out).move(written / FRAMES, out / FRAMES)
-    if (written / MAP).is_file():
+    if maps and (written / MAP).is_file():
         Mover(out).move(written / MAP, out / MAP)
     return _sentences(*problems)
 

@@ -23,10 +23,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
+from frame_files import inverse, read_image, rigid, tum_text
 
 # As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera and rate. The baseline of a virtual right camera
-# says how much depth counts against pixels: 40 pixels of disparity at a metre, whatever the size of the image.
-BASELINE_PX_M = 40.0
+# says how much depth counts against pixels. TUM1.yaml has 40 pixels of disparity at a metre, for a Kinect; with depth
+# as exact as a renderer's, 80 nearly halve the error of two clean embedded rooms at 320 x 240.
+BASELINE_PX_M = 80.0
 NEAR_M = 3.1  # points that are farther are triangulated from several frames: 40 px / 517 px * 40, of TUM1.yaml
 FEATURES = 1000
 SETTINGS = """%YAML:1.0
@@ -164,14 +166,6 @@ def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool)
     (out / "keyframes.txt").write_text(tum_text(stamps_s, keyframes), encoding="utf-8")
 
 
-def read_image(path: str, mode: int) -> np.ndarray:
-    """Return an image as OpenCV reads it."""
-    image = cv2.imread(path, mode)
-    if image is None:
-        raise SystemExit(f"orb_slam3.py: {path}: is no image")
-    return image
-
-
 def settle(begun_s: float, period_s: float) -> None:
     """Wait until the other threads of this process have had a time of a processor, or have nothing to do.
 
@@ -234,40 +228,6 @@ def placed(online: dict[int, np.ndarray], final: dict[int, np.ndarray]) -> dict[
 def nearest(stamps_s: np.ndarray, stamp_s: float) -> int:
     """Return the index of the frame whose stamp is nearest."""
     return int(np.argmin(np.abs(stamps_s - stamp_s)))
-
-
-def rigid(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Return a pose (4, 4) of a rotation (3, 3) and a position of three numbers."""
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    pose[:3, 3] = np.ravel(position)
-    return pose
-
-
-def inverse(pose: np.ndarray) -> np.ndarray:
-    """Return the inverse of a rigid pose (4, 4)."""
-    return rigid(pose[:3, :3].T, -pose[:3, :3].T @ pose[:3, 3])
-
-
-def tum_text(stamps_s: np.ndarray, poses: dict[int, np.ndarray]) -> str:
-    """Return poses (4, 4) of frames as lines `stamp tx ty tz qx qy qz qw`."""
-    lines = []
-    for index in sorted(poses):
-        quaternion = quat_xyzw(poses[index][:3, :3])
-        numbers = " ".join(f"{number:.17g}" for number in (*poses[index][:3, 3], *quaternion))
-        lines.append(f"{float(stamps_s[index])!r} {numbers}\n")
-    return "".join(lines)
-
-
-def quat_xyzw(rotation: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion of a rotation (3, 3): the eigenvector of the largest eigenvalue of Davenport's K."""
-    r = rotation
-    z = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
-    k = np.zeros((4, 4))
-    k[:3, :3] = r + r.T - np.trace(r) * np.eye(3)
-    k[:3, 3] = k[3, :3] = z
-    k[3, 3] = np.trace(r)
-    return np.linalg.eigh(k)[1][:, -1]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The map of a run: the one that the system wrote, or the frames it was given, fused along its poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.geometry import Intrinsics
+from ...core.scenes.mesh import Mesh
+from ...core.scenes.ply import read_ply
+from ..estimate import Estimate
+from ..metrics.alignment import Similarity, aligned_poses
+from ..metrics.association import MAX_DIFFERENCE_S, associate_poses
+from .fusing import FAR_M, VOXEL_M, Fused, fuse
+from .reading import MAP
+from .score import moved
+
+
+@dataclass(frozen=True)
+class RunMap:
+    """A run's map in the true world. mesh: None where there is none; problem: why, "" where a frame saw nothing.
+
+    origin: who made it, the system or we; "" where there is none.
+    """
+
+    mesh: Mesh | None
+    origin: Literal["system", "fused", ""] = ""
+    problem: str = ""
+
+
+def map_of_run(
+    folder: Path,
+    estimate: Estimate,
+    by: Similarity | None,
+    frames: Sequence,
+    camera: Intrinsics,
+    *,
+    voxel_m: float = VOXEL_M,
+) -> RunMap:
+    """Return the map of the run in a folder, moved as its path is: map.ply where it is there, else one that is fused.
+
+    by: the alignment of the path, None where the run failed, which has no map then. A map.ply that cannot be read is a
+    result: no map, and what is wrong with the file.
+    """
+    if by is None:
+        return RunMap(None, problem="the path cannot be aligned")
+    if (folder / MAP).exists():
+        try:
+            return RunMap(moved(read_ply(folder / MAP), by.matrix), "system")
+        except InputError as error:
+            return RunMap(None, problem=str(error))
+    mesh = fuse_along(estimate, frames, camera, by=by, voxel_m=voxel_m).mesh
+    return RunMap(mesh, "" if mesh is None else "fused")
+
+
+def fuse_along(
+    estimate: Estimate,
+    frames: Sequence,
+    camera: Intrinsics,
+    *,
+    by: Similarity | None = None,
+    max_difference_s: float = MAX_DIFFERENCE_S,
+    voxel_m: float = VOXEL_M,
+    far_m: float = FAR_M,
+) -> Fused:
+    """Fuse the frames that have an estimated pose, as stamps say; images of the others are not read.
+
+    frames: as they were given to the system, with stamp_s, rgb and depth_m. by: the alignment of the estimate; the map
+    then lies in the true world, with the frames' own scale, also where the estimate has another.
+    """
+    stamps_s = np.array([frame.stamp_s for frame in frames])
+    rows, of_frames = associate_poses(estimate.stamps_s, stamps_s, max_difference_s)
+    c2w = estimate.c2w[rows] if by is None else aligned_poses(estimate.c2w[rows], by)
+    poses = dict(zip(of_frames.tolist(), c2w, strict=True))
+    every = (poses.get(index) for index in range(len(frames)))
+    return fuse(frames, every, camera, voxel_m=voxel_m, far_m=far_m)
