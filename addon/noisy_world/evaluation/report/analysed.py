@@ -117,7 +117,9 @@ def table_of(name: str, frame: "DataFrame") -> Table:
     caption, page = CAPTIONS.get(name, ""), None
     if "measure" in frame and len(frame) > MOST_SHOWN:
         page = frame[frame["measure"].isin(SHOWN)].head(MOST_SHOWN)
-        caption += f" Here are the rows of {', '.join(column_of(measure).label for measure in SHOWN)}; the file has all."
+        caption += (
+            f" Here are the rows of {', '.join(column_of(measure).label for measure in SHOWN)}; the file has all."
+        )
     return Table(name, TITLES.get(name, name), caption, frame, tuple(_columns(frame)), page)
 
 

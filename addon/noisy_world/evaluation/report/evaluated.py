@@ -8,6 +8,7 @@ from typing import Any
 
 from ..analysis.run_table import SUCCESS
 from ..metrics import PROTOCOLS
+from ..metrics.success import LEAST_TRACKED
 from .labels import column_of
 from .reading import KEY, Results, read_object, records
 
@@ -26,7 +27,8 @@ def opening(results: Results) -> str:
     )
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
-        said += f" {successes} had {column_of(SUCCESS).label}: {column_of(SUCCESS).meaning}"
+        meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
+        said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
     return said
 
 

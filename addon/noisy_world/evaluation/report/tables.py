@@ -87,7 +87,7 @@ class Table:
         return self.frame if self.page is None else self.page
 
     def rows(self, most: int | None = None) -> list[list[tuple[str, str]]]:
-        """Return the cells of each row that is shown, or of the first: the text, and the value by which it is sorted."""
+        """Return the cells of each row that is shown, or of the first: the text, and the value that it is sorted by."""
         return [
             [(column.cell(row), _sort_value(row.get(column.name))) for column in self.columns]
             for row in records(self.read.head(most) if most is not None else self.read)
