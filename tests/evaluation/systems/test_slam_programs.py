@@ -116,7 +116,7 @@ def test_orb_slam3_moves_along_a_wall(wall, tmp_path):
     estimate = read_estimate_file(tmp_path / "estimate.txt")
     assert len(estimate) == FRAMES
     truth_m = np.arange(FRAMES)[:, None] * [STEP_M, 0.0, 0.0]
-    assert np.linalg.norm(estimate.c2w[:, :3, 3] - truth_m, axis=1).max() < 0.01
+    assert np.linalg.norm(estimate.c2w[:, :3, 3] - truth_m, axis=1).max() < 0.02
     assert (tmp_path / "frames.csv").read_text().count(",tracked,") == FRAMES
     assert 1 <= len(read_estimate_file(tmp_path / "keyframes.txt")) <= FRAMES
 
