@@ -87,8 +87,8 @@ def drawn(scene, name, positions):
 
 def test_the_next_run_replaces_the_paths_and_a_button_removes_them(scene):
     mine = bpy.data.objects.new("Mine", None)
-    scene.collection.objects.link(mine)
     drawn(scene, "clean/box", np.eye(3))
+    drawn_tracks.shown(scene)[0].objects.link(mine)
     drawn(scene, "foggy/box", np.eye(3))
     (collection,) = drawn_tracks.shown(scene)
     assert collection["noisy_world_sentence"] == "foggy/box said"
@@ -99,7 +99,7 @@ def test_the_next_run_replaces_the_paths_and_a_button_removes_them(scene):
     assert bpy.ops.noisy_world.track_remove() == {"FINISHED"}
     assert drawn_tracks.shown(scene) == []
     assert [len(kind) for kind in (bpy.data.curves, bpy.data.materials, bpy.data.collections)] == [0, 0, 0]
-    assert list(bpy.data.objects) == [mine]
+    assert list(scene.objects) == [mine]
 
 
 def test_each_scene_has_its_own_paths(scene):

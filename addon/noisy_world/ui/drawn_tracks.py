@@ -53,21 +53,30 @@ def show(scene: bpy.types.Scene, paths: Sequence[TrackedPath]) -> None:
 
 
 def remove(scene: bpy.types.Scene) -> None:
-    """Remove the paths, and whatever was made for them."""
+    """Remove the paths, and whatever was made for them; what a user has put beside them stays in the scene."""
     ours = collection_of(scene)
     if ours is None:
         return
+    assert scene.collection is not None
     for item in list(ours.all_objects):
-        data = item.data
-        bpy.data.objects.remove(item)
-        if isinstance(data, bpy.types.Curve) and not data.users:
-            materials = [material for material in data.materials if material is not None]
-            bpy.data.curves.remove(data)
-            for material in materials:
-                if not material.users:
-                    bpy.data.materials.remove(material)
+        if item.get(OURS) in PARTS:
+            _remove_curve(item)
+        elif all(collection in (ours, *ours.children) for collection in item.users_collection):
+            scene.collection.objects.link(item)  # a user has put it there
     for child in (*ours.children, ours):
         bpy.data.collections.remove(child)
+
+
+def _remove_curve(item: bpy.types.Object) -> None:
+    data = item.data
+    bpy.data.objects.remove(item)
+    if not isinstance(data, bpy.types.Curve) or data.users:
+        return
+    materials = [material for material in data.materials if material is not None]
+    bpy.data.curves.remove(data)
+    for material in materials:
+        if not material.users:
+            bpy.data.materials.remove(material)
 
 
 def collection_of(scene: bpy.types.Scene) -> bpy.types.Collection | None:
