@@ -119,11 +119,11 @@ def _curve(
         spline.points.add(len(ends) - 1)
         values = np.ones((len(ends), 4), np.float32)
         values[:, :3] = ends - origin_m
-        spline.points.foreach_set("co", values.ravel())  # pyright: ignore[reportArgumentType]  any buffer will do
+        spline.points.foreach_set("co", values.ravel())
     curve.materials.append(_material(label, rgb))
     item = bpy.data.objects.new(curve.name, curve)
     item[OURS] = part
-    item.color = (*Color(rgb).from_srgb_to_scene_linear(), 1.0)  # views that colour by attributes fall back to it
+    item.color = _linear(rgb)  # views that colour by attributes fall back to it
     item.show_in_front = True  # paths lead through rooms, which are viewed from outside
     item.hide_render = True
     item.visible_camera = item.visible_shadow = False  # for views in Rendered shading, which ask nothing else
@@ -134,5 +134,10 @@ def _material(label: str, rgb: tuple[float, float, float]) -> bpy.types.Material
     name = f"Noisy World: {label}"
     found = next((item for item in bpy.data.materials if item.name == name and item.library is None), None)
     material = bpy.data.materials.new(name) if found is None else found
-    material.diffuse_color = (*Color(rgb).from_srgb_to_scene_linear(), 1.0)
+    material.diffuse_color = _linear(rgb)
     return material
+
+
+def _linear(rgb: tuple[float, float, float]) -> tuple[float, float, float, float]:
+    red, green, blue = Color(rgb).from_srgb_to_scene_linear()
+    return red, green, blue, 1.0
