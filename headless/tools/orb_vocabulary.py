@@ -37,7 +37,7 @@ BRANCHES, DEPTH = (
     10,
     6,
 )  # of the tree, as the authors' has them; ORB-SLAM looks four levels above its words
-SMALLEST = 16  # descriptors of a node that is divided further: words of single descriptors would match nothing again
+WORD = 8  # chosen: descriptors of a word, about; words of single ones would match nothing again
 ROUNDS = 8
 TF_IDF_L1 = "0 0"  # weighting and score of DBoW2
 
@@ -113,7 +113,7 @@ class Tree:
 
     def _divide(self, parent: int, members: NDArray[np.int64], level: int) -> None:
         for group, centre in self._groups(members):
-            is_word = level == DEPTH or len(group) < SMALLEST
+            is_word = level == DEPTH or len(group) < 2 * WORD
             self.nodes.append((parent, group, centre, is_word))
             if not is_word:
                 self._divide(len(self.nodes), group, level + 1)
@@ -121,7 +121,7 @@ class Tree:
     def _groups(self, members: NDArray[np.int64]) -> list[tuple[NDArray[np.int64], Bits]]:
         """Return rows in up to BRANCHES groups, each with its median descriptor."""
         signs = self._signs[members]
-        centres = self._seeds(signs)
+        centres = self._seeds(signs, min(BRANCHES, max(2, len(members) // WORD)))
         nearest = np.argmax(signs @ centres.T, axis=1)
         for _ in range(ROUNDS):
             centres = np.stack(
@@ -133,11 +133,11 @@ class Tree:
             nearest = moved
         return [(members[nearest == k], (centres[k] > 0).astype(np.uint8)) for k in np.unique(nearest)]
 
-    def _seeds(self, signs: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return up to BRANCHES different descriptors, far ones preferred (k-means++)."""
+    def _seeds(self, signs: NDArray[np.float32], most: int) -> NDArray[np.float32]:
+        """Return up to so many different descriptors, far ones preferred (k-means++)."""
         chosen = [signs[self._random.integers(len(signs))]]
         apart = np.full(len(signs), np.inf)
-        while len(chosen) < BRANCHES:
+        while len(chosen) < most:
             apart = np.minimum(apart, (256.0 - signs @ chosen[-1]) / 2.0)
             total = np.cumsum(apart.astype(np.float64) ** 2)
             if total[-1] == 0.0:

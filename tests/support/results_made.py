@@ -33,7 +33,7 @@ SETTINGS = (
 FRAMES = 40
 FRAME_S = 0.05
 # Of the metrics those that the report goes by: each one more takes the analyses time.
-METRICS = ("ate_rmse_m", "rpe_1s_rmse_m", "tracked_share", "success_auc", "f1_auc")
+METRICS = ("ate_rmse_m", "rpe_1s_rmse_m", "tracked_share", "success_10cm", "success_auc", "f1_auc")
 SMALL = {
     "systems": ("rgbd_odometry", "orb_slam3"),
     "scenes": ("room0", "room1"),
@@ -62,8 +62,8 @@ def make_results(
                         run_rows.append(_run(where, truth, {**said, "system": system, "repeat": repeat}, all_failed))
     _write_tables(folder, run_rows, sequence_rows)
     steps = {
-        name: [] if name == "clean" else [{"name": perturbation, "severity": severity, "parameters": parameters}]
-        for name, perturbation, _, severity, parameters in settings
+        name: [] if name == "clean" else [_step(perturbation, mode, severity, parameters)]
+        for name, perturbation, mode, severity, parameters in settings
     }
     study = {
         "systems": {name: f"{zlib.crc32(name.encode()):08x}" * 8 for name in systems},
@@ -75,6 +75,11 @@ def make_results(
     document = {"kind": "study of Noisy World", "format": 1, "study": study}
     (folder / "study.json").write_text(json.dumps(document, indent=1, sort_keys=True))
     return folder
+
+
+def _step(perturbation, mode, severity, parameters):
+    levels = [1, 2, 3, 4, 5] if mode == "dynamic" else None
+    return {"name": perturbation, "severity": severity, "levels": levels, "parameters": parameters}
 
 
 def _truth(scene):
@@ -100,9 +105,9 @@ def _sequence(folder, truth, said):
     tracked = np.where(np.arange(FRAMES) % 8 == 0, 400.0 - 70.0 * severity, np.nan)
     with (folder / "frames.csv").open("w", newline="") as file:
         rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(["index", "stamp_s", "severity", "orb_tracked"])
+        rows.writerow(["index", "stamp_s", "orb_tracked", f"severity_{said['perturbation']}"])
         for k in range(FRAMES):
-            rows.writerow([k, f"{stamps_s[k]:.9f}", severity[k], "" if math.isnan(tracked[k]) else tracked[k]])
+            rows.writerow([k, f"{stamps_s[k]:.9f}", "" if math.isnan(tracked[k]) else tracked[k], severity[k]])
     for k in (0, FRAMES // 2):
         clean = np.full((24, 32, 3), 160, np.uint8)
         noisy = np.clip(clean + random.normal(0, 12 * severity[k], clean.shape), 0, 255).astype(np.uint8)
@@ -129,9 +134,9 @@ def _run(folder, truth, said, all_failed):
     scores = {"failure": strict.failure, "strict": strict.values, "paper": paper.values}
     (folder / "scores.json").write_text(json.dumps(scores, indent=1))
     seconds = 1.0 + random.random()
-    record = {"system": said["system"], "outcome": outcome, "detail": "", "frames": FRAMES, "seconds": seconds}
-    (folder / "run.json").write_text(json.dumps({**record, "versions": {said["system"]: "1.0"}}))
     measured = {"frames": FRAMES, "seconds": seconds, "processor_s": 2 * seconds, "peak_memory_bytes": 10**8}
+    record = {"system": said["system"], "outcome": outcome, "detail": "", **measured}
+    (folder / "run.json").write_text(json.dumps({**record, "versions": {said["system"]: "1.0"}}))
     paper_values = {f"paper.{name}": value for name, value in paper.values.items()}
     values = {name: strict.values[name] for name in METRICS}
     return {**said, "outcome": outcome, "failure": strict.failure, **measured, **values, **paper_values}

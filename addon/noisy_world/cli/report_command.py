@@ -2,6 +2,7 @@
 """`report`: write a study's report anew, from what is in its folder of results."""
 
 import argparse
+from pathlib import Path
 
 from .ending import ended
 from .entry import Entry
@@ -17,16 +18,27 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def report(options: argparse.Namespace) -> int:
-    """Write the report, and say where it is and what it has to do without."""
+    """Write the tables of runs and sequences from the folder's files, and the report."""
+    from ..evaluation.study.results import STUDY, Results
+    from ..evaluation.study.tables import write_tables
+
+    if (options.results / STUDY).is_file():
+        results = Results(options.results)
+        try:
+            write_tables(results)
+        finally:
+            results.tidy()
+    tell_report(options.results)
+    return 0
+
+
+def tell_report(results: Path) -> None:
+    """Write the report of a folder of results, and print where it is and what it has to do without."""
     from ..evaluation.report import write_report
 
-    written = write_report(options.results)
-    for line in written.missing:
+    for line in write_report(results).missing:
         print(f"missing: {line}")
-    print(
-        f"wrote {options.results / 'report.html'}, report.md, and {len(written.files) - 2} files of tables and figures"
-    )
-    return 0
+    print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:

@@ -49,7 +49,7 @@ def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
         _carry_out(study, options, entry, progress, stop)
         write_tables(study.results)
     finally:
-        study.results.tidy()
+        study.results.tidy(alone=True)
         lock.release()
     return _tell_outcome(study)
 

@@ -12,6 +12,7 @@ pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
+from noisy_world.cli import command
 from noisy_world.core.errors import InputError
 from noisy_world.evaluation.analysis import tables as analysis_tables
 from noisy_world.evaluation.report import write_report
@@ -99,7 +100,7 @@ def test_tables_are_files(made):
 
 
 def test_same_folder_gives_the_same_bytes_whatever_the_order_of_rows(tmp_path, quick):
-    folder = make_results(tmp_path / "once", **SMALL)
+    folder = make_results(tmp_path / "once", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:6:5]})
     once = write_report(folder)
     again = tmp_path / "again"
     shutil.copytree(folder, again)
@@ -177,6 +178,22 @@ def test_damaged_table_is_one_line(tmp_path, change, said):
         write_report(folder)
     assert str(error.value).startswith(f"{path}: ")
     assert said in str(error.value)
+
+
+def test_command_makes_the_tables_anew_too(tmp_path, capsys, quick):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:6:5]})
+    with (folder / "tables" / "runs.csv").open() as file:
+        before = list(csv.DictReader(file))
+    shutil.rmtree(folder / "tables")
+    assert command.main(["report", str(folder)]) == 0
+    assert f"wrote {folder / 'report.html'}" in capsys.readouterr().out
+    with (folder / "tables" / "runs.csv").open() as file:
+        after = sorted(csv.DictReader(file), key=lambda row: (row["setting"], row["system"]))
+    for row, known in zip(after, sorted(before, key=lambda row: (row["setting"], row["system"])), strict=True):
+        assert {name: row[name] for name in known} == known
+    assert (folder / "report.html").is_file()
+    assert command.main(["report", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_folder_without_results_is_one_line(tmp_path):

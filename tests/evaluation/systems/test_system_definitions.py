@@ -78,9 +78,10 @@ def test_lists_of_systems(tmp_path):
 
 def test_the_digest_is_of_what_counts(tmp_path):
     digest = read_system(written(tmp_path)).digest
-    assert read_system(written(tmp_path, about="words", remedy="more words")).digest == digest
+    assert read_system(written(tmp_path, about="words", remedy="more words", versions=["true"])).digest == digest
     assert read_system(written(tmp_path, threads=2)).digest != digest
     assert read_system(written(tmp_path, command=["run", "{frames}", "-v"])).digest != digest
+    assert read_system(written(tmp_path, repeatable=True, gpu=False)).digest == digest
     (tmp_path / "elsewhere").mkdir()
     assert read_system(written(tmp_path / "elsewhere")).digest == digest
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .columns import Columns, table_of
 from .correlation import with_indicators
-from .run_table import SEQUENCE
+from .run_table import SEQUENCE, SUCCESS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,7 +32,6 @@ FEATURES = {
 PENALTY = 1.0
 """On the squared length of the coefficients of standardised features: a normal prior of standard deviation 1."""
 
-SUCCESS = "success_10cm"
 BOTTOM = 1e-3
 
 FOLDS = ["system", "held_out", "n", "n_failed", "n_fitted", "base_rate", "auc", "brier", "brier_base", "skill"]

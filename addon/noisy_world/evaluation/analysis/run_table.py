@@ -22,7 +22,9 @@ FAILED = "failed"
 ERRORS = ("ate_rmse_m", "ate_m", "paper.ate_m")
 """The error that ranks and correlations take, the first of these that a table has: a study may be by protocol paper."""
 SCORES = ("success_auc", "f1_auc")
-HEADLINE = (FAILED, "ate_rmse_m", "ate_m", "rpe_1frame_rmse_m", "tracked_share", "sr", *SCORES)
+SUCCESS = "success_10cm"
+"""What counts as a success where runs are counted: an ATE below 10 cm, with enough of the frames tracked."""
+HEADLINE = (FAILED, SUCCESS, "ate_rmse_m", "ate_m", "rpe_1frame_rmse_m", "tracked_share", "sr", *SCORES)
 """Measures of the tests and of the tables by groups; of them, those that a table has."""
 
 

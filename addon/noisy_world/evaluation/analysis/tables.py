@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from ...core.errors import MissingDependencyError
 from .correlation import indicator_correlations, perturbation_correlations, system_correlations
 from .groups import curve_table, grouped_table
-from .prediction import SUCCESS, prediction_tables
+from .prediction import prediction_tables
 from .robustness_table import robustness_table
-from .run_table import headline_of, measures_of, tidy_runs, tidy_sequences
+from .run_table import SUCCESS, headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
 from .significance import against_clean_table
 from .spread import difference_table, spread_table

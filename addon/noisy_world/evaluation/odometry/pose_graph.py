@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MissingDependencyError
+from ...core.geometry import invert_pose, rotation_angle_rad
 from ...core.requirements import missing_packages
 from .story import Edge
 
@@ -16,7 +17,8 @@ type Float64 = NDArray[np.float64]
 # metres large; loops are aligned from farther apart.
 EDGE_SIGMA, LOOP_SIGMA, FIXED_SIGMA = 1.0, 2.0, 1e-3
 UNIT = 1e-3  # a millimetre, a milliradian
-TOLERATED = 3.0  # sigmas from which Cauchy's weight lets go of a loop
+# Where Cauchy's weight lets go of a loop: so many sigmas, or so many times the loops' median gap, which is the drift.
+TOLERATED = 3.0
 
 
 def can_optimise() -> bool:
@@ -32,7 +34,8 @@ def optimised(c2w: Sequence[Float64], edges: Sequence[Edge], loops: Sequence[Edg
 
     plain = gtsam.noiseModel.Isotropic.Sigma(6, EDGE_SIGMA * UNIT)
     robust = gtsam.noiseModel.Robust.Create(
-        gtsam.noiseModel.mEstimator.Cauchy.Create(TOLERATED), gtsam.noiseModel.Isotropic.Sigma(6, LOOP_SIGMA * UNIT)
+        gtsam.noiseModel.mEstimator.Cauchy.Create(TOLERATED * max(1.0, _median_gap(c2w, loops))),
+        gtsam.noiseModel.Isotropic.Sigma(6, LOOP_SIGMA * UNIT),
     )
     graph, first = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(c2w[0]), gtsam.noiseModel.Isotropic.Sigma(6, FIXED_SIGMA * UNIT)))
@@ -43,3 +46,13 @@ def optimised(c2w: Sequence[Float64], edges: Sequence[Edge], loops: Sequence[Edg
             graph.add(gtsam.BetweenFactorPose3(edge.first, edge.second, gtsam.Pose3(edge.first_from_second), noise))
     found = gtsam.LevenbergMarquardtOptimizer(graph, first).optimize()
     return [np.asarray(found.atPose3(number).matrix(), np.float64) for number in range(len(c2w))]
+
+
+def _median_gap(c2w: Sequence[Float64], loops: Sequence[Edge]) -> float:
+    """Return how far loops are from closing, in sigmas of theirs: the median."""
+    gaps = []
+    for loop in loops:
+        gap = invert_pose(loop.first_from_second) @ invert_pose(c2w[loop.first]) @ c2w[loop.second]
+        turn = float(rotation_angle_rad(gap[:3, :3], np.eye(3)))
+        gaps.append(np.hypot(turn, np.linalg.norm(gap[:3, 3])) / (LOOP_SIGMA * UNIT))
+    return float(np.median(gaps)) if gaps else 0.0

@@ -29,7 +29,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is not believed. Chosen on embedded rooms, clean and perturbed; see docs/systems.md."""
+    """What is not believed. Chosen on embedded rooms, clean and perturbed; see docs/rgbd_odometry.md."""
 
     seen: float = 0.05  # share of pixels with depth, in both views: less is nothing to align
     overlap: float = 0.3  # share of these that are inside the other image
@@ -42,6 +42,9 @@ class Bounds:
     unusual_error: float = 0.3  # and than that of the frame before, or the last frame is asked, too
     least_error: float = 1e-4
     worse_grey: float = 0.02
+    slip: float = 0.1  # fall of the share of agreeing depths from one frame to the next that asks for a second opinion
+    fall: float = 0.2  # and that which is a loss
+    clear: float = 0.05  # by how much a guess has to be better than what was aligned without one
     moved: float = 0.06  # mean motion in the image since the keyframe, of its width: then there is a new one
     kept: float = 0.75  # overlap with the keyframe: with less there is a new one
 
@@ -72,6 +75,13 @@ class _Anchor:
     stamp_s: float
 
 
+type _Found = tuple[Float64, Agreement]  # a view's place in the keyframe's coordinates, and how well it fits
+
+
+# How a view fits when nothing is known yet of how views fit.
+ANYTHING = Agreement(0.0, 0.0, 0.0, -1.0, 0.0, np.inf)
+
+
 class Tracker:
     """Follows the camera through the views of a sequence, in order of time."""
 
@@ -82,30 +92,58 @@ class Tracker:
         self._keyframe: _Anchor | None = None
         self._last: _Anchor | None = None
         self._lost = False
-        self._usual = NONE
+        self._usual = ANYTHING
+        self._step = np.eye(4)  # from the frame before the last to the last
 
     def track(self, view: View, stamp_s: float) -> Tracked:
         """Find the place of the next view."""
         if self._keyframe is None or self._last is None:
             return self._begin(view, stamp_s)
-        if self._last is self._keyframe:
-            near = self._aligned(self._last, view, stamp_s)
-            return self._miss(view, stamp_s) if near is None else self._accept(view, stamp_s, *near)
         direct = self._aligned(self._keyframe, view, stamp_s)
         if direct is not None and self._as_usual(direct[1]):
             return self._accept(view, stamp_s, *direct)
-        near = self._aligned(self._last, view, stamp_s)
-        if near is None:
-            return self._miss(view, stamp_s) if direct is None else self._accept(view, stamp_s, *direct)
-        place, seen = near
-        if direct is not None and self._no_worse(direct[1], self._compared(place, view)):
-            return self._accept(view, stamp_s, *direct)
-        return self._accept(view, stamp_s, place, seen, renew=True)
+        found, renew = self._second_opinion(direct, view, stamp_s)
+        if found is None or self._unlikely(found[1]):
+            return self._miss(view, stamp_s)
+        return self._accept(view, stamp_s, *found, renew=renew)
+
+    def _second_opinion(self, direct: _Found | None, view: View, stamp_s: float) -> tuple[_Found | None, bool]:
+        """Return where a view is that does not fit as usual, and whether it had better be the new keyframe.
+
+        Asked are the alignment with the keyframe, that with the last frame, and where neither does, one that begins
+        where the camera would be if it went on as it did.
+        """
+        assert self._keyframe is not None
+        assert self._last is not None
+        best, renew = direct, False
+        if self._last is not self._keyframe:
+            near = self._aligned(self._last, view, stamp_s)
+            if near is not None:
+                by_last = (near[0], self._compared(near[0], view))
+                if direct is None or not self._no_worse(direct[1], by_last[1]):
+                    best, renew = by_last, True
+        if best is None or best[1].depth < self._usual.depth - self.bounds.slip:
+            guessed = self._from_guess(view, stamp_s)
+            if guessed is not None and (best is None or _score(guessed[1]) > _score(best[1]) + self.bounds.clear):
+                return guessed, True
+        return best, renew
+
+    def _from_guess(self, view: View, stamp_s: float) -> _Found | None:
+        """Return where a view is, from where it would be at the speed of the last frame."""
+        assert self._keyframe is not None
+        assert self._last is not None
+        seconds = stamp_s - self._last.stamp_s
+        guess = self._last.keyframe_from_camera @ self._step
+        motion = self.aligner.refined(self._keyframe.view, view, invert_pose(guess))
+        if motion is None or self._too_fast(motion @ self._last.keyframe_from_camera, seconds):
+            return None
+        seen = agreement(self.aligner.camera, self._keyframe.view, view, motion)
+        return (invert_pose(motion), seen) if believed(seen, self.bounds) else None
 
     def resume(self, view: View, stamp_s: float, keyframe: int, place: Float64, seen: Agreement) -> Tracked:
         """Go on from a view that was found again at a place in an earlier keyframe; it is the keyframe from now on."""
         self._renew(view, stamp_s)
-        self._lost = False
+        self._lost, self._usual, self._step = False, seen, np.eye(4)
         return Tracked(State.RELOCALISED, keyframe, place, seen, new_keyframe=True)
 
     def _begin(self, view: View, stamp_s: float) -> Tracked:
@@ -113,6 +151,7 @@ class Tracker:
             return Tracked(State.NOT_INITIALISED, -1, None, NONE)
         self.keyframes = 0
         self._renew(view, stamp_s)
+        self._usual = ANYTHING
         return Tracked(State.TRACKED, 0, np.eye(4), WHOLE, new_keyframe=True, begins=True)
 
     def _miss(self, view: View, stamp_s: float) -> Tracked:
@@ -126,6 +165,8 @@ class Tracker:
         self._lost = False
         number = self.keyframes - 1
         renew = renew or seen.moved > self.bounds.moved or seen.overlap < self.bounds.kept
+        if self._last is not None:
+            self._step = invert_pose(self._last.keyframe_from_camera) @ place
         if renew:
             self._renew(view, stamp_s)
         else:
@@ -137,7 +178,7 @@ class Tracker:
         self._keyframe = self._last = _Anchor(view, np.eye(4), stamp_s)
         self.keyframes += 1
 
-    def _aligned(self, anchor: _Anchor, view: View, stamp_s: float) -> tuple[Float64, Agreement] | None:
+    def _aligned(self, anchor: _Anchor, view: View, stamp_s: float) -> _Found | None:
         """Return the view's place in the keyframe's coordinates, by way of an anchor, if it can be believed."""
         motion = self.aligner.align(anchor.view, view)
         if motion is None or self._too_fast(motion, stamp_s - anchor.stamp_s):
@@ -153,11 +194,19 @@ class Tracker:
         step_m = float(np.linalg.norm(motion[:3, 3]))
         return step_m > self.bounds.speed_m_s * seconds or turn_deg > self.bounds.turn_deg_s * seconds
 
+    def _unlikely(self, seen: Agreement) -> bool:
+        """Tell whether a view fits so much worse than those before that its place is rather wrong."""
+        bounds, usual = self.bounds, self._usual
+        # While the camera is followed, a flash or fog may blind it; where it was lost, that is no way to find it again.
+        blind = self._lost and seen.grey < bounds.grey <= usual.grey / 2.0
+        return blind or seen.depth < usual.depth - bounds.fall
+
     def _as_usual(self, direct: Agreement) -> bool:
         """Tell whether a view fits the keyframe about as well as the view before it did."""
         bounds, usual = self.bounds, self._usual
         within = direct.error <= usual.error * (1.0 + bounds.unusual_error) + bounds.least_error
-        return within and direct.grey >= usual.grey - bounds.worse_grey
+        as_deep = direct.depth >= usual.depth - bounds.slip
+        return within and as_deep and direct.grey >= usual.grey - bounds.worse_grey
 
     def _compared(self, place: Float64, view: View) -> Agreement:
         assert self._keyframe is not None
@@ -175,3 +224,7 @@ def believed(seen: Agreement, bounds: Bounds) -> bool:
     if seen.seen < bounds.seen or seen.overlap < bounds.overlap or seen.depth < bounds.depth:
         return False
     return seen.grey >= bounds.grey or seen.depth >= bounds.blind_depth
+
+
+def _score(seen: Agreement) -> float:
+    return seen.depth + seen.grey

@@ -2,14 +2,17 @@
 """The tables of the analyses as the report shows them: a number and its interval share a cell."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.run_table import SUCCESS
 from ..analysis.tables import CAPTIONS
 from .contents import Section
 from .figures.correlations import Correlation, correlation_matrices
 from .figures.curves import CurvePoint, curves
 from .figures.drawing import Picture
 from .labels import SHARED, column_of
+from .reading import records
 from .tables import NOTHING, Column, Table, shown
 
 if TYPE_CHECKING:
@@ -58,6 +61,9 @@ INTERVALS = (
 )
 """Columns that share a cell: a number and the ends of its 95 % interval; a column is in the first of them alone."""
 HERE = ("here_low", "here_high")
+MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
+SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
+"""The measures whose rows are shown where all would be too many."""
 LABELS = {
     "n_runs": ("runs", "all of them, failed ones too"),
     "n_failed": ("failed", ""),
@@ -79,29 +85,18 @@ LABELS = {
     "brier": ("Brier score", "the mean squared error of the probability; 0 is perfect"),
     "brier_base": ("Brier, base rate", "of always predicting the base rate"),
 }
-FIGURES = {
-    "failed": ("failure_curves", "Failures over severity"),
-    "success_auc": ("auc_curves", "Success AUC over severity"),
-}
 
 
 def curve_pictures(analyses: Analyses) -> list[Picture]:
-    """Draw the curves over severity of the measures of FIGURES."""
-    table = analyses["curves"]
+    """Draw curves over severity: the share of runs without success, and the area under the curve of success."""
+    label = column_of(SUCCESS).label
+    failures = [_complement(point) for point in _points(analyses["curves"], SUCCESS)]
     pictures = []
-    for measure, (name, title) in FIGURES.items():
-        rows = _records(table[table["measure"] == measure])
-        points = [
-            CurvePoint(
-                *(str(row["perturbation"]), str(row["system"]), str(row["mode"]), float(row["severity"])),
-                *(float(row["mean"]), (float(row["low"]), float(row["high"]))),
-                *((float(row["here_low"]), float(row["here_high"])), int(row["n_runs"])),
-            )
-            for row in rows
-        ]
-        if points:
-            label = "share failed" if measure == "failed" else column_of(measure).label
-            pictures.append(curves(points, name, title, label))
+    if failures:
+        title = f"Share of runs without {label}, over severity"
+        pictures.append(curves(failures, "failure_curves", title, "without success"))
+    if areas := _points(analyses["curves"], "success_auc"):
+        pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
     return pictures
 
 
@@ -119,7 +114,13 @@ def sections(analyses: Analyses) -> list[Section]:
 
 def table_of(name: str, frame: "DataFrame") -> Table:
     """Return a table of the analyses as it is shown."""
-    return Table(name, TITLES.get(name, name), CAPTIONS.get(name, ""), frame, tuple(_columns(frame)))
+    caption, page = CAPTIONS.get(name, ""), None
+    if "measure" in frame and len(frame) > MOST_SHOWN:
+        page = frame[frame["measure"].isin(SHOWN)].head(MOST_SHOWN)
+        caption += (
+            f" Here are the rows of {', '.join(column_of(measure).label for measure in SHOWN)}; the file has all."
+        )
+    return Table(name, TITLES.get(name, name), caption, frame, tuple(_columns(frame)), page)
 
 
 def with_interval(value: Any, low: Any, high: Any) -> str:
@@ -168,10 +169,32 @@ def _here() -> Column:
     return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)
 
 
+def _points(table: "DataFrame", measure: str) -> list[CurvePoint]:
+    return [
+        CurvePoint(
+            str(row["perturbation"]),
+            str(row["system"]),
+            str(row["mode"]),
+            severity=float(row["severity"]),
+            value=float(row["mean"]),
+            large=(float(row["low"]), float(row["high"])),
+            here=(float(row["here_low"]), float(row["here_high"])),
+            n=int(row["n_runs"]),
+        )
+        for row in records(table[table["measure"] == measure])
+    ]
+
+
+def _complement(point: CurvePoint) -> CurvePoint:
+    """Return the share of the others."""
+    large, here = ((1.0 - high, 1.0 - low) for low, high in (point.large, point.here))
+    return replace(point, value=1.0 - point.value, large=large, here=here)
+
+
 def _correlation_pictures(analyses: Analyses) -> list[Picture]:
     pictures = []
     for name, title in (("perturbation_correlations", "Perturbations"), ("system_correlations", "Systems")):
-        rows = _records(analyses[name]) if name in analyses else []
+        rows = list(records(analyses[name])) if name in analyses else []
         found = [
             Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
             for row in rows
@@ -179,7 +202,3 @@ def _correlation_pictures(analyses: Analyses) -> list[Picture]:
         if any(item.value == item.value for item in found):
             pictures.append(correlation_matrices(found, name, f"{title} with one another"))
     return pictures
-
-
-def _records(frame: "DataFrame") -> list[dict[str, Any]]:
-    return [{str(name): value for name, value in row.items()} for row in frame.to_dict("records")]

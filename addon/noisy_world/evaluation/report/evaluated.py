@@ -6,7 +6,10 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ..analysis.run_table import SUCCESS
 from ..metrics import PROTOCOLS
+from ..metrics.success import LEAST_TRACKED
+from .labels import column_of
 from .reading import KEY, Results, read_object, records
 
 LONGEST_LIST = 12
@@ -16,11 +19,17 @@ def opening(results: Results) -> str:
     """Return the report's first sentence."""
     runs, systems = results.runs, results.runs["system"].nunique()
     sequences = runs.drop_duplicates(list(KEY))
-    return (
+    said = (
         f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
         f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
-        f"{int(runs['failed'].sum())} of them failed. A failed run is counted as such, and is in no mean of an error."
+        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. Such a "
+        "run is counted, and is in no mean of an error."
     )
+    if SUCCESS in runs:
+        successes = int((runs[SUCCESS] == 1.0).sum())
+        meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
+        said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
+    return said
 
 
 def facts(results: Results) -> list[tuple[str, str]]:
@@ -98,7 +107,7 @@ def _subject(subject: Any) -> list[tuple[str, str]]:
     if not isinstance(subject, Mapping):
         return []
     found = []
-    for key in ("preset_sha256", "seed", "render", "output", "versions", "processor"):
+    for key in ("preset_sha256", "seed", "render", "output", "versions"):
         value = subject.get(key)
         if isinstance(value, Mapping):
             value = ", ".join(f"{name} {_plain(value[name])}" for name in sorted(value) if value[name] is not None)

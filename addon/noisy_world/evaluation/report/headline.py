@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.run_table import SUCCESS
 from .analysed import LABELS, Analyses, with_interval
 from .labels import column_of
 from .per_setting import endings, records_of
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 ERROR = "ate_rmse_m"
-SCORES = ("success_auc", "f1_auc")
+SCORES = (SUCCESS, "success_auc", "f1_auc")
+RATED = "success_auc"
 ALL = "all"
 
 
@@ -52,9 +54,9 @@ def _caption(analyses: Analyses) -> str:
     baselines = sorted(set(table["baseline"])) if len(table) else []
     against = f" mCE is against {baselines[0]}." if baselines else ""
     return (
-        "All scenes, settings, seeds and repeats. Success AUC and F1 AUC are means over the perturbed settings, in "
-        "which a failed run is 0; mRR and mCE are of success AUC, over perturbations. In brackets: 95 % intervals for "
-        f"scenes at large.{against} The median of ATE is over the n runs that have one, clean ones too."
+        "All scenes, settings, seeds and repeats. Success, success AUC and F1 AUC are means over the perturbed "
+        "settings, in which a failed run is 0; mRR and mCE are of success AUC, over perturbations. In brackets: 95 % "
+        f"intervals for scenes at large.{against} The median of ATE is over the n runs that have one, clean ones too."
     )
 
 
@@ -69,7 +71,7 @@ def _scores(table: "DataFrame", system: str) -> dict[str, float]:
 
 
 def _rates(table: "DataFrame", system: str) -> dict[str, float]:
-    rows = table[(table["system"] == system) & (table["score"] == SCORES[0]) & (table["perturbation"] == ALL)]
+    rows = table[(table["system"] == system) & (table["score"] == RATED) & (table["perturbation"] == ALL)]
     if not len(rows):
         return {}
     return {name: rows.iloc[0][name] for rate, _ in _RATES for name in (rate, f"{rate}_low", f"{rate}_high")}

@@ -118,8 +118,13 @@ def _strips(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str, Float
     severities = [name for name in columns if name.startswith("severity")]
     chosen = [*severities, *(name for name in STRIPS if name in columns)]
     found = {name: _held(columns[name]) for name in chosen}
-    known = [(name, values) for name, values in found.items() if np.isfinite(values).any()]
+    known = [(name, values) for name, values in found.items() if name in severities or _varies(values)]
     return dict(known[:MOST_STRIPS])
+
+
+def _varies(values: Floats) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and bool(np.ptp(known) > 0.0)
 
 
 def _held(values: Floats) -> Floats:

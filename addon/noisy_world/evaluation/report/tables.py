@@ -69,19 +69,28 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table. name: of its files. caption: a sentence or more on what the numbers are. frame: the data, in order."""
+    """A table. name: of its files. caption: a sentence or more on what the numbers are. frame: the data, in order.
+
+    page: the rows that are shown where all would be too many to read; None: all.
+    """
 
     name: str
     title: str
     caption: str
     frame: "DataFrame"
     columns: tuple[Column, ...]
+    page: "DataFrame | None" = None
+
+    @property
+    def read(self) -> "DataFrame":
+        """The rows that are shown."""
+        return self.frame if self.page is None else self.page
 
     def rows(self, most: int | None = None) -> list[list[tuple[str, str]]]:
-        """Return the cells of each row, or of the first: what is shown, and the value by which it is sorted."""
+        """Return the cells of each row that is shown, or of the first: the text, and the value that it is sorted by."""
         return [
             [(column.cell(row), _sort_value(row.get(column.name))) for column in self.columns]
-            for row in records(self.frame.head(most) if most is not None else self.frame)
+            for row in records(self.read.head(most) if most is not None else self.read)
         ]
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.trajectories.files import tum_text
+from ...recipes.opened import Frame
 from ..analysis.indicators import indicators_of
 from ..metrics.frame_errors import FrameErrors
 from .cases import Case
@@ -26,7 +27,7 @@ def describe(results: Results, case: Case, sequence: CaseSequence) -> None:
     show(results, case, sequence, _evenly(len(numbers)))
     results.write(folder / TRUTH, tum_text(sequence.truth))
     found = indicators_of(sequence.opened, sequence.clean)
-    results.write(folder / FRAMES, _frames_text(found.per_frame))
+    results.write(folder / FRAMES, _frames_text({**found.per_frame, **severities(sequence.opened)}))
     results.write_json(folder / INDICATORS, {**_plain(found.values), "frames": len(numbers)})
 
 
@@ -37,6 +38,17 @@ def show(results: Results, case: Case, sequence: CaseSequence, places: Iterable[
         path = results.of_case(case) / THUMBS / f"{numbers[place]:06d}.jpg"
         if not path.is_file():
             results.write_bytes(path, _thumb(sequence, numbers[place]))
+
+
+def severities(frames: Iterable[Frame]) -> dict[str, NDArray[np.float64]]:
+    """Return the severity of each frame (N,) by perturbation, as severity_NAME; NaN where it was not perturbed so."""
+    done = [[step for kind in ("rgb", "depth") for step in frame.done.get(kind, ())] for frame in frames]
+    found: dict[str, NDArray[np.float64]] = {}
+    for place, steps in enumerate(done):
+        for step in steps:
+            column = found.setdefault(f"severity_{step['name']}", np.full(len(done), np.nan))
+            column[place] = step.get("severity", np.nan)
+    return {name: column for name, column in found.items() if np.isfinite(column).any()}
 
 
 def worst_frames(errors: FrameErrors) -> list[int]:

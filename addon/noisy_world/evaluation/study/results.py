@@ -97,12 +97,20 @@ class Results:
                 return
             self.remove_empty(above)
 
-    def tidy(self) -> None:
-        """Remove the working folder, unless it holds frames that are taken up again; and an empty folder."""
-        for name in ("making", "clean"):
-            self.remove_empty(self.work / name)
-        if not any((self.work / name).exists() for name in ("making", "clean")):
+    def tidy(self, *, alone: bool = False) -> None:
+        """Remove what this process has in the working folder, and folders that are empty.
+
+        alone: whether no other process works here, so what killed ones left goes too; frames that are taken up again
+        stay.
+        """
+        frames = [self.work / name for name in ("making", "clean")]
+        scratch = own_scratch(self.work)
+        shutil.rmtree(scratch, ignore_errors=True)
+        for folder in (*frames, scratch.parent):
+            self.remove_empty(folder)
+        if alone and not any(folder.exists() for folder in frames):
             shutil.rmtree(self.work, ignore_errors=True)
+        self.remove_empty(self.work)
         self.remove_empty(self.folder)
 
     @staticmethod

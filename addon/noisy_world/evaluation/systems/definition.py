@@ -40,6 +40,9 @@ PLACEHOLDERS = {
 STUDY_NAMES = ("scene", "setting", "seed", "repeat")
 """The placeholders that only a study fills in."""
 
+UNDECISIVE = ("about", "remedy", "file", "versions")
+"""What of a definition does not decide what a system estimates."""
+
 FORMAT_CHOICES: dict[str, Choice] = {
     "auto": Choice("Auto", "told by content"),
     **{name: Choice(name, reader.meaning) for name, reader in READERS.items()},
@@ -150,8 +153,12 @@ class System:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what the definition says, but for texts that are for people, as 64 hexadecimal digits."""
-        told = {name: value for name, value in asdict(self).items() if name not in ("about", "remedy", "file")}
+        """SHA-256 of what decides results in the definition, as 64 hexadecimal digits.
+
+        Keys that have their defaults are not in it, so that it stays when a release adds one.
+        """
+        usual = asdict(System("", (), Writes("")))
+        told = {name: value for name, value in asdict(self).items() if name not in UNDECISIVE and value != usual[name]}
         return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

@@ -57,8 +57,8 @@ def curves(points: Sequence[CurvePoint], name: str, title: str, label: str) -> P
         svg = svg_bytes(figure)
     about = (
         f"{title} (0 is clean), a panel for each perturbation, a line for each system; static severities are solid, "
-        "dynamic ones dashed. The darker band is the 95 % interval for other seeds in these scenes, the lighter one "
-        "for scenes at large, which few scenes leave wide."
+        "dynamic ones dashed. The band is the 95 % interval for other seeds in these scenes; dotted lines are that for "
+        "scenes at large, which few scenes leave wide."
     )
     return Picture(name, title, about, svg)
 
@@ -73,9 +73,10 @@ def _panel(axes: "Axes", name: str, points: Sequence[CurvePoint], systems: Looks
             shift = 0.05 * (number - (len(systems) - 1) / 2)  # equal curves stay apart
             x = [point.severity + shift for point in line]
             axes.plot(x, [point.value for point in line], style, color=colour, marker=marker, markersize=3)
-            for ends, alpha in (([point.large for point in line], 0.08), ([point.here for point in line], 0.2)):
-                low, high = [low for low, _ in ends], [high for _, high in ends]
-                axes.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0)
+            low, high = zip(*(point.here for point in line), strict=True)
+            axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
+            for ends in zip(*(point.large for point in line), strict=True):
+                axes.plot(x, ends, ":", color=colour, linewidth=0.7, alpha=0.8)
     axes.set_title(shortened(name, 34))
     axes.set(ylim=(-0.05, 1.05), xticks=range(6), xlim=(-0.3, 5.3))
     axes.grid(visible=True, axis="y", linewidth=0.3)

@@ -44,5 +44,6 @@ def heat_map(
         bar.set_label(label)
         bar.outline.set_visible(False)
         svg = svg_bytes(figure)
-    about = f"{label} of each system in each setting, dark is bad; beside it, how many of the runs failed."
+    said = label[0].upper() + label[1:]
+    about = f"{said} of each system in each setting, dark is bad; beside it, how many of the runs failed."
     return Picture("heat_map", "Settings and systems", about, svg)

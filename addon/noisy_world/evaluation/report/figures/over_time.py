@@ -54,7 +54,9 @@ def over_time(panels: Sequence[TimePanel]) -> Picture:
         svg = svg_bytes(figure)
     about = (
         "The error of the position of every frame over time, after alignment, on a logarithmic scale; a gap is where a "
-        "system was not tracking. Strips below show what was done to each frame, dark is small and bright is large."
+        "system was not tracking. Lines at the bottom mark that too. Strips below show what "
+        "was done to each frame and what was measured of it, dark is small and bright is large; where only some frames "
+        "were looked at, a value holds until the next."
     )
     return Picture("over_time", "Errors over time", about, svg)
 
@@ -67,7 +69,7 @@ def _errors(axes: "Axes", panel: TimePanel, systems: dict[str, tuple[str, str]])
         error_m = np.maximum(panel.errors_m[name], SMALLEST_M)
         axes.plot(panel.times_s, error_m, color=colour, linewidth=1.0)
         # Below the curves, a line of the system's colour where it was lost.
-        lost = np.where(np.isnan(error_m), 0.02 + 0.035 * index, np.nan)
+        lost = np.where(np.isnan(error_m), 0.05 + 0.045 * index, np.nan)
         axes.plot(panel.times_s, lost, color=colour, linewidth=2.0, transform=axes.get_xaxis_transform())
         if np.isfinite(error_m).any():
             top = max(top, float(np.nanmax(error_m)))
@@ -93,7 +95,8 @@ def _strip(axes: "Axes", times_s: NDArray[np.float64], name: str, values: NDArra
         extent=(float(times_s[0]), end_s, 0.0, 1.0),
     )
     axes.set_yticks([])
-    said = f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
-    axes.text(1.005, 0.5, shortened(f"{name}: {said}", 40), transform=axes.transAxes, va="center", fontsize=6)
+    said = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+    axes.set_ylabel(shortened(name, 24), rotation=0, ha="right", va="center", fontsize=6)
+    axes.text(1.005, 0.5, said, transform=axes.transAxes, va="center", fontsize=6)
     for spine in axes.spines.values():
         spine.set_visible(False)

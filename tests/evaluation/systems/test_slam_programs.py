@@ -1,0 +1,131 @@
+"""ORB-SLAM3 and Open3D where `make slam-env` has been run; what of their programs needs neither, everywhere."""
+
+import json
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+from noisy_world.core.errors import MissingDependencyError
+from noisy_world.core.geometry import rotation_from_quat_wxyz
+from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.evaluation.outcome import Outcome
+from noisy_world.evaluation.systems.checking import PROGRAMS, check_system
+from noisy_world.evaluation.systems.estimate_file import read_estimate_file
+from noisy_world.evaluation.systems.registry import find_system
+from noisy_world.evaluation.systems.running import run_system
+
+FRAMES, STEP_M, DEPTH_M, FOCAL_PX = 40, 0.01, 2.0, 300.0
+
+
+@pytest.fixture
+def programs(monkeypatch):
+    monkeypatch.syspath_prepend(str(PROGRAMS))
+    monkeypatch.setitem(sys.modules, "orbslam3", ModuleType("orbslam3"))  # of another Python
+
+
+def turned(random, count):
+    return rotation_from_quat_wxyz(random.normal(size=(count, 4)))
+
+
+def test_poses_are_written_as_they_are(programs, tmp_path):
+    from frame_files import inverse, rigid, tum_text
+
+    random = np.random.default_rng(0)
+    rotations = np.concatenate([turned(random, 50), [np.diag(d) for d in ([1, -1, -1], [-1, 1, -1], [-1, -1, 1])]])
+    poses = {k: rigid(rotation, random.normal(size=3) * 1e5) for k, rotation in enumerate(rotations)}
+    path = tmp_path / "poses.txt"
+    path.write_text(tum_text(np.arange(len(rotations)) / 20 + 1e9, poses))
+    read = read_trajectory(path, format="tum", stamp_unit="s")
+    assert np.abs(read.c2w - np.array(list(poses.values()))).max() < 1e-10
+    assert np.abs(inverse(poses[3]) @ poses[3] - np.eye(4)).max() < 1e-10
+    assert np.array_equal(read.stamps_s, np.arange(len(rotations)) / 20 + 1e9)
+
+
+def test_frames_without_a_final_pose_move_with_the_one_before(programs):
+    import orb_slam3
+    from frame_files import rigid
+
+    random = np.random.default_rng(1)
+    online = {k: rigid(rotation, random.normal(size=3)) for k, rotation in enumerate(turned(random, 4))}
+    moved = rigid(turned(random, 1)[0], np.array([1.0, 2.0, 3.0]))
+    found = orb_slam3.placed(online, {1: online[1] @ moved, 3: online[3]})
+    assert sorted(found) == [1, 2, 3]  # nothing before frame 0 has a final pose
+    assert np.abs(found[2] - online[2] @ moved).max() < 1e-12
+    assert np.array_equal(found[3], online[3])
+
+
+def test_settings_follow_from_camera_and_rate(programs):
+    import orb_slam3
+
+    index = {
+        "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
+        "frames": [{"stamp_s": 0.1}, {"stamp_s": 0.2}, {"stamp_s": 0.3}],
+    }
+    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index).splitlines()[1:])
+    assert lines["Camera.fps"] == "10"
+    assert float(lines["Camera1.fy"]) == 301.0
+    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(80.0)  # twice TUM1.yaml's Camera.bf
+    assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
+    assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
+    states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
+    assert {orb_slam3.state_name(state) for state in states} == set(states.values())
+
+
+@pytest.fixture(scope="module")
+def wall(tmp_path_factory):
+    """A textured wall, 2 m away, that a camera moves along by 1 cm a frame: 1.5 pixels."""
+    folder = tmp_path_factory.mktemp("wall") / "wall"
+    (folder / "rgb").mkdir(parents=True)
+    (folder / "depth").mkdir()
+    random = np.random.default_rng(2)
+    texture = random.integers(0, 255, (80, 160, 3), dtype=np.uint8)
+    texture = cv2.GaussianBlur(cv2.resize(texture, (960, 480), interpolation=cv2.INTER_NEAREST), (0, 0), 0.8)
+    lists = {"rgb": [], "depth": [], "groundtruth": []}
+    for k in range(FRAMES):
+        left_px = 100 + FOCAL_PX * STEP_M * k / DEPTH_M
+        shift = np.array([[1.0, 0.0, -left_px], [0.0, 1.0, -100.0]])
+        assert cv2.imwrite(str(folder / f"rgb/{k:06d}.png"), cv2.warpAffine(texture, shift, (320, 240)))
+        assert cv2.imwrite(str(folder / f"depth/{k:06d}.png"), np.full((240, 320), DEPTH_M * 5000, np.uint16))
+        for name in ("rgb", "depth"):
+            lists[name].append(f"{k / 20:.6f} {name}/{k:06d}.png")
+        lists["groundtruth"].append(f"{k / 20:.6f} {k * STEP_M} 0 0 0 0 0 1")
+    for name, rows in lists.items():
+        (folder / f"{name}.txt").write_text("".join(f"{row}\n" for row in rows))
+    camera = {"w": 320, "h": 240, "fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 159.5, "cy": 119.5, "scale": 5000.0}
+    (folder / "cam_params.json").write_text(json.dumps({"camera": camera}))
+    return folder
+
+
+def run_here(name, sequence, out):
+    system = find_system(name)
+    try:
+        check_system(system)
+    except MissingDependencyError as error:
+        pytest.skip(str(error))
+    return run_system(system, sequence, out)
+
+
+def test_orb_slam3_moves_along_a_wall(wall, tmp_path):
+    record = run_here("orb_slam3", wall, tmp_path)
+    assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
+    assert set(record.versions) == {"opencv", "orbslam3-python", "python", "vocabulary"}
+    estimate = read_estimate_file(tmp_path / "estimate.txt")
+    assert len(estimate) == FRAMES
+    truth_m = np.arange(FRAMES)[:, None] * [STEP_M, 0.0, 0.0]
+    assert np.linalg.norm(estimate.c2w[:, :3, 3] - truth_m, axis=1).max() < 0.02
+    assert (tmp_path / "frames.csv").read_text().count(",tracked,") == FRAMES
+    assert 1 <= len(read_estimate_file(tmp_path / "keyframes.txt")) <= FRAMES
+
+
+def test_open3d_runs(wall, tmp_path):
+    # Depth alone does not see a motion along a wall: the camera stands still, or is lost.
+    record = run_here("open3d_slam", wall, tmp_path)
+    assert record.outcome is Outcome.FINISHED
+    states = [line.split(",")[2] for line in (tmp_path / "frames.csv").read_text().splitlines()[1:]]
+    assert len(states) == FRAMES
+    assert len(read_estimate_file(tmp_path / "estimate.txt")) == states.count("tracked")
+    assert Path(tmp_path / "log.txt").exists()
