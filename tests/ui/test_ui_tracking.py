@@ -16,7 +16,7 @@ from noisy_world.core.progress import MARK
 from noisy_world.ui import drawn_tracks, left_out, runs, tracking
 from noisy_world.ui.tracked import TrackedPath
 
-POSES = box_room.path(6, turn_deg=6.0)
+POSES = box_room.path(30, turn_deg=40.0)[:6]
 
 
 @pytest.fixture

@@ -52,6 +52,8 @@ def track(options: argparse.Namespace) -> int:
     from ..recipes.opening import open_path
     from .running import listener
 
+    if not options.dataset.is_dir():
+        raise InputError(options.dataset, "no such folder", remedy="name that of a dataset, or of a sequence")
     opened = open_path(options.dataset)
     if not isinstance(opened, OpenedFolder):
         raise InputError(options.dataset, "holds sequences in tars, and their frames are read", remedy="unpack them")

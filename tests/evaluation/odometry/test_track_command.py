@@ -10,7 +10,7 @@ from noisy_world.cli import track_command
 from noisy_world.cli.command import own_entry
 from noisy_world.core.progress import read_message
 
-POSES = box_room.path(6, turn_deg=6.0)
+POSES = box_room.path(30, turn_deg=40.0)[:6]
 
 
 def track(*arguments):
@@ -30,9 +30,9 @@ def dataset(tmp_path_factory):
     return folder
 
 
-def test_a_line_and_a_folder_for_each_sequence(dataset, tmp_path, capsys):
+def test_a_line_and_a_folder_for_each_sequence(dataset, tmp_path, capfd):
     assert track(dataset, tmp_path / "out") == 0
-    told = capsys.readouterr().out.splitlines()
+    told = capfd.readouterr().out.splitlines()
     assert [line.partition(",")[0] for line in told] == [
         "blind/box: 3 of 6 frames tracked",
         "clean/box: 6 of 6 frames tracked",
