@@ -86,6 +86,6 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
     given.write_index(out / INDEX)
     result = run(read_index(out / INDEX), progress=progress, stopped=stop.is_set)
     if result.stopped:
-        raise InterruptedRunError
+        raise InterruptedRunError("stopped")
     write_results(out, result.frames, result.keyframes)
     return result.summary

@@ -2,7 +2,7 @@
 """Tracked paths as curves in the scene: a collection of ours, which nothing renders and the next run replaces."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -138,6 +138,7 @@ def _material(label: str, rgb: tuple[float, float, float]) -> bpy.types.Material
     return material
 
 
-def _linear(rgb: tuple[float, float, float]) -> tuple[float, float, float, float]:
+def _linear(rgb: tuple[float, float, float]) -> Any:
+    """Return a colour as Blender's properties take it, for which the stubs give no type."""
     red, green, blue = Color(rgb).from_srgb_to_scene_linear()
     return red, green, blue, 1.0
