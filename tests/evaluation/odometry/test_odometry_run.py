@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from noisy_world.core.errors import InputError
+from noisy_world.core.scenes.ply import read_ply
 from noisy_world.evaluation.odometry.__main__ import main
 from noisy_world.evaluation.odometry.frames import read_index
 from noisy_world.evaluation.odometry.running import Options, run
@@ -139,6 +140,23 @@ def test_stopping_keeps_what_is_there(index_file):
     result = run(read_index(index_file), stopped=lambda: next(count) >= 7)
     assert result.stopped
     assert len(result.frames) == 7
+
+
+def test_the_map_is_the_walls_of_the_room(index_file, tmp_path):
+    pytest.importorskip("scipy")
+    assert main([str(index_file), str(tmp_path), "--map"]) == 0
+    mesh = read_ply(tmp_path / "map.ply")
+    at = mesh.vertices_m @ POSES[0][:3, :3].T + POSES[0][:3, 3]
+    from_wall_m = np.minimum(np.abs(at - box_room.LOW), np.abs(at - box_room.HIGH)).min(axis=1)
+    assert len(at) > 1000
+    assert np.percentile(from_wall_m, 95) < 0.01
+
+
+def test_without_gtsam_loops_stay_open_and_a_line_says_so(index_file, clean, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("noisy_world.evaluation.odometry.running.can_optimise", lambda: False)
+    assert main([str(index_file), str(tmp_path)]) == 0
+    assert "loops are not closed, as gtsam is missing" in capsys.readouterr().err
+    assert len(np.loadtxt(tmp_path / "estimate.txt")) == len(clean.frames)
 
 
 def test_another_size_than_the_camera_is_one_line(index_file, tmp_path, capsys):

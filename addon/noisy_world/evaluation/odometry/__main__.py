@@ -6,10 +6,14 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from ...core.errors import NoisyWorldError
 from ...core.requirements import missing_packages, missing_sentence
+
+if TYPE_CHECKING:
+    from .frames import FrameIndex
+    from .story import Result
 
 NAME = "rgbd_odometry"
 NEEDED = ("numpy", "cv2")
@@ -33,13 +37,26 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         wanted = Options(options.smooth, options.loops, options.widest)
         progress = PlainProgress(sys.stderr)
-        result = run(read_index(options.frames), wanted, progress=progress, stopped=stop.is_set)
+        index = read_index(options.frames)
+        result = run(index, wanted, progress=progress, stopped=stop.is_set)
         write_results(options.out, result.frames, result.keyframes)
+        if options.map and not result.stopped:
+            _map(index, result, options, stop)
     except NoisyWorldError as error:
         _say(sys.stderr, str(error))
         return 1
     _say(sys.stdout, result.summary)
     return INTERRUPTED if result.stopped else 0
+
+
+def _map(index: "FrameIndex", result: "Result", options: argparse.Namespace, stop: threading.Event) -> None:
+    from .mapping import MAP, fused_map, write_map
+
+    mesh = fused_map(index, result.keyframes, smooth=options.smooth, stopped=stop.is_set)
+    if mesh is None:
+        _say(sys.stderr, f"there is no {MAP}, as the keyframes saw nothing")
+    elif not stop.is_set():
+        write_map(options.out, mesh)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -54,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
         "--no-smoothing", dest="smooth", action="store_false", help="take depth as it is, however noisy"
     )
     parser.add_argument("--no-loops", dest="loops", action="store_false", help="do not close loops, which needs gtsam")
+    parser.add_argument("--map", action="store_true", help="fuse the keyframes into map.ply, too")
     parser.add_argument(
         "--widest", metavar="PX", type=_pixels, default=640, help="make images smaller that are wider (default: 640)"
     )

@@ -29,7 +29,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is not believed. Chosen on embedded rooms, clean and perturbed; see docs/systems.md."""
+    """What is not believed. Chosen on embedded rooms, clean and perturbed; see docs/rgbd_odometry.md."""
 
     seen: float = 0.05  # share of pixels with depth, in both views: less is nothing to align
     overlap: float = 0.3  # share of these that are inside the other image
