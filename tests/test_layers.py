@@ -17,7 +17,7 @@ COMMAND = [
     for name in (
         *("command", "generate", "list_command", "export_mesh", "workers", "status"),
         *("plan_command", "shard_command", "merge_command"),
-        *("recipe_command", "verify_command", "materialise", "clean_command", "score_command"),
+        *("recipe_command", "verify_command", "materialise", "clean_command", "score_command", "track_command"),
     )
 ]
 
@@ -65,6 +65,7 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "addon/noisy_world/core/planning/plan.py": "from ...sources import find_scenes\n",
         "addon/noisy_world/perturbations/fog.py": "from ..cli.entry import Entry\n",
         "addon/noisy_world/ui/runs.py": "from ..cli import generate\n",
+        "addon/noisy_world/ui/tracking.py": "from ..evaluation.metrics import score\n",
         "addon/noisy_world/storage/packing.py": "from ..pipeline.run import Run\n",
         "addon/noisy_world/storage/address.py": "import fsspec\n",
         "addon/noisy_world/cli/missing.py": "import bpy\n",

@@ -26,6 +26,7 @@ def draw(results: Results, path: Path) -> None:
 
     mpl.use("Agg")
     from matplotlib import pyplot  # noqa: PLC0415
+    from matplotlib.lines import Line2D  # noqa: PLC0415
 
     figure, (colour, depth) = pyplot.subplots(1, 2, figsize=(11, 4.6), constrained_layout=True)
     colour_error = [255 * 10 ** (-row.rgb["psnr_db"] / 20) for row in results.rows]
@@ -58,10 +59,10 @@ def draw(results: Results, path: Path) -> None:
             transform=colour.get_xaxis_transform(),
         )
     handles = [
-        pyplot.Line2D([], [], marker=mark, linestyle="", color=f"C{k}", label=engine)
+        Line2D([], [], marker=mark, linestyle="", color=f"C{k}", label=engine)
         for k, (engine, mark) in enumerate(MARKS.items())
     ]
-    handles.append(pyplot.Line2D([], [], linestyle="--", color="k", linewidth=0.8, label="best trade-offs"))
+    handles.append(Line2D([], [], linestyle="--", color="k", linewidth=0.8, label="best trade-offs"))
     depth.legend(handles=handles, fontsize=8, title="number: samples")
     machine = results.machine
     figure.suptitle(

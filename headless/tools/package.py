@@ -3,7 +3,7 @@
 
     python headless/tools/package.py [--out FOLDER] [--blender BLENDER]
 
-A zip holds everything that the extension needs: the package, the scripts that Generate starts, the presets, the asset
+A zip holds everything that the extension needs: the package, the scripts that the panel starts, the presets, the asset
 library, and wheels of the packages that Blender lacks, as requirements.lock pins them; never numpy, which is Blender's
 own. Blender's own tool builds it: that of the bpy package or, with --blender, of a Blender program. Equal sources give
 equal bytes.
@@ -38,7 +38,7 @@ PLATFORMS = {
     "macos-x64": "macosx_14_0_x86_64",
     "windows-x64": "win_amd64",
 }
-SCRIPTS = ("generate.py", "export_mesh.py", "installation.py")
+SCRIPTS = ("generate.py", "export_mesh.py", "track.py", "installation.py")
 PACKAGE_FILES = (".py", ".jpg")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from analytic import box_depth, rays
 
-from noisy_world.core.geometry import Intrinsics, pose, rotation_from_euler_deg
+from noisy_world.core.geometry import Intrinsics, pose, quat_wxyz_from_rotation, rotation_from_euler_deg
 
 CAMERA = Intrinsics(160, 120, 80.0, 80.0, 79.5, 59.5)
 LOW, HIGH = np.array([-2.0, -1.5, -1.2]), np.array([2.5, 1.8, 1.4])
@@ -62,3 +62,22 @@ def ate_rmse_m(estimated, true):
     left, _, right = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
     turn = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
     return float(np.sqrt((((b - b.mean(0)) - (a - a.mean(0)) @ turn.T) ** 2).sum(1).mean()))
+
+
+def write_sequence(folder, poses, camera=CAMERA, change=lambda number, colour, depth_m: (colour, depth_m)):
+    """Write the frames of a path as a sequence in TUM's layout, with true poses and camera; return its folder."""
+    entries = json.loads(write(folder / "images", poses, camera, change).read_text())["frames"]
+    lists = {"rgb": "colour", "depth": "depth"}
+    for name, kind in lists.items():
+        rows = [f"{entry['stamp_s']:.6f} {entry[kind].removeprefix(str(folder) + '/')}\n" for entry in entries]
+        (folder / f"{name}.txt").write_text("".join(rows))
+    rows = []
+    for entry, c2w in zip(entries, poses, strict=True):
+        wxyz = quat_wxyz_from_rotation(c2w[:3, :3])
+        numbers = [*c2w[:3, 3], *np.roll(wxyz, -1)]
+        rows.append(f"{entry['stamp_s']:.6f} {' '.join(map(repr, map(float, numbers)))}\n")
+    (folder / "groundtruth.txt").write_text("".join(rows))
+    lens = {"fx": camera.fx_px, "fy": camera.fy_px, "cx": camera.cx_px, "cy": camera.cy_px}
+    whole = {"w": camera.width_px, "h": camera.height_px, **lens, "scale": SCALE_PER_M}
+    (folder / "cam_params.json").write_text(json.dumps({"camera": whole}))
+    return folder

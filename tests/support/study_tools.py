@@ -78,11 +78,11 @@ def small_world(folder, **keys):
     return write_world(folder, **{"frames": FRAMES, "size": SIZE, "render": render, "settings": SETTINGS, **keys})
 
 
-def evaluate(*words):
-    """Run the command in this process and return its status."""
+def evaluate(*words, report=False):
+    """Run the command in this process and return its status. report: whether it ends with one, which takes seconds."""
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
-        return command.main(["evaluate", *map(str, words)])
+        return command.main(["evaluate", *map(str, words), *([] if report else ["--no-report"])])
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

@@ -35,6 +35,7 @@ SUBCOMMANDS = {
     "evaluate": Subcommand(
         "evaluate_command", "run SLAM systems on the sequences of a preset or a dataset, and score them"
     ),
+    "track": Subcommand("track_command", "follow the camera through a dataset with rgbd_odometry"),
     "clean": Subcommand("clean_command", "render the clean frames that noisy_world.open makes a recipe's frames of"),
     "report": Subcommand("report_command", "write the report of a study anew"),
     "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),

@@ -91,6 +91,11 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser.add_argument(
         "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
     )
+    parser.add_argument(
+        "--no-report",
+        action="store_true",
+        help="end with the tables of runs and sequences; 'report' makes the rest later",
+    )
     parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
     parser.add_argument(
         "--progress",

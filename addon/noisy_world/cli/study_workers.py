@@ -25,6 +25,7 @@ from ..evaluation.systems.checking import check_system
 from .crew import Crew
 from .entry import INTERRUPTED, Entry
 from .generate import need_blender
+from .report_command import tell_report
 from .running import listener, stop_on_signal
 from .workers import Parent, Told
 
@@ -51,7 +52,7 @@ def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
     finally:
         study.results.tidy(alone=True)
         lock.release()
-    return _tell_outcome(study)
+    return _tell_outcome(study, report=not options.no_report)
 
 
 def _seeds(study: Study) -> list[int]:
@@ -185,10 +186,13 @@ def _print_plan(study: Study) -> int:
     return 0
 
 
-def _tell_outcome(study: Study) -> int:
-    """Print a short table, and where the results are."""
+def _tell_outcome(study: Study, *, report: bool) -> int:
+    """Print a short table, and where the results are; write the report."""
     from ..evaluation.study.summary import summary_text
 
     print(summary_text(study.results, study.order.protocol))
-    print(f"wrote {study.results.tables}")
+    if report:
+        tell_report(study.results.folder)
+    else:
+        print(f"wrote {study.results.tables}")
     return 0

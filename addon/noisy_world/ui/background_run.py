@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run of the generator in another process, followed from a window that stays usable. It does not use Blender."""
+"""A command that runs in another process, followed from a window that stays usable. It does not use Blender."""
 
 import contextlib
 import queue
@@ -20,10 +20,12 @@ type Phase = Literal["starting", "running", "stopping", "finished", "stopped", "
 
 
 class BackgroundRun:
-    """A generator's process and its messages so far. All methods are called from one thread."""
+    """A command's process and its messages so far. All methods are called from one thread."""
 
-    def __init__(self, command: Sequence[str], *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start the command, which has to send the messages of generate.py's `--progress json`.
+    def __init__(
+        self, command: Sequence[str], *, who: str = "the generator", clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Start the command, which has to send the messages of `--progress json`. who: its name in messages.
 
         Raises OSError where it cannot be started.
         """
@@ -33,6 +35,7 @@ class BackgroundRun:
         self.notes: deque[str] = deque(maxlen=NOTES_KEPT)
         self.result = ""
         self.error = ""
+        self._who = who
         self._clock = clock
         self._first = 0
         self._start_s = self._last_s = clock()
@@ -112,7 +115,7 @@ class BackgroundRun:
             self.phase = "stopped"
         else:
             self.phase = "failed"
-            self.error = self.error or f"the generator ended with status {status}: {self._last_words()}"
+            self.error = self.error or f"{self._who} ended with status {status}: {self._last_words()}"
         self._close()
 
     def _last_words(self) -> str:

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Generate: a Blender in the background makes the dataset that the panel describes; the panel shows its progress."""
 
-import contextlib
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..blender.typed import layout_of, override
-from ..core.errors import NoisyWorldError
+from ..blender.typed import layout_of
 from . import left_out
+from .following import Following, redraw
 from .long_text import write
 from .operators import guarded
 from .properties import panel_of
-from .runs import STOPPED, SceneRun, active_run, command_line, run_of, start, stop_all, summary
+from .runs import BUSY, SceneRun, active_run, command_line, run_of, start, stop_all, summary
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
@@ -21,10 +20,8 @@ if TYPE_CHECKING:
 else:
     _Mixin = object
 
-LOOK_EVERY_S = 0.2  # between polls of the run; chosen: smooth for a progress bar, and cheap
 
-
-class NoisyWorldGenerate(bpy.types.Operator):
+class NoisyWorldGenerate(Following, bpy.types.Operator):
     """Make the dataset that the panel describes, in a Blender in the background; Esc stops it"""
 
     bl_idname = "noisy_world.generate"
@@ -42,16 +39,13 @@ class NoisyWorldGenerate(bpy.types.Operator):
         options={"SKIP_SAVE", "HIDDEN"},
     )
 
-    _timer: bpy.types.Timer | None = None
-    _run: SceneRun | None = None
-
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         """Tell whether a run may start: only one runs at a time."""
         if context.scene is None:
             return False
         if active_run() is not None:
-            cls.poll_message_set("A dataset is being generated already")
+            cls.poll_message_set(BUSY)
             return False
         panel = panel_of(context.scene)
         if not (panel.use_rgb or panel.use_depth):
@@ -61,74 +55,26 @@ class NoisyWorldGenerate(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate and wait for the end, for scripts, which are told what will not be in the dataset."""
-        if not self._start(context):
+        if not self.started(context):
             return {"CANCELLED"}
         if text := left_out.sentence(context.scene):
             self.report({"WARNING"}, text)
-        assert self._run is not None
-        self._run.background.wait()
-        return self._conclude(context)
+        return self.waited(context)
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Generate while the windows stay usable; ask first where something will not be in the dataset."""
         if not self.asked and left_out.left_out(context.scene):
             operators().generate_without("INVOKE_DEFAULT", overwrite=self.overwrite)
             return {"CANCELLED"}  # that operator starts this one again
-        if not self._start(context):
-            return {"CANCELLED"}
-        self._timer = context.window_manager.event_timer_add(LOOK_EVERY_S, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        redraw(context)
-        return {"RUNNING_MODAL"}
+        return self.followed(context) if self.started(context) else {"CANCELLED"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Follow the run."""
-        assert self._run is not None
-        playing = context.screen is not None and context.screen.is_animation_playing
-        if event.type == "ESC" and event.value == "PRESS" and not playing:
-            self._run.background.cancel()
-            redraw(context)
-            return {"RUNNING_MODAL"}
-        if event.type == "TIMER" and self._run.background.poll():
-            redraw(context)
-        if not self._run.background.active:
-            return self._conclude(context)
-        return {"PASS_THROUGH"}
+    def begin(self, scene: bpy.types.Scene) -> SceneRun:
+        """Start the generator."""
+        return start(scene, overwrite=self.overwrite)
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """End the run when the window that it was started from closes."""
-        if self._run is not None:
-            self._run.background.close()
-            self._leave(context)
-
-    def _start(self, context: bpy.types.Context) -> bool:
-        try:
-            self._run = start(context.scene, overwrite=self.overwrite)
-        except NoisyWorldError as error:
-            self.report({"ERROR"}, str(error))
-            return False
-        return True
-
-    def _conclude(self, context: bpy.types.Context) -> set[str]:
-        assert self._run is not None
-        self._leave(context)
-        state = self._run.background
-        if state.phase == "failed":
-            self.report({"ERROR"}, state.error)
-            return {"CANCELLED"}
-        if state.phase == "stopped":
-            self.report({"WARNING"}, STOPPED)
-            return {"CANCELLED"}
-        self.report({"INFO"}, f"{self._run.out}: {state.result}")
-        return {"FINISHED"}
-
-    def _leave(self, context: bpy.types.Context) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        if self._run is not None:
-            self._run.tidy()
-        redraw(context)
+    def take(self, run: SceneRun) -> str:
+        """Say what was made."""
+        return f"{run.out}: {run.background.result}"
 
 
 class _AskedGenerate(_Mixin):
@@ -272,16 +218,6 @@ def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
         row = layout_of(header).row()
         row.ui_units_x = 16
         draw_progress(row, run)
-
-
-def redraw(context: bpy.types.Context) -> None:
-    """Redraw panels and status bar."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
-        with contextlib.suppress(TypeError, RuntimeError), override(window=window):
-            window.workspace.status_text_set_internal(None)  # what has the status bar drawn
 
 
 CLASSES = (

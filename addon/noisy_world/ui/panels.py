@@ -10,7 +10,7 @@ from ..blender.typed import layout_of
 from ..core.datasets.layouts import LAYOUTS
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, generate, paths, preview, world
+from . import asset_library, generate, paths, preview, tracking, world
 from .described import title
 from .document import OWN_FIELDS
 from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
@@ -327,6 +327,18 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         generate.draw(layout, context)
 
 
+class NOISYWORLD_PT_evaluation(Section, bpy.types.Panel):
+    """What the perturbations do to SLAM"""
+
+    bl_label = "Evaluation"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout = self.fields(context)
+        layout.use_property_split = False
+        tracking.draw(layout, context)
+
+
 STAGE_MENUS = tuple(_stage_menu(stage) for stage in STAGE_LABELS)
 CLASSES: tuple[Any, ...] = (
     NOISYWORLD_UL_steps,
@@ -339,5 +351,6 @@ CLASSES: tuple[Any, ...] = (
     NOISYWORLD_PT_perturbations,
     NOISYWORLD_PT_preview,
     NOISYWORLD_PT_output,
+    NOISYWORLD_PT_evaluation,
 )
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs of the generator on a scene's panel, one at a time, each in a Blender in the background."""
+"""Runs on a scene's panel, one at a time, each in a Blender in the background: of the generator, and of the tracker."""
 
 import json
 import os
@@ -23,45 +23,66 @@ from .document import preset_of, to_document
 from .properties import panel_of
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
+NOT_TRACKED = "Stopped; the paths that were drawn before stay"
+BUSY = "Something runs in the background already"
 
 
 @dataclass
 class SceneRun:
-    """A scene's run, its dataset and the temporary folder of its preset."""
+    """A scene's run, its dataset and its temporary folder, which holds the preset or what the tracker found.
+
+    stopped: what is said when it was stopped. sequences: the names of those that are tracked, SETTING/SCENE.
+    """
 
     scene_uid: int
     out: Path
     background: BackgroundRun
     folder: Path
+    stopped: str = STOPPED
+    sequences: tuple[str, ...] = ()
 
     def tidy(self) -> None:
-        """Remove the temporary preset: the dataset's manifest holds it."""
+        """Remove the temporary folder: the dataset's manifest holds the preset, and the scene the paths."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-_RUNS: dict[int, SceneRun] = {}  # the last run of each scene, by the scene's uid in this session
+_RUNS: dict[int, SceneRun] = {}  # the last run of the generator of each scene, by the scene's uid in this session
+_TRACKED: dict[int, SceneRun] = {}  # and of the tracker
 
 
 def generator_script() -> Path:
     """Return the generator: in the installed extension, or in a checkout."""
+    return _script("generate.py")
+
+
+def tracker_script() -> Path:
+    """Return the script that runs the embedded SLAM system on a dataset."""
+    return _script("track.py")
+
+
+def _script(name: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     for folder in (package, package.parents[1]):
-        script = folder / "headless" / "generate.py"
+        script = folder / "headless" / name
         if script.is_file():
             return script
-    raise StorageError(f"{package / 'headless' / 'generate.py'}: not there; install the extension again")
+    raise StorageError(f"{package / 'headless' / name}: not there; install the extension again")
 
 
 def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
-    """Return the command that makes a preset's dataset: with this Blender, or with this Python where it is the wheel's.
+    """Return the command that makes a preset's dataset."""
+    return _command(generator_script(), str(preset), "--out", str(out), *options)
+
+
+def _command(script: Path, *words: str) -> list[str]:
+    """Return the command that runs a script: with this Blender, or with this Python where it is the wheel's.
 
     That Blender starts without the user's preferences: other add-ons could change what is rendered, and take time.
     """
-    words = [str(preset), "--out", str(out), *options]
     if bpy.app.binary_path:
-        # The packages are found nevertheless: the generator adds the folder of the extensions' wheels by itself.
-        return [bpy.app.binary_path, "-b", "--factory-startup", "-P", str(generator_script()), "--", *words]
-    return [sys.executable, str(generator_script()), *words]
+        # The packages are found nevertheless: the scripts add the folder of the extensions' wheels by themselves.
+        return [bpy.app.binary_path, "-b", "--factory-startup", "-P", str(script), "--", *words]
+    return [sys.executable, str(script), *words]
 
 
 def output_folder(panel: Any) -> Path:
@@ -94,6 +115,24 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
         shutil.rmtree(folder, ignore_errors=True)
         raise
     run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder)
+    return run
+
+
+def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]) -> SceneRun:
+    """Start the embedded SLAM system on sequences of a dataset. Raises NoisyWorldError where it cannot be started."""
+    folder = Path(tempfile.mkdtemp(prefix="noisy-world-paths-"))
+    words = [word for name in sequences for word in ("--only", name)]
+    try:
+        command = _command(tracker_script(), str(out), str(folder), *words, "--progress", "json")
+        background = BackgroundRun(command, who="the tracker")
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise StorageError(f"the tracker cannot be started: {error}") from error
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    run = SceneRun(scene.session_uid, out, background, folder, NOT_TRACKED, sequences)
+    _TRACKED[scene.session_uid] = run
     return run
 
 
@@ -133,21 +172,27 @@ def temporary_preset(panel: Any, folder: Path) -> Path:
 
 
 def run_of(scene: bpy.types.Scene) -> SceneRun | None:
-    """Return a scene's last run."""
+    """Return a scene's last run of the generator."""
     return _RUNS.get(scene.session_uid)
+
+
+def tracking_of(scene: bpy.types.Scene) -> SceneRun | None:
+    """Return a scene's last run of the tracker."""
+    return _TRACKED.get(scene.session_uid)
 
 
 def active_run() -> SceneRun | None:
     """Return the active run; there is at most one."""
-    return next((run for run in _RUNS.values() if run.background.active), None)
+    return next((run for run in (*_RUNS.values(), *_TRACKED.values()) if run.background.active), None)
 
 
 def stop_all(*_: object) -> None:
     """End the active run, as the file or Blender is about to close."""
-    for run in _RUNS.values():
-        run.background.close()
-        run.tidy()
-    _RUNS.clear()
+    for runs in (_RUNS, _TRACKED):
+        for run in runs.values():
+            run.background.close()
+            run.tidy()
+        runs.clear()
 
 
 def command_line(scene: bpy.types.Scene) -> str:
@@ -177,6 +222,6 @@ def summary(run: SceneRun) -> str:
         case "finished":
             return state.result[:1].upper() + state.result[1:]
         case "stopped":
-            return STOPPED
+            return run.stopped
         case _:
             return state.error

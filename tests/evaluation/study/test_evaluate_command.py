@@ -19,7 +19,7 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     preset = small_world(folder / "world", settings=SETTINGS[:2])
     systems = write_systems(folder / "systems", *KINDS)
-    assert evaluate(preset, "--systems", systems, "--out", folder / "results", "--jobs", 1) == 0
+    assert evaluate(preset, "--systems", systems, "--out", folder / "results", "--jobs", 1, report=True) == 0
     return folder
 
 
@@ -63,6 +63,12 @@ def test_what_stays_of_a_sequence(done):
     assert list((folder / "thumbs").glob("*.jpg"))
     assert not (done / "results/.noisy_world").exists()
     assert not (done / "results/kept").exists()
+
+
+def test_it_ends_with_a_report(done):
+    page = (done / "results/report.html").read_text()
+    assert all(f"system {kind}" in page for kind in KINDS)
+    assert (done / "results/tables/settings.csv").is_file()
 
 
 def test_the_same_command_again_runs_nothing(done, monkeypatch):

@@ -64,7 +64,7 @@ def test_ended_before_any_write(study, tmp_path, monkeypatch):
 def test_killed_at_random_moments(study, tmp_path):
     draw = random.Random(5)
     command = [sys.executable, str(ROOT / "headless/evaluate.py")]
-    command += map(str, arguments(study, tmp_path / "out", "--jobs", 2))
+    command += map(str, arguments(study, tmp_path / "out", "--jobs", 2, "--no-report"))
     for _ in range(3):
         process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
         deadline = time.monotonic() + draw.uniform(1.0, 6.0)

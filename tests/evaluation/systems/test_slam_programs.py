@@ -68,7 +68,7 @@ def test_settings_follow_from_camera_and_rate(programs):
     lines = dict(line.split(": ") for line in orb_slam3.settings_text(index).splitlines()[1:])
     assert lines["Camera.fps"] == "10"
     assert float(lines["Camera1.fy"]) == 301.0
-    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(40.0)  # TUM1.yaml's Camera.bf
+    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(80.0)  # twice TUM1.yaml's Camera.bf
     assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
     assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}

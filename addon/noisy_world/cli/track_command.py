@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`track`: follow the camera through sequences on disk with rgbd_odometry, the system that comes with Noisy World."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.progress import JsonProgress, Progress
+from .ending import ended
+from .entry import Entry
+from .places import path
+
+if TYPE_CHECKING:
+    import threading
+
+INDEX = "frames.json"
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status: 0 where the camera was lost too, as that is a result."""
+    options = _parse(arguments, entry)
+    stopped = "the sequences that were followed to their end are written"
+    return ended(lambda: track(options), entry, needs=("numpy", "cv2", "yaml"), stopped=stopped, options=options)
+
+
+def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog=entry.name,
+        description="Follow the camera through the sequences of a dataset with rgbd_odometry, which is given the "
+        "frames and never the true poses. Writes estimate.txt, frames.csv and keyframes.txt for each; 'noisy-world "
+        "score' compares them with the truth. Needs nothing but what generating needs; gtsam, where it is installed, "
+        "closes loops.",
+    )
+    parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder of a dataset, or of a sequence")
+    parser.add_argument("out", metavar="OUT", type=path, help="folder for what is found: a folder a sequence")
+    parser.add_argument(
+        "--only",
+        metavar="NAME",
+        action="append",
+        help="only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
+    )
+    parser.add_argument("--progress", choices=("text", "json"), default="text", help="for people, or for programs")
+    return parser.parse_args(arguments)
+
+
+def track(options: argparse.Namespace) -> int:
+    """Follow the camera through the sequences that are wanted, and say how far each could be followed."""
+    from ..core.errors import InputError
+    from ..core.presets.selection import selected
+    from ..core.schema import Place
+    from ..recipes.from_files import OpenedFolder, SequenceOfFiles
+    from ..recipes.opening import open_path
+    from .running import listener
+
+    if not options.dataset.is_dir():
+        raise InputError(options.dataset, "no such folder", remedy="name that of a dataset, or of a sequence")
+    opened = open_path(options.dataset)
+    if not isinstance(opened, OpenedFolder):
+        raise InputError(options.dataset, "holds sequences in tars, and their frames are read", remedy="unpack them")
+    names = selected(list(opened), options.only, Place(options.dataset).at("sequences"))
+    progress, stop = listener(options.progress)
+    results = []
+    for name in names:
+        sequence = opened[name]
+        assert isinstance(sequence, SequenceOfFiles), "a folder's sequences are files"
+        results.append(f"{name}: {_tracked(sequence.stored.folder, options.out / name, progress, stop)}")
+    if isinstance(progress, JsonProgress):
+        progress.tell({"result": "; ".join(results)})
+    else:
+        print("\n".join(results))
+    return 0
+
+
+def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Event") -> str:
+    """Follow the camera through one sequence; return how it went. Raises InterruptedRunError."""
+    from ..core.datasets.storage import storage_errors
+    from ..core.errors import InterruptedRunError
+    from ..evaluation.odometry.frames import read_index
+    from ..evaluation.odometry.running import run
+    from ..evaluation.odometry.written import write_results
+    from ..evaluation.systems.index import given_sequence
+
+    given = given_sequence(sequence)
+    with storage_errors(out):
+        out.mkdir(parents=True, exist_ok=True)
+    given.write_index(out / INDEX)
+    result = run(read_index(out / INDEX), progress=progress, stopped=stop.is_set)
+    if result.stopped:
+        raise InterruptedRunError("stopped")
+    write_results(out, result.frames, result.keyframes)
+    return result.summary
