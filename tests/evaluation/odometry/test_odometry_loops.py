@@ -105,7 +105,7 @@ def test_a_path_that_returns_closes_its_loop(tmp_path):
     from noisy_world.evaluation.odometry.frames import read_index
     from noisy_world.evaluation.odometry.running import Options, run
 
-    there = box_room.path(24, turn_deg=70.0)
+    there = box_room.path(18, turn_deg=70.0)
     noise = np.random.default_rng(5)
 
     def noisy(number, colour, depth_m):

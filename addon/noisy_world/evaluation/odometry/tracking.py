@@ -35,6 +35,8 @@ class Bounds:
     overlap: float = 0.3  # share of these that are inside the other image
     depth: float = 0.4  # share of those whose depth is the expected one
     blind_depth: float = 0.8  # the same where the grey values do not support the motion
+    clear_depth: float = 0.25  # the same where they clearly do
+    clear_grey: float = 0.7
     grey: float = 0.2  # correlation from which grey values support a motion
     speed_m_s: float = 6.0  # a person runs
     turn_deg_s: float = 400.0  # a fast turn of a head
@@ -221,9 +223,11 @@ class Tracker:
 
 def believed(seen: Agreement, bounds: Bounds) -> bool:
     """Tell whether two views agree well enough for the motion between them to be believed."""
-    if seen.seen < bounds.seen or seen.overlap < bounds.overlap or seen.depth < bounds.depth:
+    if seen.seen < bounds.seen or seen.overlap < bounds.overlap:
         return False
-    return seen.grey >= bounds.grey or seen.depth >= bounds.blind_depth
+    if seen.grey < bounds.grey:
+        return seen.depth >= bounds.blind_depth
+    return seen.depth >= (bounds.clear_depth if seen.grey >= bounds.clear_grey else bounds.depth)
 
 
 def _score(seen: Agreement) -> float:
