@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from .ending import ended
 from .entry import Entry, say
+from .metric_table import metric_lines
 from .places import path
 
 if TYPE_CHECKING:
@@ -127,22 +128,8 @@ def told(score: "Score") -> str:
     ]
     if score.failure:
         lines.append(f"FAILED ({score.failure}): {FAILURES[score.failure]}")
-    rows = [("metric", "value", "", "better", "name")]
-    rows += [
-        (metric.label, _number(score.values[name]), metric.unit, metric.better, name)
-        for name, metric in metrics_of(protocol).items()
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines.append("")
-    for label, value, unit, better, name in rows:
-        lines.append(f"{label:<{widths[0]}}  {value:>{widths[1]}} {unit:<{widths[2]}}  {better:<{widths[3]}}  {name}")
-    return "\n".join(lines)
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.5g}"
+    table = metric_lines((name, metric, score.values[name]) for name, metric in metrics_of(protocol).items())
+    return "\n".join([*lines, "", *table])
 
 
 def _positive(text: str) -> float:

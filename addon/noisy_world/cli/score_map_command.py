@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from .ending import ended
 from .entry import Entry, say
+from .metric_table import metric_lines
 from .places import path
 
 if TYPE_CHECKING:
@@ -211,21 +212,8 @@ def _told(score: "MapScore", failure: str) -> str:
     lines = [f"held against {_TRUTHS[score.truth]}; compared: {_COMPARED[score.culling]}; {score.samples:,} points"]
     if failure:
         lines.append(f"FAILED ({failure}): {FAILURES[failure]}")
-    rows = [("metric", "value", "", "better", "name")]
-    rows += [
-        (metric.label, _number(value), metric.unit, metric.better, name)
-        for name, value in score.values.items()
-        for metric in [MAP_METRICS[name]]
-    ]
-    widths = [max(len(row[column]) for row in rows) for column in range(4)]
-    lines.append("")
-    for label, value, unit, better, name in rows:
-        lines.append(f"{label:<{widths[0]}}  {value:>{widths[1]}} {unit:<{widths[2]}}  {better:<{widths[3]}}  {name}")
-    return "\n".join(lines)
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.5g}"
+    table = metric_lines((name, MAP_METRICS[name], value) for name, value in score.values.items())
+    return "\n".join([*lines, "", *table])
 
 
 def _camera(text: str) -> "Intrinsics":
