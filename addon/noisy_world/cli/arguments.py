@@ -74,6 +74,18 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         type=path,
         help="where shards are made that go to an address (default: the system's folder of temporary files)",
     )
+    add_set_option(parser)
+    add_part_options(parser)
+    parser.add_argument(
+        "--frames",
+        metavar="A:B",
+        type=frame_slice,
+        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
+    )
+
+
+def add_set_option(parser: argparse.ArgumentParser) -> None:
+    """Add --set, which changes keys of the preset."""
     parser.add_argument(
         "--set",
         metavar="KEY.PATH=VALUE",
@@ -82,13 +94,6 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         dest="overrides",
         help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
-    )
-    add_part_options(parser)
-    parser.add_argument(
-        "--frames",
-        metavar="A:B",
-        type=frame_slice,
-        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
     )
 
 

@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import positive
+from .arguments import add_set_option, positive
 from .ending import ended
 from .entry import Entry
 from .part import add_part_options
@@ -66,15 +66,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         default="strict",
         help="whose metrics come first and whose errors are drawn; both are calculated (default: strict)",
     )
-    parser.add_argument(
-        "--set",
-        metavar="KEY.PATH=VALUE",
-        action="append",
-        default=[],
-        nargs="+",
-        dest="overrides",
-        help="change a key of the preset, e.g. render.engine=embree; may be repeated",
-    )
+    add_set_option(parser)
     add_part_options(parser)
     parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
     parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")

@@ -19,7 +19,10 @@ LOOK_EVERY_S = 0.2  # between polls of the run; chosen: smooth for a progress ba
 
 
 class Following(_Mixin):
-    """Start a run and follow it to its end: what an operator gives says which run, and what becomes of its result."""
+    """Start a run and follow it to its end: what an operator gives says which run, and what becomes of its result.
+
+    No abstract base class: Blender's operators have a metaclass of their own.
+    """
 
     _timer: bpy.types.Timer | None = None
     _run: SceneRun | None = None

@@ -57,6 +57,7 @@ def load_arrays(path: Path, wanted: Container[str] | None = None) -> dict[str, N
             return {name: held[name] for name in held.files if wanted is None or name in wanted}
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    # What numpy and zipfile raise for bytes that are no array, an archive that is cut off or packed in an unknown way.
     except (ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError) as error:
         raise InputError(path, "is no array of numbers as numpy writes it", remedy="a .npy or .npz file") from error
 
