@@ -57,7 +57,7 @@ def made(preset, out, **several):
     run = Run(
         make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several
     )
-    report = run.make_dataset()
+    run.make_dataset()
     files = (path for path in sorted(out.rglob("*")) if path.is_file() and path.name != "run.json")
     return {str(path.relative_to(out)): path.read_bytes() for path in files}
 
