@@ -6,6 +6,8 @@ from contextlib import contextmanager
 
 import bpy
 
+from .typed import inputs
+
 
 class Volumes:
     """The volumes of a scene's materials, which can be taken away for a while."""
@@ -16,7 +18,7 @@ class Volumes:
             (tree, node)
             for tree in shader_trees(blocks)
             for node in tree.nodes
-            if isinstance(node, bpy.types.ShaderNodeOutputMaterial) and node.inputs["Volume"].is_linked
+            if isinstance(node, bpy.types.ShaderNodeOutputMaterial) and inputs(node)["Volume"].is_linked
         ]
         self._needed = needed
         self._gone = False
@@ -41,21 +43,21 @@ class Volumes:
                 for (tree, node), (source, clear) in zip(self._outputs, given, strict=True):
                     if clear is not None:
                         tree.nodes.remove(clear)
-                    tree.links.new(source, node.inputs["Volume"])
+                    tree.links.new(source, inputs(node)["Volume"])
 
 
 def _without(tree: bpy.types.NodeTree, output: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.types.Node | None]:
     """Unlink a material's volume; return what it came from, and what stands for a surface where there is none."""
-    links = output.inputs["Volume"].links
+    links = inputs(output)["Volume"].links
     assert links
     link = links[0]
     source = link.from_socket
     assert source is not None
     tree.links.remove(link)
-    if output.inputs["Surface"].is_linked:
+    if inputs(output)["Surface"].is_linked:
         return source, None
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
-    tree.links.new(clear.outputs[0], output.inputs["Surface"])
+    tree.links.new(clear.outputs[0], inputs(output)["Surface"])
     return source, clear
 
 
