@@ -18,7 +18,7 @@ def versions_of(plan: Plan) -> dict[str, str]:
         from ..blender.session import renderer_versions
 
         return renderer_versions(render.engine, render.device)
-    if plan.composites:
+    if plan.composites or any(scene.source.gives.imported for scene in plan.scenes):
         from ..blender.session import blender_version
 
         versions = versions | blender_version()

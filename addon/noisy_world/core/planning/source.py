@@ -61,11 +61,12 @@ class Gives:
     """What a source can give.
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded.
+    not only from those that were recorded. imported: Blender's importers read it, whatever renders it.
     """
 
     rendered: bool
     any_pose: bool
+    imported: bool = False
 
 
 @dataclass(frozen=True)
