@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The base colour of imported materials, against the formulas of the glTF specification, evaluated pixel by pixel."""
 
-import json
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,13 +9,12 @@ pytest.importorskip("embreex", reason="embreex is not installed")
 
 from analytic import look_at
 from cases import cases
+from importing import import_here
 from ray_tools import cast
 from rooms_in_formats import glb, gltf, png
 
-from noisy_world.blender.importing import program
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.sources import imported_meshes
-from noisy_world.sources.mesh_reading import forget_meshes, read_mesh
+from noisy_world.sources.mesh_reading import read_mesh
 
 SIDE = 40
 CAMERA = Intrinsics(SIDE, SIDE, SIDE, SIDE, (SIDE - 1) / 2, (SIDE - 1) / 2)
@@ -31,15 +27,7 @@ CORNERS = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]], float)  # x
 
 @pytest.fixture(autouse=True)
 def _imports_here(monkeypatch, capfd):
-    """Import in this process, which has Blender already: another takes seconds for each file."""
-
-    def here(order):
-        capfd.readouterr()
-        status = program.main(json.dumps(order))
-        return SimpleNamespace(returncode=status, stdout=capfd.readouterr().out, stderr="")
-
-    monkeypatch.setattr(imported_meshes, "_asked", here)
-    forget_meshes()
+    import_here(monkeypatch, capfd)
 
 
 def square(folder, material, *, uv=None, colours=None, other_uv=None, **keys):

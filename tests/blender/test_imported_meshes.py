@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One room in every format is the same room: files written by hand, and by Blender's own exporters."""
 
-import json
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -13,13 +10,12 @@ pytest.importorskip("embreex", reason="embreex is not installed")
 import rooms_in_formats as rooms
 from analytic import look_at
 from cases import cases
+from importing import import_here
 from ray_tools import cast
 
-from noisy_world.blender.importing import program
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.sources import imported_meshes
-from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
+from noisy_world.sources.mesh_reading import files_of_mesh, read_mesh
 
 CAMERA = Intrinsics(80, 60, 40.0, 40.0, 39.5, 29.5)
 EYES = [look_at([0.3, 0.2, 1.1], [2.0, 1.0, 0.7]), look_at([0.1, -0.4, 1.5], [-2.0, -0.2, 0.2])]
@@ -35,15 +31,7 @@ HAND = {
 
 @pytest.fixture(autouse=True)
 def _imports_here(monkeypatch, capfd):
-    """Import in this process, which has Blender already: another takes seconds for each file."""
-
-    def here(order):
-        capfd.readouterr()
-        status = program.main(json.dumps(order))
-        return SimpleNamespace(returncode=status, stdout=capfd.readouterr().out, stderr="")
-
-    monkeypatch.setattr(imported_meshes, "_asked", here)
-    forget_meshes()
+    import_here(monkeypatch, capfd)
 
 
 @pytest.fixture(scope="module")

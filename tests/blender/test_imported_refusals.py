@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is wrong with a mesh file is one line that names it and says what to do."""
 
-import json
 import os
 import struct
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +11,8 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 import rooms_in_formats as rooms
 from cases import cases
+from importing import import_here
 
-from noisy_world.blender.importing import program
 from noisy_world.core.errors import InputError, MissingDependencyError
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import forget_meshes, read_mesh
@@ -24,15 +22,7 @@ REAL = imported_meshes._asked
 
 @pytest.fixture(autouse=True)
 def _imports_here(monkeypatch, capfd):
-    """Import in this process, which has Blender already: another takes seconds for each file."""
-
-    def here(order):
-        capfd.readouterr()
-        status = program.main(json.dumps(order))
-        return SimpleNamespace(returncode=status, stdout=capfd.readouterr().out, stderr="")
-
-    monkeypatch.setattr(imported_meshes, "_asked", here)
-    forget_meshes()
+    import_here(monkeypatch, capfd)
 
 
 def refusal(path):

@@ -8,13 +8,13 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.scenes.imported import ImportedPicture, ImportedSurface, Wrap
-from ..typed import get_value, inputs, node_tree
+from ..typed import get_value, inputs, node_tree, outputs
 
 _COLOUR_INPUTS = ("Base Color", "Color")  # of the shaders that a surface may have
 _EXTENSIONS: dict[str, Wrap] = {"REPEAT": "repeat", "EXTEND": "clamp", "MIRROR": "mirror", "CLIP": "black"}
-_IDENTITY = np.eye(3)
 
 
 class _UnreadError(Exception):
@@ -94,7 +94,7 @@ def _see_through(shader: bpy.types.Node) -> bool:
     alpha = inputs(shader).get("Alpha")
     if alpha is not None:
         return alpha.is_linked or get_value(alpha) < 1
-    mixes = [link.to_node for socket in shader.outputs for link in socket.links or []]  # pyright: ignore[reportOptionalIterable]
+    mixes = [link.to_node for socket in shader.outputs for link in socket.links or []]
     return any(isinstance(node, bpy.types.ShaderNodeMixShader) and _mixes_by_alpha(node) for node in _onward(mixes))
 
 
@@ -142,7 +142,7 @@ def _product(socket: bpy.types.NodeSocket, number_of: Callable[[bpy.types.Image]
         case bpy.types.ShaderNodeAttribute() if node.attribute_type == "GEOMETRY":
             return _Product(colours=node.attribute_name)
         case bpy.types.ShaderNodeRGB():
-            value = get_value(node.outputs[0])
+            value = get_value(outputs(node)[0])
             return _Product((value[0], value[1], value[2]))
         case bpy.types.ShaderNodeMix() if node.data_type == "RGBA" and node.blend_type == "MULTIPLY":
             share, first, second = inputs(node)[0], inputs(node)[6], inputs(node)[7]
@@ -166,19 +166,18 @@ def _picture(node: bpy.types.ShaderNodeTexImage, image: int) -> ImportedPicture:
     if node.projection != "FLAT":
         raise _UnreadError(f"{node.bl_label} ({node.projection.lower()})")
     wrap = _EXTENSIONS[node.extension]
-    wraps = [wrap, wrap]
-    before, vector = _unwrapped(inputs(node)["Vector"], wraps)
-    matrix, vector = _mapped(before, vector)
-    rows = (tuple(map(float, matrix[0])), tuple(map(float, matrix[1])))
+    wraps: list[Wrap] = [wrap, wrap]
+    matrix, vector = _mapped(_unwrapped(inputs(node)["Vector"], wraps))
+    across, up = ((float(row[0]), float(row[1]), float(row[2])) for row in matrix[:2])
     nearest = node.interpolation == "Closest"
-    return ImportedPicture(image, _uv_map(vector), rows, (wraps[0], wraps[1]), nearest)  # pyright: ignore[reportArgumentType]
+    return ImportedPicture(image, _uv_map(vector), (across, up), (wraps[0], wraps[1]), nearest)
 
 
-def _unwrapped(vector: bpy.types.NodeSocket, wraps: list[Wrap]) -> tuple[np.ndarray, bpy.types.NodeSocket]:
-    """Look through the nodes by which glTF's importer wraps each direction in its own way; note that in wraps."""
+def _unwrapped(vector: bpy.types.NodeSocket, wraps: list[Wrap]) -> bpy.types.NodeSocket:
+    """Return what the nodes transform by which glTF's importer wraps each direction in its own way; fill in wraps."""
     combine = _source(vector)
     if not isinstance(combine, bpy.types.ShaderNodeCombineXYZ):
-        return _IDENTITY, vector
+        return vector
     for axis in (0, 1):
         node = _source(inputs(combine)[axis])
         if isinstance(node, bpy.types.ShaderNodeMath):
@@ -190,11 +189,12 @@ def _unwrapped(vector: bpy.types.NodeSocket, wraps: list[Wrap]) -> tuple[np.ndar
         if not isinstance(node, bpy.types.ShaderNodeSeparateXYZ):
             raise _UnreadError(combine.bl_label)
         vector = inputs(node)[0]
-    return _IDENTITY, vector
+    return vector
 
 
-def _mapped(matrix: np.ndarray, vector: bpy.types.NodeSocket) -> tuple[np.ndarray, bpy.types.NodeSocket]:
+def _mapped(vector: bpy.types.NodeSocket) -> tuple[NDArray[np.float64], bpy.types.NodeSocket]:
     """Return the transformation (3, 3) of coordinates (u, v, 1) by mapping nodes, and what they transform."""
+    matrix = np.eye(3)
     while isinstance(node := _source(vector), bpy.types.ShaderNodeMapping):
         sockets = inputs(node)
         moved, turned, scaled = (get_value(sockets[name]) for name in ("Location", "Rotation", "Scale"))

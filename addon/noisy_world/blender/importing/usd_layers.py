@@ -27,7 +27,7 @@ class UsdLook:
 
 def look_at(path: Path) -> UsdLook:
     """Look at a USD file. Raises RuntimeError where it cannot be opened."""
-    root = Path(bpy.utils.system_resource("PYTHON"))
+    root = Path(bpy.utils.system_resource("PYTHON"))  # pyright: ignore[reportAttributeAccessIssue]  the stubs lack it
     sys.path += [
         str(folder) for folder in sorted(root.glob("[lL]ib/**/site-packages"))
     ]  # the bpy package leaves it out

@@ -157,4 +157,4 @@ def _surface(item: dict[str, object]) -> ImportedSurface:
         item["picture"] = ImportedPicture(**{**picture, "uv_rows": tuple(map(tuple, rows)), "wraps": tuple(wraps)})
     factor = item["factor"]
     assert isinstance(factor, list)
-    return ImportedSurface(**{**item, "factor": tuple(factor)})  # pyright: ignore[reportArgumentType]  as asdict wrote it
+    return ImportedSurface(**{**item, "factor": tuple(factor)})

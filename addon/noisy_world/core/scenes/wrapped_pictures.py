@@ -5,6 +5,7 @@ A picture gets a margin of what lies beyond its edges, as far as the faces reach
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,11 @@ from .imported import Wrap
 from .srgb import decoded, encoded
 
 LARGEST_PX = 32768  # a side, as of the files of textures
-_MODES = {"clamp": "edge", "mirror": "symmetric", "black": "constant"}  # numpy's words
+_MODES: dict[Wrap, Literal["edge", "symmetric", "constant"]] = {
+    "clamp": "edge",
+    "mirror": "symmetric",
+    "black": "constant",
+}  # numpy's words
 
 
 @dataclass(frozen=True)
@@ -33,22 +38,18 @@ def wrapped(
     Raises ValueError where it becomes too large.
     """
     sizes = (picture.shape[1], picture.shape[0])
-    margins = [_margin(size, *side) for size, *side in zip(sizes, wraps, (across, up), strict=True)]
+    margins = [_margin(*side) for side in zip(sizes, wraps, (across, up), strict=True)]
     grown = [size + sum(margin) for size, margin in zip(sizes, margins, strict=True)]
     if max(grown) > LARGEST_PX:
         raise ValueError(f"reaches {max(grown)} texels with what lies beyond its edges, more than {LARGEST_PX}")
     (left, right), (below, above) = margins
     if left or right:
-        picture = np.pad(picture, ((0, 0), (left, right), (0, 0)), _mode(wraps[0]))
+        picture = np.pad(picture, ((0, 0), (left, right), (0, 0)), mode=_MODES[wraps[0]])
     if below or above:  # rows are stored from the top
-        picture = np.pad(picture, ((above, below), (0, 0), (0, 0)), _mode(wraps[1]))
+        picture = np.pad(picture, ((above, below), (0, 0), (0, 0)), mode=_MODES[wraps[1]])
     scale = np.array(sizes) / np.array(grown)
     offset = np.array([left, below]) / np.array(grown)
     return picture, scale, offset
-
-
-def _mode(wrap: Wrap) -> str:
-    return _MODES[wrap]
 
 
 def _margin(size: int, wrap: Wrap, reach: Reach) -> tuple[int, int]:
