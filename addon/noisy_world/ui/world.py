@@ -21,10 +21,10 @@ from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
+from .owned import OURS
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
 from .properties import panel_of, value_of
 
-OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 LOADED_FROM = "noisy_world_loaded_from"  # of ours: what of the panel decided the mesh or the path, as JSON
 LEFT_AS = "noisy_world_left_as"  # of ours: how we left the mesh or the lens, to see whether it was changed since
