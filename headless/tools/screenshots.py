@@ -140,7 +140,7 @@ def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
         setattr(panel, name, value)
     in_area(view, operators().load_scene)
     in_area(view, operators().load_trajectory)
-    panel.deviation_rotation_deg = 2.0
+    panel.deviation_rotation = math.radians(2.0)
     panel.deviation_translation_m = 0.04
     for name, severity in PREVIEWED:
         operators().add_step(perturbation=name)

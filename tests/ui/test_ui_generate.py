@@ -2,6 +2,7 @@
 """What the panel generates, without a window: the same as the command line from the saved preset."""
 
 import json
+import math
 import shlex
 import subprocess
 import time
@@ -40,7 +41,7 @@ def prepare(scene, folder, name="out", *, frames=3):
     settings.width_px, settings.height_px = 96, 54
     settings.fx_px = settings.fy_px = 48
     settings.cx_px, settings.cy_px = 47.5, 26.5
-    settings.deviation_rotation_deg = 1.3
+    settings.deviation_rotation = math.radians(1.3)
     settings.image = "png"
     settings.seed = 7
     settings.output_folder = str(folder / name)

@@ -2,6 +2,7 @@
 """Presets in the tab: taken in, saved and kept; what the panel cannot show is refused."""
 
 import json
+import math
 from pathlib import Path
 
 import bpy
@@ -216,7 +217,7 @@ def of_ones_own(tmp_path):
     item = settings()
     item.scene_name, item.seed, item.width_px, item.layout = "kitchen", 12, 333, "tum"
     item.preset_path, item.setting_name = str(tmp_path / "mine.yaml"), "rough"
-    item.deviation_rotation_deg, item.speed_factor = 1.5, 3
+    item.deviation_rotation, item.speed_factor = math.radians(1.5), 3
     for name, severity in (("contrast", 2.0), ("spatter", 4.0), ("depth_gaussian_noise", 1.0)):
         bpy.ops.noisy_world.add_step(perturbation=name)
         item.steps[item.active_step].severity = severity

@@ -23,8 +23,9 @@ from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
 from .described import LARGEST_INT, tell, told_once
-from .properties import OVERRIDE, parameters_of, perturbation_of, set_value, value_of
+from .properties import OVERRIDE, parameters_of, perturbation_of
 from .step_list import put_step, take_step
+from .typed_numbers import set_value, value_of
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
@@ -135,7 +136,7 @@ def _own_motion(panel: Any) -> list[dict[str, Any]]:
     steps: list[dict[str, Any]] = []
     if panel.speed_factor > 1:
         steps.append({"faster_motion": {"factor": panel.speed_factor}})
-    if panel.deviation_rotation_deg or panel.deviation_translation_m:
+    if panel.deviation_rotation or panel.deviation_translation_m:
         steps.append({"motion_deviation": {key: value_of(panel, name) for name, key in DEVIATION.items()}})
     return steps
 

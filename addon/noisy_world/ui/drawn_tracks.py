@@ -10,8 +10,8 @@ from mathutils import Color
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
+from .own_objects import OURS
 from .tracked import FAR_M, NEAR_M, Part, TrackedPath, length
-from .world import OURS
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems

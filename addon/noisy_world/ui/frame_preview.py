@@ -3,7 +3,7 @@
 
 import time
 from collections import OrderedDict
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bpy
@@ -39,7 +39,18 @@ CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.ty
 
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
+_drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
 _took_s: dict[int, float] = {}  # by scene: how long its pictures took when last drawn
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A frame's colour (H, W, 3) before and after, as its file holds it, and a caption."""
+
+    index: int
+    before: NDArray[np.uint8]
+    after: NDArray[np.uint8]
+    about: str
 
 
 # --- what a frame looks like ---
@@ -49,7 +60,7 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        (known[frame],) = render_stills(scene, [frame])
+        (known[frame],) = render_stills(scene, [frame], empty=left_out.shows_dataset(scene))
     known.move_to_end(frame)
     while len(known) > STILLS_KEPT:
         known.popitem(last=False)
@@ -59,6 +70,12 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
 def forget(scene: bpy.types.Scene) -> None:
     """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
     _stills.pop(scene.session_uid, None)
+    forget_drawn(scene)
+
+
+def forget_drawn(scene: bpy.types.Scene) -> None:
+    """Drop a scene's perturbed colour, so that it is perturbed again."""
+    _drawn.pop(scene.session_uid, None)
 
 
 def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
@@ -80,11 +97,21 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
     cannot be written.
     """
+    known = _drawn.get(scene.session_uid)
+    if known is None or known.index != index:
+        known = _drawn[scene.session_uid] = _perturbed(scene, index)
+    edge = round(panel_of(scene).preview_split * known.after.shape[1])
+    if not edge:
+        return known.after, known.about
+    return np.concatenate([known.before[:, :edge], known.after[:, edge:]], axis=1), known.about
+
+
+def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
     stored = panel_of(scene).colour
-    picture = before = _as_stored(clean.rgb, stored)
+    after = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
         height, width = before.shape[:2]
@@ -92,11 +119,8 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
         with colour_of([only], _camera(scene), (width, height)) as colour:
             image = colour.of(clean)[only.folder, index]()
             made, notes = image.pixels(), image.notes
-        picture = before if made is None else _as_stored(made, stored)
-    edge = round(panel_of(scene).preview_split * picture.shape[1])
-    if edge and picture is not before:
-        picture = np.concatenate([before[:, :edge], picture[:, edge:]], axis=1)
-    return picture, f"Frame {index}: {_listed(notes)}"
+        after = before if made is None else _as_stored(made, stored)
+    return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
 
 
 def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
@@ -239,12 +263,13 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
 
 def follow(scene: bpy.types.Scene) -> None:
     """Redraw a scene's pictures that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
-    began_s = time.perf_counter()
+    began_s, was_drawn = time.perf_counter(), scene.session_uid in _drawn
     for kind, index, areas in watching(scene):
         make_picture(scene, kind, index)
         for area in areas:
             area.tag_redraw()
-    _took_s[scene.session_uid] = time.perf_counter() - began_s
+    if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
+        _took_s[scene.session_uid] = time.perf_counter() - began_s
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
@@ -275,7 +300,7 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Drop all rendered frames: another file was opened."""
-    for kept in (_stills, _followed, _took_s):
+    for kept in (_stills, _followed, _drawn, _took_s):
         kept.clear()
 
 

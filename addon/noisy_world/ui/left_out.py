@@ -17,6 +17,7 @@ from ..blender.chain_scene import own_compositing
 from . import world
 from .described import LISTENERS
 from .long_text import write
+from .own_objects import own_object
 from .properties import panel_of
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ _changed: set[int] = set()  # scenes, since they were last looked through
 
 def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return what a render of the scene shows or is made with, and the dataset is not: names, most telling first."""
-    ours = world.own_object(scene, "mesh")
+    ours = own_object(scene, "mesh")
     loaded = ours is not None and world.is_from_panel(scene, ours)
     shown = {item: None for item in _shown(scene) if not (loaded and item == ours)}
     names = [item.name for item in sorted(shown, key=lambda item: RENDERED.index(item.type))]
@@ -61,7 +62,7 @@ def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     names += _cameras(scene)
     if own_compositing(scene) is not None and scene.render.use_compositing:
         names.append("the compositing")
-    if _is_pictured(scene.world):
+    if is_pictured(scene.world):
         names.append("the world")
     return tuple(names)
 
@@ -95,7 +96,7 @@ def _is_instance(item: bpy.types.Object) -> bool:
 
 def _cameras(scene: bpy.types.Scene) -> Iterator[str]:
     """Yield the cameras that a render looks through and the dataset does not, or what the dataset does not take."""
-    ours = world.own_object(scene, "camera")
+    ours = own_object(scene, "camera")
     cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
     for camera in dict.fromkeys(item for item in cameras if item is not None):
         if camera != ours:
@@ -112,7 +113,7 @@ def _is_animated(item: bpy.types.Object) -> bool:
     return keyed or len(item.constraints) > 0 or (item.parent is not None and _is_animated(item.parent))
 
 
-def _is_pictured(item: bpy.types.World | None) -> bool:
+def is_pictured(item: bpy.types.World | None) -> bool:
     """Tell whether a world is more than one colour."""
     tree = None if item is None else item.node_tree
     return tree is not None and any(node.bl_idname not in PLAIN_WORLD for node in tree.nodes)
@@ -127,7 +128,7 @@ def shows_dataset(scene: bpy.types.Scene) -> bool:
 
 
 def _shows_loaded(scene: bpy.types.Scene) -> bool:
-    mesh, camera = world.own_object(scene, "mesh"), world.own_object(scene, "camera")
+    mesh, camera = own_object(scene, "mesh"), own_object(scene, "camera")
     looks = camera is not None and scene.camera == camera and world.poses(scene) > 0
     return looks and mesh is not None and mesh in _shown(scene)
 

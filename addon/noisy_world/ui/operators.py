@@ -2,16 +2,18 @@
 """The panel's buttons: each reads the properties, calls a function and reports."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import bpy
 
 from ..core.errors import NoisyWorldError
+from ..core.labels import title
 from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
-from .described import tell, title
+from .described import tell
 from .document import OWN_FIELDS
+from .own_objects import own_object
 from .properties import active_step, panel_of
 from .step_list import add_step, may_move
 
@@ -84,26 +86,54 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
     needed = ("mesh",)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Load it, and let a Solid view show its colours."""
+        """Load it."""
 
         def work() -> str:
-            loaded, notes = world.load_scene(context.scene)
-            show_colours(context, textured=world.is_textured(loaded))
+            _, notes = world.load_scene(context.scene)
             return "; ".join((", ".join(world.summary(context.scene)), *notes))
 
         return guarded(self, work)
 
 
-def show_colours(context: bpy.types.Context, *, textured: bool) -> None:
-    """Make the 3D view in use show the colours of vertices or of the texture unchanged, if it is in Solid shading."""
-    space = context.space_data
-    if space is not None and space.type == "VIEW_3D" and space.shading.type == "SOLID":
-        space.shading.color_type = "TEXTURE" if textured else "VERTEX"
-        space.shading.light = "FLAT"
+class NoisyWorldShowColors(OnScene, bpy.types.Operator):
+    """Let this view show the mesh's own colors in Solid shading, unlit"""
+
+    bl_idname = "noisy_world.show_colors"
+    bl_label = "Show Mesh Colors"
+    bl_options = UNDOABLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether this is a view in Solid shading that shows other colors."""
+        if not super().poll(context):
+            return False
+        if not hides_colors(context):
+            cls.poll_message_set("This view shows the mesh's own colors already, or is not in Solid shading")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show them."""
+        shading = context.space_data.shading
+        shading.color_type, shading.light = _color_type(context.scene), "FLAT"
+        return DONE
+
+
+def hides_colors(context: bpy.types.Context) -> bool:
+    """Tell whether the 3D view in use is in Solid shading and shows other colors than our mesh's own."""
+    space, wanted = context.space_data, _color_type(context.scene)
+    if wanted is None or space is None or space.type != "VIEW_3D" or space.shading.type != "SOLID":
+        return False
+    return (space.shading.color_type, space.shading.light) != (wanted, "FLAT")
+
+
+def _color_type(scene: bpy.types.Scene) -> Literal["TEXTURE", "VERTEX"] | None:
+    mesh = own_object(scene, "mesh")
+    return None if mesh is None else "TEXTURE" if world.is_textured(mesh) else "VERTEX"
 
 
 class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
-    """Load or make the trajectory, key the camera along it, deviated as given, and set the timeline's range"""
+    """Load or make the trajectory, key our camera along it, deviated as given, and set the timeline's range and rate"""
 
     bl_idname = "noisy_world.load_trajectory"
     bl_label = "Load Trajectory"
@@ -115,7 +145,7 @@ class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
 
         def work() -> str:
             count, notes = world.load_path(context.scene)
-            return "; ".join((f"{count} poses", *notes))
+            return "; ".join((f"{count:,} poses", *notes))
 
         return guarded(self, work)
 
@@ -243,6 +273,7 @@ class NoisyWorldMoveStepDown(_MoveStep, bpy.types.Operator):
 
 CLASSES: tuple[Any, ...] = (
     NoisyWorldLoadScene,
+    NoisyWorldShowColors,
     NoisyWorldLoadTrajectory,
     NoisyWorldSetCamera,
     NoisyWorldAddStep,

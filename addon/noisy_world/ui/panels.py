@@ -8,12 +8,14 @@ import bpy
 
 from ..blender.typed import layout_of
 from ..core.datasets.layouts import LAYOUTS
+from ..core.labels import title
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, generate, paths, preview, tracking, world
-from .described import title
+from . import asset_library, generate, operators, paths, preview, tracking, world
 from .document import OWN_FIELDS
+from .own_objects import own_object
 from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
+from .typed_numbers import property_name
 
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
@@ -23,7 +25,7 @@ STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "sensor": ("Sensor", "TEXTURE"),
     "post": ("Post-Processing", "IMAGE_DATA"),
     "depth": ("Depth", "IMAGE_ZDEPTH"),
-    "pairing": ("Synchronisation", "TIME"),
+    "pairing": ("Synchronization", "TIME"),
 }
 
 
@@ -73,6 +75,8 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):
             layout.label(text=", ".join(told), icon="CHECKMARK")
+            if operators.hides_colors(context):
+                layout.operator("noisy_world.show_colors", icon="SHADING_TEXTURE")
 
 
 class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
@@ -94,8 +98,8 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
         for name in (*names, "every"):
             column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
-        if count := world.poses(context.scene):
-            layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
+        if told := world.path_summary(context.scene):
+            layout.label(text=told, icon="CHECKMARK")
 
 
 class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
@@ -108,7 +112,7 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        column.prop(panel, "deviation_rotation_deg")
+        column.prop(panel, "deviation_rotation")
         column.prop(panel, "deviation_translation_m")
         layout.prop(panel, "speed_factor")
         paths.draw(layout, context)
@@ -127,7 +131,7 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if world.own_object(context.scene, "camera") is None:
+        if own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
 
@@ -262,12 +266,12 @@ def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturb
     """Draw a parameter: its own value, or the severity's with the toggle that overrides it."""
     group = parameters_of(step)
     if name not in perturbation.severities or not step.use_severity:
-        layout.prop(group, name)
+        layout.prop(group, property_name(name))
         return
     label, row = _split_row(layout)
-    label.label(text=group.bl_rna.properties[name].name)
+    label.label(text=group.bl_rna.properties[property_name(name)].name)
     if getattr(group, OVERRIDE + name):
-        row.prop(group, name, text="")
+        row.prop(group, property_name(name), text="")
     else:
         row.label(text=_severity_value(step, perturbation, name))
     row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")

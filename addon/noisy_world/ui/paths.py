@@ -139,7 +139,7 @@ def _batches(scene: bpy.types.Scene) -> Drawn | None:
         _drawn.pop(scene.session_uid, None)
         return None
     panel = panel_of(scene)
-    fields = (panel.deviation_rotation_deg, panel.deviation_translation_m, panel.speed_factor)
+    fields = (panel.deviation_rotation, panel.deviation_translation_m, panel.speed_factor)
     motion = (*fields, json.dumps(listed_motion(panel)))
     origin_m = get_origin(scene)
     made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(panel), tuple(origin_m))

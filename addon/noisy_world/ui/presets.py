@@ -11,8 +11,8 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..blender.typed import layout_of
 from ..core.errors import InputError
 from ..core.home import with_home
+from ..core.labels import title
 from ..core.perturbing.steps import Step
-from .described import title
 from .document import add_perturbations, open_preset, save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import Section

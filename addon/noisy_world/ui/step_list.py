@@ -6,7 +6,8 @@ from typing import Any
 from ..core.perturbing.steps import Step
 from ..perturbations import registry
 from .described import told_once
-from .properties import OVERRIDE, parameters_of, set_value
+from .properties import OVERRIDE, parameters_of
+from .typed_numbers import set_value
 
 
 def take_step(item: Any, step: Step) -> None:

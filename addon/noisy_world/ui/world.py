@@ -21,29 +21,27 @@ from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
+from .own_objects import OURS, camera_alone, images_of, own_object, put_into, select, take_out_mesh
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
-from .properties import panel_of, value_of
+from .properties import panel_of
+from .typed_numbers import value_of
 
-OURS = "noisy_world"  # a custom property of our objects: "mesh" or "camera"
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 LOADED_FROM = "noisy_world_loaded_from"  # of ours: what of the panel decided the mesh or the path, as JSON
 LEFT_AS = "noisy_world_left_as"  # of ours: how we left the mesh or the lens, to see whether it was changed since
 KEYS_LEFT_AS = "noisy_world_keys_left_as"  # of our camera: how we left its keys
 DISPLAY_COLOURS = "Display"
+FASTEST_FPS = 32767  # that Blender knows
+RATE_TOLERANCE = 1e-3  # of a rate, which stamps with six decimals do not hold exactly; chosen
 FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
 PATH_PROPERTIES = (
-    "deviation_rotation_deg", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
+    "deviation_rotation", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
 )  # fmt: skip
 
 
 def is_editable(scene: bpy.types.Scene | None) -> bool:
     """Tell whether a scene is this file's own: what is linked from another is left alone."""
     return scene is not None and scene.library is None and scene.is_editable
-
-
-def own_object(scene: bpy.types.Scene, kind: str) -> bpy.types.Object | None:
-    """Return our object of a scene: the "mesh" or the "camera"."""
-    return next((item for item in scene.objects if item.get(OURS) == kind and item.library is None), None)
 
 
 # --- mesh ---
@@ -56,33 +54,25 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     """
     panel = panel_of(scene)
     mesh = load_mesh(_mesh_path(panel), panel.room_seed)
-    while (old := own_object(scene, "mesh")) is not None:
-        _remove_mesh(old)
+    take_out_mesh(scene)
     set_origin(scene, _origin_m(mesh))
     loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
     loaded[OURS] = "mesh"
+    put_into(scene, loaded)
     # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
     loaded.visible_shadow = False
     _add_display_colours(mesh_of(loaded), mesh)
-    for image in _images(loaded):
+    for image in images_of(loaded):
         image.pack()  # its pixels are the file's own, and would not be saved with it otherwise
     loaded[LOADED_FROM] = _decided_by(panel, "mesh")
     loaded[LEFT_AS] = _mesh_state(loaded)
+    select(scene, loaded)
     return loaded, mesh.notes
 
 
 def is_textured(item: bpy.types.Object) -> bool:
     """Tell whether a mesh of ours shows a texture."""
-    return bool(_images(item))
-
-
-def _images(item: bpy.types.Object) -> list[bpy.types.Image]:
-    """Return the images that the materials of a mesh of ours show."""
-    materials = [] if not isinstance(item.data, bpy.types.Mesh) else item.data.materials
-    trees = [material.node_tree for material in materials if material is not None]
-    nodes = [node for tree in trees if tree is not None for node in tree.nodes]
-    textures = [node for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage)]
-    return [node.image for node in textures if node.image is not None]
+    return bool(images_of(item))
 
 
 def _mesh_path(panel: Any) -> Path | None:
@@ -114,29 +104,13 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
     data.color_attributes.render_color_index = rendered
 
 
-def _remove_mesh(item: bpy.types.Object) -> None:
-    data = item.data
-    images = _images(item)
-    bpy.data.objects.remove(item)
-    if not isinstance(data, bpy.types.Mesh) or data.users:
-        return
-    materials = [material for material in data.materials if material is not None]
-    bpy.data.meshes.remove(data)
-    for material in materials:
-        if not material.users:
-            bpy.data.materials.remove(material)
-    for image in images:
-        if not image.users:
-            bpy.data.images.remove(image)
-
-
 # --- path ---
 
 
 def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
-    """Load or make the panel's trajectory and key the camera along it; return the number of poses, and notes.
+    """Load or make the panel's trajectory, key the camera along it and set the timeline to it.
 
-    Raises NoisyWorldError.
+    Returns the number of poses, and notes: first what of the timeline has changed. Raises NoisyWorldError.
     """
     nominal = find_scenes(preset_of(panel_of(scene)))[0].source.trajectory()
     camera = set_camera(scene)
@@ -144,15 +118,17 @@ def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
     camera[LOADED_FROM] = _decided_by(panel_of(scene), "camera")
     key_camera(scene)
-    return len(nominal), nominal.notes
+    select(scene, camera)
+    changed = set_timeline(scene, nominal.stamps_s)
+    return len(nominal), (*([changed] if changed else []), *nominal.notes)
 
 
 def key_camera(scene: bpy.types.Scene) -> None:
-    """Key the camera along its path, deviated as the panel says, and set the timeline's range and step.
+    """Key the camera along its path, deviated as the panel says, and set the timeline's step.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract; the keys are then kept.
     """
-    camera = own_object(scene, "camera")
+    camera = camera_alone(scene)
     if camera is None or CLEAN_C2W not in camera:
         return
     c2w = np.array(camera[CLEAN_C2W], dtype=np.float64).reshape(-1, 4, 4)
@@ -160,7 +136,9 @@ def key_camera(scene: bpy.types.Scene) -> None:
     keyed = c2w if deviated is None else deviated
     step = _frame_step(chosen_frames(scene, len(keyed)), len(keyed))
     before = camera.animation_data.action if camera.animation_data else None
+    kept = scene.frame_start, scene.frame_end
     key_trajectory(scene, camera, keyed)
+    scene.frame_start, scene.frame_end = kept
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
     camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
@@ -176,15 +154,55 @@ def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
     return step if step > 0 and np.array_equal(chosen, np.arange(0, count, step)) else 1
 
 
+def set_timeline(scene: bpy.types.Scene, stamps_s: NDArray[np.float64]) -> str:
+    """Give the timeline the range and the rate of a path, at its first frame; say what has changed, "" if nothing has.
+
+    stamps_s: (N,), of the poses, which are at the scene frames from 0.
+    """
+    before = _timeline(scene)
+    scene.frame_start, scene.frame_end = 0, len(stamps_s) - 1
+    if len(stamps_s) > 1:
+        _set_rate(scene, rate_of(stamps_s))
+    scene.frame_set(0)
+    after = _timeline(scene)
+    changed = [f"{after[name]} (was {before[name]})" for name in after if after[name] != before[name]]
+    return f"timeline: {', '.join(changed)}" if changed else ""
+
+
+def rate_of(stamps_s: NDArray[np.float64]) -> float:
+    """Return the frames a second of stamps (N,), N > 1: their median rate."""
+    return float(1.0 / np.median(np.diff(stamps_s)))
+
+
+def _set_rate(scene: bpy.types.Scene, rate_hz: float) -> None:
+    whole = min(max(1, round(rate_hz)), FASTEST_FPS)
+    scene.render.fps = whole
+    scene.render.fps_base = 1.0 if abs(rate_hz - whole) < RATE_TOLERANCE * rate_hz else whole / rate_hz
+
+
+def _timeline(scene: bpy.types.Scene) -> dict[str, str]:
+    return {
+        "range": f"frames {scene.frame_start} to {scene.frame_end}",
+        "rate": f"{frames_per_s(scene):.4g} fps",
+        "frame": f"at frame {scene.frame_current}",
+    }
+
+
+def frames_per_s(scene: bpy.types.Scene) -> float:
+    """Return a scene's frame rate."""
+    return scene.render.fps / scene.render.fps_base
+
+
 # --- camera ---
 
 
 def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     """Give the scene our camera with the panel's intrinsics, and make it the scene's."""
-    camera = own_object(scene, "camera")
+    camera = camera_alone(scene)
     if camera is None:
         camera = add_camera(scene, "Noisy World Camera")
         camera[OURS] = "camera"
+    put_into(scene, camera)
     scene.camera = camera
     apply_intrinsics(scene)
     return camera
@@ -192,7 +210,7 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 
 def apply_intrinsics(scene: bpy.types.Scene) -> None:
     """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
-    camera = own_object(scene, "camera")
+    camera = camera_alone(scene)
     if camera is None:
         return
     panel = panel_of(scene)
@@ -297,9 +315,9 @@ def unregister() -> None:
 
 
 def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return what is loaded, as sentences for the panel."""
+    """Return what is loaded, as sentences for the panel; nothing where the panel names another mesh by now."""
     item = own_object(scene, "mesh")
-    if item is None or not isinstance(item.data, bpy.types.Mesh):
+    if item is None or not isinstance(item.data, bpy.types.Mesh) or not is_from_panel(scene, item):
         return ()
     return f"{len(item.data.vertices):,} vertices", f"{len(item.data.polygons):,} faces"
 
@@ -308,3 +326,13 @@ def poses(scene: bpy.types.Scene) -> int:
     """Return how many poses our camera is keyed along; 0 without a camera."""
     camera: Any = own_object(scene, "camera")
     return 0 if camera is None else len(camera.get(CLEAN_C2W, ())) // 16
+
+
+def path_summary(scene: bpy.types.Scene) -> str:
+    """Return what our camera is keyed along, for the panel; "" where the panel names another path by now."""
+    camera = own_object(scene, "camera")
+    if camera is None or not poses(scene) or not is_from_panel(scene, camera):
+        return ""
+    stamps_s = np.array(camera.get(CLEAN_STAMPS_S, ()), dtype=np.float64)
+    rate = f", {rate_of(stamps_s):.4g} fps" if len(stamps_s) > 1 else ""
+    return f"{poses(scene):,} poses keyed{rate}"

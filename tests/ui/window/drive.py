@@ -7,6 +7,7 @@ FOLDER holds mesh.ply, a small room, and trajectory.txt, five poses in it. Write
 result.json there. The add-on is the extension that is installed, or the package in the other folder.
 """
 
+import math
 import sys
 import time
 from pathlib import Path
@@ -88,8 +89,8 @@ def load_path() -> at.Steps:
     yield from at.push("noisy_world.load_trajectory")
     yield lambda: bpy.context.scene.camera is not None
     assert bpy.context.scene.frame_end == FRAMES - 1, bpy.context.scene.frame_end
-    yield from at.fill_in("noisy_world.deviation_rotation_deg", "3")
-    yield lambda: settings().deviation_rotation_deg == 3.0
+    yield from at.fill_in("noisy_world.deviation_rotation", "3")
+    yield lambda: abs(settings().deviation_rotation - math.radians(3.0)) < 1e-7
     yield from at.fill_in("noisy_world.deviation_translation_m", "0.1")
     yield lambda: abs(settings().deviation_translation_m - 0.1) < 1e-6
     yield from at.go(*at.middle(at.region("WINDOW")))
