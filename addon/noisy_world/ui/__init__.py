@@ -7,7 +7,7 @@ from types import ModuleType
 
 MODULES = (
     "properties", "world", "left_out", "operators", "paths", "preview", "generate", "tracking", "asset_library",
-    "panels", "presets",
+    "header_presets", "panels", "presets",
 )  # fmt: skip
 """In the order of registration, which is also the order of the panels in the tab."""
 

@@ -148,11 +148,11 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
     picture = colour_depth(depth_m, near_m, far_m)
-    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {lost}{_listed(notes)}"
+    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void gray; {lost}{_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
     colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
-    pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
+    pair = f"Color of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
 
@@ -348,7 +348,7 @@ and path are loaded and nothing else is shown, it is as it is written. While Pre
 
 
 class PreviewDepth(_Preview, bpy.types.Operator):
-    """Render this frame's depth and show it in an image editor, in colours, as the generator perturbs it; while \
+    """Render this frame's depth and show it in an image editor, in colors, as the generator perturbs it; while \
 Preview is on it follows the sliders"""
 
     bl_idname = "noisy_world.preview_depth"

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ..blender.typed import layout_of
+from ..core.errors import InputError
 from . import left_out
 from .following import Following, redraw
 from .long_text import write
 from .operators import guarded
 from .properties import panel_of
-from .runs import BUSY, SceneRun, active_run, command_line, run_of, start, stop_all, summary
+from .runs import BUSY, SceneRun, active_run, command_line, output_folder, run_of, start, stop_all, summary
+from .wording import spoken
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
@@ -49,7 +51,7 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             return False
         panel = panel_of(context.scene)
         if not (panel.use_rgb or panel.use_depth):
-            cls.poll_message_set("Neither colour nor depth is to be written")
+            cls.poll_message_set("Neither color nor depth is to be written")
             return False
         return True
 
@@ -174,6 +176,32 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
         return guarded(self, work)
 
 
+class NoisyWorldOpenOutput(bpy.types.Operator):
+    """Open the dataset's folder in the file manager"""
+
+    bl_idname = "noisy_world.open_output"
+    bl_label = "Open Output Folder"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether there is one."""
+        if context.scene is None:
+            return False
+        try:
+            there = output_folder(panel_of(context.scene)).is_dir()
+        except InputError as error:
+            cls.poll_message_set(spoken(str(error)))
+            return False
+        if not there:
+            cls.poll_message_set("The folder is not there yet: press Generate")
+        return there
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Open it."""
+        return bpy.ops.wm.path_open(filepath=str(output_folder(panel_of(context.scene))))
+
+
 def operators() -> Any:
     """Return the add-on's operators, which the stubs do not know."""
     return bpy.ops.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  those above
@@ -192,6 +220,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         draw_progress(column, run)
         if run.scene_uid != context.scene.session_uid:
             column.label(text="Another scene's dataset", icon="SCENE_DATA")
+    column.operator(NoisyWorldOpenOutput.bl_idname, icon="FILE_FOLDER")
     column.operator(NoisyWorldCopyCommand.bl_idname, icon="COPYDOWN")
     own = run_of(context.scene)
     if own is None:
@@ -226,6 +255,7 @@ CLASSES = (
     NoisyWorldGenerateAnew,
     NoisyWorldGenerateCancel,
     NoisyWorldCopyCommand,
+    NoisyWorldOpenOutput,
 )
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 DRAWS: Any = draw_in_status_bar  # the stubs give such functions no header

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import bpy
 
 from ..core.errors import NoisyWorldError
-from ..core.labels import title
+from ..core.labels import american, title
 from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
@@ -15,7 +15,8 @@ from .described import tell
 from .document import OWN_FIELDS
 from .own_objects import own_object
 from .properties import active_step, panel_of
-from .step_list import add_step, may_move
+from .step_list import add_step, may_move, move_entry, remove_entry
+from .wording import spoken
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import OperatorTypeFlagItems
@@ -37,13 +38,13 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     try:
         told = work()
     except NoisyWorldError as error:
-        operator.report({"ERROR"}, str(error))
+        operator.report({"ERROR"}, spoken(str(error)))
         return CANCELLED
     finally:
         if window is not None:
             window.cursor_set("DEFAULT")
     if told:
-        operator.report({"INFO"}, told)
+        operator.report({"INFO"}, american(told))
     return DONE
 
 
@@ -223,7 +224,7 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         panel = panel_of(context.scene)
-        panel.steps.remove(panel.active_step)
+        remove_entry(panel, panel.active_step)
         panel.active_step = max(0, min(panel.active_step, len(panel.steps) - 1))
         tell("steps")(panel, context)
         return DONE
@@ -247,7 +248,7 @@ class _MoveStep(_OnStep):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Move it."""
         panel = panel_of(context.scene)
-        panel.steps.move(panel.active_step, panel.active_step + self.by)
+        move_entry(panel, panel.active_step, panel.active_step + self.by)
         panel.active_step += self.by
         tell("steps")(panel, context)
         return DONE

@@ -11,8 +11,10 @@ from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, generate, operators, paths, preview, tracking, world
+from . import asset_library, generate, header_presets, operators, paths, preview, tracking, world
 from .document import OWN_FIELDS
+from .keyed import curve_of, without_effect
+from .long_text import write
 from .own_objects import own_object
 from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
 from .typed_numbers import property_name
@@ -43,6 +45,12 @@ class Section(_Mixin):
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = TAB
+    presets = ""  # what of a preset the list in its header takes
+
+    def draw_header_preset(self, _: bpy.types.Context) -> None:
+        """Draw what opens that list."""
+        if self.presets:
+            header_presets.draw_in_header(layout_of(self), self.presets)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -62,6 +70,7 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
     """The mesh"""
 
     bl_label = "Scene"
+    presets = "SCENE"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
@@ -83,6 +92,7 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
     """The path"""
 
     bl_label = "Trajectory"
+    presets = "PATH"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
@@ -122,11 +132,13 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
     """The intrinsics"""
 
     bl_label = "Camera"
+    presets = "CAMERA"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
+        layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
@@ -214,6 +226,7 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
     """What is done to the sequence"""
 
     bl_label = "Perturbations"
+    presets = "PERTURBATIONS"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list and what is selected."""
@@ -230,6 +243,8 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
             draw_step(layout, step)
         layout.separator(factor=0.5)
         layout.prop(panel, "seed")
+        if paths := without_effect(context.scene):
+            write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
 
 
 def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
@@ -240,8 +255,12 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
     if perturbation.severities:
         column.prop(step, "use_severity")
         if step.use_severity:
-            column.prop(step, "severity", slider=True)
-            if not isinstance(perturbation, SEQUENCE_KINDS):
+            row = column.row()
+            row.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
+            row.prop(step, "severity", slider=True)
+            if (curve := curve_of(step)) is not None:
+                column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
+            elif not isinstance(perturbation, SEQUENCE_KINDS):
                 column.row().prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
         label, buttons = _split_row(column)
@@ -306,6 +325,7 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
     """How frames are rendered and written"""
 
     bl_label = "Render and Output"
+    presets = "OUTPUT"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""

@@ -18,6 +18,7 @@ from ..core.trajectories.trajectory import Trajectory
 from .document import identifiers_of, listed_motion, motion_of
 from .long_text import write
 from .properties import panel_of
+from .wording import spoken
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
@@ -205,7 +206,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     try:
         second = drawn_poses(scene, c2w)
     except NoisyWorldError as error:
-        write(layout, context, str(error), "ERROR")
+        write(layout, context, spoken(str(error)), "ERROR")
         return
     if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)

@@ -18,6 +18,7 @@ from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
 from .standard_view import UseStandardView, falsified_by, is_working_space_wrong
+from .wording import spoken
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 # Chosen by trying: slower pictures make a slider stick, so they wait for a pause.
@@ -135,7 +136,7 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
     try:
         yield
     except NoisyWorldError as error:
-        _errors[scene.session_uid] = str(error)
+        _errors[scene.session_uid] = spoken(str(error))
 
 
 def show(scene: bpy.types.Scene) -> None:
@@ -175,6 +176,17 @@ def is_software_gl() -> bool:
 def _touch_all(*_: Any) -> None:
     """Update all scenes: after undo or loading a file, their previews may not match their properties."""
     for scene in bpy.data.scenes:
+        touch(scene, "preview")
+
+
+@persistent
+def _on_keys(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Update a scene whose own keys were changed: a severity may be keyed."""
+    action = None if scene.animation_data is None else scene.animation_data.action
+    if action is None or not panel_of(scene).preview:
+        return
+    if any(update.id is not None and update.id.original == action for update in depsgraph.updates):
+        frame_preview.forget_drawn(scene)
         touch(scene, "preview")
 
 
@@ -281,6 +293,7 @@ def register() -> None:
     properties.LISTENERS.append(touch)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).append(_touch_all)
+    bpy.app.handlers.depsgraph_update_post.append(_on_keys)
     # Later, as Blender's data cannot be accessed while add-ons are registered.
     bpy.app.timers.register(_resume, first_interval=0.0)
 
@@ -292,6 +305,7 @@ def unregister() -> None:
             bpy.app.timers.unregister(timer)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).remove(_touch_all)
+    bpy.app.handlers.depsgraph_update_post.remove(_on_keys)
     if touch in properties.LISTENERS:
         properties.LISTENERS.remove(touch)
     for scene in bpy.data.scenes:

@@ -19,8 +19,9 @@ from ..core.home import path_in, with_home
 from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
 from ..core.scenes.embedded import is_embedded
 from .background_run import BackgroundRun
-from .document import preset_of, to_document
+from .document import PANEL, preset_of, to_document
 from .properties import panel_of
+from .wording import spoken
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
 NOT_TRACKED = "Stopped; the paths that were drawn before stay"
@@ -32,6 +33,7 @@ class SceneRun:
     """A scene's run, its dataset and its temporary folder, which holds the preset or what the tracker found.
 
     stopped: what is said when it was stopped. sequences: the names of those that are tracked, SETTING/SCENE.
+    preset: the file that the generator was given, which its messages name.
     """
 
     scene_uid: int
@@ -40,6 +42,7 @@ class SceneRun:
     folder: Path
     stopped: str = STOPPED
     sequences: tuple[str, ...] = ()
+    preset: str = PANEL
 
     def tidy(self) -> None:
         """Remove the temporary folder: the dataset's manifest holds the preset, and the scene the paths."""
@@ -114,7 +117,7 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder)
+    run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder, preset=str(preset))
     return run
 
 
@@ -224,4 +227,4 @@ def summary(run: SceneRun) -> str:
         case "stopped":
             return run.stopped
         case _:
-            return state.error
+            return spoken(state.error, run.preset)
