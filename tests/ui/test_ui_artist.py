@@ -41,12 +41,12 @@ def scene():
 def test_a_sections_preset_changes_that_section_alone(tmp_path, part, changed):
     use_files(tmp_path)
     item = settings()
-    item.width_px, item.samples, item.every, item.scene_name = 320, 4, 2, "other"
+    item.width_px, item.samples, item.every, item.scene_name, item.overview = 320, 4, 2, "other", True
     add(scene(), "fog")
     document.save_preset(item, tmp_path / "other.yaml")
     kept = tmp_path / "other.yaml"
     item.width_px, item.samples, item.every, item.scene_name, item.seed = 640, 1, 1, "mine", 9
-    item.mesh_path = square(tmp_path / "mine.ply")
+    item.mesh_path, item.overview = square(tmp_path / "mine.ply"), False
     item.steps[0].severity = 5
     before = document.to_document(item)
     assert bpy.ops.noisy_world.use_preset(filepath=str(kept), part=part) == {"FINISHED"}
@@ -181,9 +181,9 @@ def test_edits_in_the_chain_survive_a_slider():
     assert second.inputs["Std"].default_value == 0.25
     assert preview.is_chain_edited(scene())
     noise.mode = "static"
-    fog.severity = 4.0  # which sets the thickness
+    fog.severity = 5.0  # which sets the thickness
     preview.flush()
-    assert first.inputs["Thickness"].default_value == pytest.approx(registry()["fog"].at_severity(4).thickness)
+    assert first.inputs["Thickness"].default_value == pytest.approx(registry()["fog"].at_severity(5).thickness)
     assert bpy.ops.noisy_world.reset_chain() == {"FINISHED"}
     assert not preview.is_chain_edited(scene())
 
@@ -376,8 +376,8 @@ def test_the_interface_is_spelt_as_blenders():
         ("Noisy World panel: perturbations.0.fog.severity: is 7", "Fog > Severity: is 7"),
         ("Noisy World panel: settings.1.perturb.2.snow.blur_radius_px: is -1", "Snow > Blur Radius: is -1"),
         (
-            "/d: render (samples) was 1, is 4; choose another folder with --out, or replace the dataset with --overwrite",
-            "/d: render (samples) was 1, is 4; choose another folder under Output, or Replace Dataset",
+            "/d: seed was 1, is 4; choose another folder with --out, or replace the dataset with --overwrite",
+            "/d: seed was 1, is 4; choose another folder under Output, or Replace Dataset",
         ),
         ("/t/noisy_world.yaml: output.colour: is grey", "Render and Output > Channels: is gray"),
         ("/d: no space; make room there and run the same command again: finished frames are kept",

@@ -101,6 +101,8 @@ def described(
     common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": told, "options": set()}
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
+    if "description" in other:
+        other["description"] = sentence(other["description"])
     if items := _items(hint, info):
         chosen: dict[str, Any] = {"items": items}
         return bpy.props.EnumProperty(**(chosen | common | other))
@@ -116,7 +118,7 @@ def described(
 def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
     """Return the choices of a field, with label and tooltip; [] for a field without choices."""
     if info.choices is not None:
-        return [(value, choice.label, choice.meaning) for value, choice in info.choices.items()]
+        return [(value, american(choice.label), american(choice.meaning)) for value, choice in info.choices.items()]
     if get_origin(hint) is Literal:
         return [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
     return []

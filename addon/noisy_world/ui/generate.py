@@ -199,7 +199,7 @@ class NoisyWorldOpenOutput(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
-        return bpy.ops.wm.path_open(filepath=str(output_folder(panel_of(context.scene))))
+        return {*bpy.ops.wm.path_open(filepath=str(output_folder(panel_of(context.scene))))}
 
 
 def operators() -> Any:

@@ -7,12 +7,19 @@ from ..blender.typed import camera_of
 from ..core.errors import InputError
 
 OURS = "noisy_world"  # a custom property of what is ours: "mesh", "camera", "collection"
+MADE_AS = "noisy_world_made_as"  # the name that an object of ours was given, which tells it from a copy
 COLLECTION = "Noisy World"
 
 
 def own_object(scene: bpy.types.Scene, kind: str) -> bpy.types.Object | None:
-    """Return our object of a scene: the "mesh" or the "camera"."""
-    return next((item for item in scene.objects if item.get(OURS) == kind and item.library is None), None)
+    """Return our object of a scene: the "mesh" or the "camera". A copy that a user has made of it is the user's."""
+    found = [item for item in scene.objects if item.get(OURS) == kind and item.library is None]
+    return next((item for item in found if item.get(MADE_AS, item.name) == item.name), found[0] if found else None)
+
+
+def mark(item: bpy.types.Object, kind: str) -> None:
+    """Mark an object as ours."""
+    item[OURS], item[MADE_AS] = kind, item.name
 
 
 def put_into(scene: bpy.types.Scene, item: bpy.types.Object) -> None:
@@ -44,16 +51,18 @@ def take_out_mesh(scene: bpy.types.Scene) -> None:
 
     Raises InputError while it is being edited.
     """
-    while (item := own_object(scene, "mesh")) is not None:
-        if item.mode != "OBJECT":
-            mode = item.mode.replace("_", " ").title()
-            raise InputError("Load Scene", f"{item.name} is in {mode} Mode", remedy="leave that mode first")
-        if is_shared(item):
-            _split_collection(scene)
-            for collection in set(item.users_collection) & _collections(scene):
-                collection.objects.unlink(item)
-        else:
-            _remove_mesh(item)
+    item = own_object(scene, "mesh")
+    if item is None:
+        return
+    if item.mode != "OBJECT":
+        mode = item.mode.replace("_", " ").title()
+        raise InputError("Load Scene", f"{item.name} is in {mode} Mode", remedy="leave that mode first")
+    if is_shared(item):
+        _split_collection(scene)
+        for collection in set(item.users_collection) & _collections(scene):
+            collection.objects.unlink(item)
+    else:
+        _remove_mesh(item)
 
 
 def camera_alone(scene: bpy.types.Scene) -> bpy.types.Object | None:
@@ -63,6 +72,7 @@ def camera_alone(scene: bpy.types.Scene) -> bpy.types.Object | None:
         return shared
     _split_collection(scene)
     own = shared.copy()
+    mark(own, "camera")
     own.data = camera_of(shared).copy()
     for collection in set(shared.users_collection) & _collections(scene):
         collection.objects.unlink(shared)

@@ -157,7 +157,7 @@ def short_label(perturbation: Perturbation) -> str:
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):
-    """The perturbations in the order of propagation: motion, colour, depth, pairing"""
+    """The perturbations in the order of propagation: motion, color, depth, pairing"""
 
     def draw_item(
         self,

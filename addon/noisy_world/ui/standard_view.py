@@ -5,7 +5,7 @@ from typing import Any
 
 import bpy
 
-from ..blender.typed import get_value
+from ..blender.typed import get_value, inputs
 from . import left_out
 from .operators import DONE, UNDOABLE, OnScene
 from .own_objects import own_object
@@ -41,8 +41,8 @@ def is_void_shown(scene: bpy.types.Scene) -> bool:
     if tree is None or own_object(scene, "mesh") is None or left_out.is_pictured(scene.world):
         return False
     backgrounds = [node for node in tree.nodes if isinstance(node, bpy.types.ShaderNodeBackground)]
-    shines = (get_value(node.inputs["Strength"]) * max(get_value(node.inputs["Color"])[:3]) for node in backgrounds)
-    return any(value > 0 for value in shines)
+    strengths = [(inputs(node)["Strength"], inputs(node)["Color"]) for node in backgrounds]
+    return any(get_value(strength) * max(get_value(colour)[:3]) > 0 for strength, colour in strengths)
 
 
 def _colour_management(

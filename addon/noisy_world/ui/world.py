@@ -21,7 +21,7 @@ from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
-from .own_objects import OURS, camera_alone, images_of, own_object, put_into, select, take_out_mesh
+from .own_objects import OURS, camera_alone, images_of, mark, own_object, put_into, select, take_out_mesh
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
 from .properties import panel_of
 from .typed_numbers import value_of
@@ -57,7 +57,7 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     take_out_mesh(scene)
     set_origin(scene, _origin_m(mesh))
     loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
-    loaded[OURS] = "mesh"
+    mark(loaded, "mesh")
     put_into(scene, loaded)
     # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
     loaded.visible_shadow = False
@@ -201,7 +201,7 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     camera = camera_alone(scene)
     if camera is None:
         camera = add_camera(scene, "Noisy World Camera")
-        camera[OURS] = "camera"
+        mark(camera, "camera")
     put_into(scene, camera)
     scene.camera = camera
     apply_intrinsics(scene)
