@@ -5,8 +5,8 @@ import bpy
 
 from ..blender.typed import camera_of
 from ..core.errors import InputError
+from .owned import OURS
 
-OURS = "noisy_world"  # a custom property of what is ours: "mesh", "camera", "collection"
 MADE_AS = "noisy_world_made_as"  # the name that an object of ours was given, which tells it from a copy
 COLLECTION = "Noisy World"
 

@@ -15,6 +15,7 @@ from ..blender.scene import get_origin
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
+from . import drawn_tracks
 from .document import identifiers_of, listed_motion, motion_of
 from .long_text import write
 from .properties import panel_of
@@ -173,6 +174,8 @@ def _draw() -> None:
     # In the camera's view its own path would cover the picture.
     if not space.overlay.show_overlays or context.region_data.view_perspective == "CAMERA":
         return
+    if drawn_tracks.shown(context.scene):  # which hold the true path, and would be covered by it
+        return
     drawn = _batches(context.scene)
     if drawn is None:
         return
@@ -200,6 +203,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     scene = context.scene
     c2w = clean_poses(scene)
     if c2w is None:
+        return
+    if drawn_tracks.shown(scene):
+        write(layout, context, "Run SLAM shows its paths instead", "INFO")
         return
     row = layout.row(align=True)
     row.label(text="Clean Path", icon=CLEAN_ICON)

@@ -18,6 +18,8 @@ from .runs import BUSY, SceneRun, active_run, output_folder, start_tracking, sum
 from .tracked import read_tracked
 from .wording import spoken
 
+BUTTON_PX = 24  # of a button that is a symbol, beside a text
+
 
 class NoisyWorldTrack(Following, bpy.types.Operator):
     """Run the embedded SLAM system on the generated frames, and draw its path beside the true one; Esc stops it"""
@@ -121,9 +123,10 @@ def _draw_shown(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     for collection in shown:
         row = layout.row()
-        write(row, context, collection[drawn_tracks.SENTENCE], "CON_FOLLOWPATH")
+        write(row, context, collection[drawn_tracks.SENTENCE], "CON_FOLLOWPATH", taken=BUTTON_PX)
         row.prop(collection, "hide_viewport", text="", emboss=False)
-    legend = layout.grid_flow(columns=2, even_columns=True, align=True)
+    legend = layout.column(align=True)
+    legend.scale_y = 0.8
     for part in drawn_tracks.parts_of(shown):
         label, icon, _ = drawn_tracks.PARTS[part]
         legend.label(text=label, icon=icon)

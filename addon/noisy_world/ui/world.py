@@ -21,7 +21,8 @@ from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
-from .own_objects import OURS, camera_alone, images_of, mark, own_object, put_into, select, take_out_mesh
+from .own_objects import camera_alone, images_of, mark, own_object, put_into, select, take_out_mesh
+from .owned import OURS
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
 from .properties import panel_of
 from .typed_numbers import value_of

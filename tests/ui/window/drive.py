@@ -39,7 +39,7 @@ def steps() -> at.Steps:
     yield lambda: not bpy.data.objects
     yield from at.open_sidebar("Noisy World")
     yield from photograph("panel_top")
-    for part in (load_room, load_path, add_perturbations, preview, look_at_nodes, save, generate):
+    for part in (load_room, load_path, add_perturbations, preview, look_at_nodes, save, generate, track):
         start_s = time.monotonic()
         yield from part()
         remark(f"{part.__name__}: {time.monotonic() - start_s:.0f} s")
@@ -218,6 +218,31 @@ def generate() -> at.Steps:
     (FOLDER / "command.txt").write_text(bpy.context.window_manager.clipboard)
     remark(generating.summary(generating.run_of(bpy.context.scene)))
     assert phase() == "finished", REMARKS
+
+
+def track() -> at.Steps:
+    """Run SLAM on what was generated, hide one of the paths, undo and redo, and remove them."""
+    name = next(name for name in sys.modules if name.endswith("noisy_world.ui.tracking"))
+    tracking, drawn = sys.modules[name], sys.modules[name.replace("tracking", "drawn_tracks")]
+
+    def phase() -> str:
+        run = tracking.tracking_of(bpy.context.scene)
+        return run.background.phase if run else ""
+
+    def shown() -> list[str]:
+        return [item.name for item in drawn.shown(bpy.context.scene)]
+
+    yield from at.push("noisy_world.track(")
+    yield lambda: phase() in ("finished", "failed")
+    assert phase() == "finished", tracking.summary(tracking.tracking_of(bpy.context.scene))
+    yield lambda: len(shown()) == 2
+    yield from at.look_for("noisy_world.track_remove")
+    yield from photograph("tracked")
+    at.press("LEFTMOUSE")
+    yield lambda: not shown()
+    yield from at.go(*at.middle(at.region("WINDOW")))
+    at.press("Z", ctrl=True)
+    yield lambda: len(shown()) == 2
 
 
 at.run(steps(), FOLDER / "result.json")
