@@ -39,13 +39,16 @@ def set_intrinsics(
     near_m: float,
     far_m: float,
     sample_offset_px: float = 0.0,
+    sensor_width_mm: float = SENSOR_WIDTH_MM,
+    blurred: bool = False,
 ) -> None:
     """Give the camera and the scene's image the intrinsics; depth outside [near_m, far_m] is void.
 
     Blender measures its shift from the image's centre, in image widths; with integer coordinates at pixel centres, the
     image's centre is (width - 1) / 2. fx != fy becomes a pixel aspect, which Blender allows from 1 up. An image smaller
     than Blender's smallest is rendered larger, to the right and below. sample_offset_px: by how much the renderer's
-    rays miss the pixel's centre, to the right and up; the shift compensates it.
+    rays miss the pixel's centre, to the right and up; the shift compensates it. sensor_width_mm: decides the lens'
+    length, and thereby what is out of focus. blurred: whether that is shown as it is.
     """
     width_px = max(intrinsics.width_px, SMALLEST_PX)
     height_px = max(intrinsics.height_px, SMALLEST_PX)
@@ -59,15 +62,15 @@ def set_intrinsics(
     data = camera_of(camera)
     data.type = "PERSP"
     data.sensor_fit = "HORIZONTAL"
-    data.sensor_width = SENSOR_WIDTH_MM
+    data.sensor_width = sensor_width_mm
     data.lens_unit = "MILLIMETERS"
-    data.lens = intrinsics.fx_px * SENSOR_WIDTH_MM / width_px
+    data.lens = intrinsics.fx_px * sensor_width_mm / width_px
     data.shift_x = ((width_px - 1) / 2 - intrinsics.cx_px - sample_offset_px) / width_px
     data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2 - sample_offset_px) * aspect / width_px
     data.clip_start = near_m
     data.clip_end = far_m
     assert data.dof is not None
-    data.dof.use_dof = False
+    data.dof.use_dof = blurred
 
 
 def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64]) -> None:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.storage import sha256_of_file
-from ..core.errors import InputError, NoisyWorldError
+from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
-from ..core.presets.preset import HandheldSpec, TrajectorySpec
+from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.ply import read_ply, texture_files
@@ -30,6 +30,7 @@ from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
+from .beginning import Beginning, check_beginning
 from .rendering import RenderSession, open_session
 
 
@@ -137,7 +138,7 @@ class MeshSource:
             "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
-            "trajectory_sha256": None if self.path_file is None else _sha256_of_path(self.path_file),
+            "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
             **(texture_hashes if textures else {}),
         }
 
@@ -147,7 +148,7 @@ class MeshSource:
         with contextlib.ExitStack() as closing:
             yield PreparedMesh(self, camera, note, closing)
 
-    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> "Beginning | None":
+    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
         """Return what a path of the mesh must not begin with, None where no frame is looked at."""
         if not frames:
             return None
@@ -158,14 +159,6 @@ class MeshSource:
         remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
         error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
         return Beginning(tuple(map(paths.moment, frames)), error)
-
-
-@dataclass(frozen=True)
-class Beginning:
-    """The first moments of a path, at least one, and the error if none of them sees anything."""
-
-    moments: tuple[Moment, ...]
-    error: InputError
 
 
 class PreparedMesh:
@@ -244,7 +237,7 @@ class OpenMesh:
         """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
         frame = self._session.frame(moment)
         if self._beginning is not None:
-            self._check_beginning(self._beginning, moment, frame)
+            check_beginning(self._beginning, moment, frame, self._session.frame)
         if self._first and frame.depth_m is not None:
             self._check(moment, frame.depth_m)
         self._first, self._beginning = False, None
@@ -252,18 +245,6 @@ class OpenMesh:
             self._unchecked.clear()
             forget_meshes()
         return frame
-
-    def _check_beginning(self, beginning: Beginning, moment: Moment, frame: SourceFrame) -> None:
-        """Raise the error where none of the first frames sees anything.
-
-        Frames that another process writes, or none, are rendered for this alone, so that each process of a run comes
-        to the same end, before it has handed out a frame.
-        """
-        first, *others = beginning.moments
-        if _sees_something(frame if moment.index == first.index else self._session.frame(first)):
-            return
-        if not any(_sees_something(self._session.frame(other)) for other in others):
-            raise beginning.error
 
     def _check(self, moment: Moment, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
@@ -275,11 +256,6 @@ class OpenMesh:
         for mesh in self._unchecked:
             if problem := reprojection_problem(mesh, moment.depth_c2w, self._camera, depth_m):
                 self._note(f"{where}: {problem}")
-
-
-def _sees_something(frame: SourceFrame) -> bool:
-    """Tell whether a frame shows anything: void has neither colour nor depth."""
-    return any(image is not None and bool(image.any()) for image in (frame.rgb, frame.depth_m))
 
 
 def load_mesh(path: Path | None, room: int = 0) -> Mesh:
@@ -304,7 +280,7 @@ def _read(path: Path, _changed_ns: tuple[int, ...]) -> Mesh:
     return read_ply(path)
 
 
-def _sha256_of_path(path: Path) -> str | None:
+def sha256_of_path(path: Path) -> str | None:
     """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
     if path.is_file():
         return sha256_of_file(path)

@@ -16,7 +16,8 @@ import bpy
 
 from ..core.errors import InputError, StorageError
 from ..core.home import path_in, with_home
-from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
+from ..core.presets.preset import Preset, PresetSpec, read_preset
+from ..core.presets.scene_keys import SceneSpec
 from ..core.scenes.embedded import is_embedded
 from .background_run import BackgroundRun
 from .document import PANEL, preset_of, to_document
