@@ -2,7 +2,7 @@
 """Converting the panel's content into a preset's document, which generate.py reads, and back."""
 
 import math
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from ..core.schema import Place, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
+from . import scene_copy, this_scene
 from .keyed import curve_ends, curve_of, levels_of
 from .properties import OVERRIDE, parameters_of, perturbation_of
 from .typed_numbers import value_of
@@ -58,12 +59,16 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     Paths are absolute, or relative to `folder` if they are inside it.
     """
     perturb = perturb_of(panel)
+    given = given_of(panel)
     modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        "camera": {key: value_of(panel, name) for name, key in CAMERA.items()},
-        "render": {"engine": panel.engine, "samples": panel.samples, "backend": panel.backend},
+        **({"camera": {key: value_of(panel, name) for name, key in CAMERA.items()}} if given.lens else {}),
+        "render": {
+            **({"engine": panel.engine, "samples": panel.samples} if given.render else {}),
+            "backend": panel.backend,
+        },
         "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
         "output": {
             "layout": panel.layout,
@@ -86,11 +91,29 @@ def format_of(panel: Any) -> OutputFormat:
 
 def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the panel's scene as a preset has it."""
+    if this_scene.is_shown(panel):
+        shown = this_scene.entry(panel, lambda path: _path(path, folder))
+        path = {} if this_scene.rides(panel) else {"trajectory": _trajectory(panel, folder)}
+        return {"name": panel.scene_name, **shown, **path}
     return {
         "name": panel.scene_name,
         "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
         "trajectory": _trajectory(panel, folder),
     }
+
+
+@dataclass(frozen=True)
+class Given:
+    """Whether the panel gives the intrinsics, and engine and samples; if not, the scene itself does."""
+
+    lens: bool
+    render: bool
+
+
+def given_of(panel: Any) -> Given:
+    """Return what the panel gives itself."""
+    own = this_scene.is_shown(panel)
+    return Given(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
 
 
 def absolute(path: str) -> str:
@@ -114,7 +137,7 @@ def _path(path: str, folder: Path | None) -> str:
 
 
 def _trajectory(panel: Any, folder: Path | None) -> dict[str, Any]:
-    if panel.trajectory_source == "HANDHELD":
+    if panel.trajectory_source != "FILE":
         made: dict[str, Any] = {"handheld": {key: value_of(panel, name) for name, key in HANDHELD.items()}}
     else:
         made = {"file": _path(panel.trajectory_path, folder)}
@@ -190,7 +213,9 @@ def _keyed_frames(step: Any) -> NDArray[np.int64] | None:
     scene = step.id_data
     _, choosing = split_motion(motion_of(scene.noisy_world))
     count = max(1 + math.ceil(ends[1]) * max(1, scene.noisy_world.speed_factor), scene.frame_end + 1)
-    return chosen_poses(choosing, count, identifiers_of(scene.noisy_world))
+    shown = chosen_poses(choosing, count, identifiers_of(scene.noisy_world))
+    frames = this_scene.scene_frames(scene, count)
+    return np.asarray(frames if shown is None else frames[shown], np.int64)
 
 
 def steps_of(panel: Any) -> tuple[Step, ...]:
@@ -205,7 +230,9 @@ def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
 
 
 def intrinsics_of(panel: Any) -> Intrinsics:
-    """Return the panel's camera."""
+    """Return the panel's camera; that of the scene where it holds. Raises InputError where the scene has none."""
+    if not given_of(panel).lens:
+        return this_scene.intrinsics_of_scene(panel.id_data)
     return Intrinsics(*(value_of(panel, name) for name in INTRINSICS))
 
 
@@ -222,8 +249,15 @@ def preset_of(panel: Any, path: Path | None = None) -> Preset:
     return check_document(to_document(panel, path and path.parent), path or Path(PANEL))
 
 
-def save_preset(panel: Any, path: Path) -> None:
-    """Write the preset that the panel describes. Raises NoisyWorldError; an existing file is then kept."""
+def save_preset(panel: Any, path: Path) -> str:
+    """Write the preset that the panel describes; return what was done beside that, "" for nothing.
+
+    Raises NoisyWorldError; an existing file is then kept.
+    """
+    said = ""
+    if this_scene.is_shown(panel):
+        this_scene.check(panel.id_data)
+        said = scene_copy.ensure(panel.id_data, path.with_suffix(".blend"))
     preset = preset_of(panel, path)
     make_plan(preset)  # raises for a preset that cannot be generated, which is then not saved
     text = yaml_text(preset.document)
@@ -232,3 +266,4 @@ def save_preset(panel: Any, path: Path) -> None:
     write_atomic(path, f"{HEADING}\n{text}".encode(), path.parent)
     panel.preset_path = str(path)
     panel.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
+    return said

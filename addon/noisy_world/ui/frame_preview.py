@@ -11,7 +11,6 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
@@ -25,11 +24,12 @@ from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import left_out
+from . import left_out, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
+from .stills import path_frames, rendered
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
@@ -60,7 +60,7 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        (known[frame],) = render_stills(scene, [frame], empty=left_out.shows_dataset(scene))
+        known[frame] = rendered(scene, frame)
     known.move_to_end(frame)
     while len(known) > STILLS_KEPT:
         known.popitem(last=False)
@@ -85,9 +85,11 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
     """
     panel = panel_of(scene)
     setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
-    count = len(clean_stamps_s(scene))
-    sequence = lay_out(setting, panel.scene_name, count, identifiers_of(panel))
-    return sequence, max(0, min(sequence.frame_at(scene.frame_current), len(sequence.source_frames) - 1))
+    frames = path_frames(scene)
+    sequence = lay_out(setting, panel.scene_name, len(frames), identifiers_of(panel))
+    now = scene.frame_current
+    source = int(np.abs(frames - now).argmin()) if this_scene.is_shown(panel) else now
+    return sequence, max(0, min(sequence.frame_at(source), len(sequence.source_frames) - 1))
 
 
 def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:

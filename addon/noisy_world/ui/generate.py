@@ -7,6 +7,7 @@ import bpy
 
 from ..blender.typed import layout_of
 from ..core.errors import InputError
+from ..core.labels import american
 from . import left_out
 from .following import Following, redraw
 from .long_text import write
@@ -61,6 +62,7 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             return {"CANCELLED"}
         if text := left_out.sentence(context.scene):
             self.report({"WARNING"}, text)
+        self._say()
         return self.waited(context)
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
@@ -68,7 +70,15 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
         if not self.asked and left_out.left_out(context.scene):
             operators().generate_without("INVOKE_DEFAULT", overwrite=self.overwrite)
             return {"CANCELLED"}  # that operator starts this one again
-        return self.followed(context) if self.started(context) else {"CANCELLED"}
+        if not self.started(context):
+            return {"CANCELLED"}
+        self._say()
+        return self.followed(context)
+
+    def _say(self) -> None:
+        """Report what was done before the run."""
+        if self._run is not None and self._run.said:
+            self.report({"INFO"}, american(self._run.said))
 
     def begin(self, scene: bpy.types.Scene) -> SceneRun:
         """Start the generator."""
@@ -107,15 +117,42 @@ class _AskedGenerate(_Mixin):
 
 
 class NoisyWorldGenerateWithout(_AskedGenerate, bpy.types.Operator):
-    """Make the dataset that the panel describes, without what the scene shows beside it"""
+    """Make the dataset that the panel describes, without what the scene shows beside it; or of this scene itself"""
 
     bl_idname = "noisy_world.generate_without"
-    bl_label = "Generate Without These"
+    bl_label = "What Shall the Dataset Show?"
     bl_options = {"REGISTER"}
+
+    shows: bpy.props.EnumProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Shows",
+        description="What the dataset shows",
+        items=[
+            ("PANEL", "Without These", "What the panel names under Scene, and nothing else of this file"),
+            ("SCENE", "This Scene", "This scene as it is set up, through its own camera"),
+        ],
+        options={"SKIP_SAVE"},
+    )
 
     overwrite: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         name="Replace Dataset", options={"SKIP_SAVE", "HIDDEN"}
     )
+
+    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
+        """Ask first."""
+        return context.window_manager.invoke_props_dialog(self, title=self.bl_label, confirm_text="Generate")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the question."""
+        layout = layout_of(self)
+        write(layout, context, left_out.sentence(context.scene), "ERROR")
+        layout.row().prop(self, "shows", expand=True)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Generate."""
+        if self.shows == "SCENE":
+            panel_of(context.scene).mesh_source = "SCENE"
+            panel_of(context.scene).trajectory_source = "CAMERA"
+        return super().execute(context)
 
 
 class NoisyWorldGenerateAnew(_AskedGenerate, bpy.types.Operator):
@@ -230,6 +267,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, summary(own), icons.get(own.background.phase, "INFO"))
         if own.background.phase == "failed" and "--overwrite" in own.background.error:
             layout.operator(NoisyWorldGenerateAnew.bl_idname, icon="TRASH")
+    if own.said:
+        write(layout, context, own.said[:1].upper() + own.said[1:], "FILE_BLEND")
     for note in own.background.notes:
         write(layout, context, note[:1].upper() + note[1:], "DOT")
 

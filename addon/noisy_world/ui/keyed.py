@@ -70,16 +70,15 @@ def _snapped(severity: float) -> float:
     return inside if inside >= lowest else float(int(inside + 0.5))
 
 
-def key_severity(step: Any, levels: Sequence[float], shown: NDArray[np.int64] | None) -> None:
-    """Key an entry's severity as a preset lists it. shown: as of `levels_of`."""
+def key_severity(step: Any, levels: Sequence[float], frames: NDArray[np.int64]) -> None:
+    """Key an entry's severity (N,) as a preset lists it, at scene frames (N,)."""
     scene: bpy.types.Scene = step.id_data
     if scene.animation_data is None or scene.animation_data.action is None:
         new_action(scene, f"{scene.name} severity")
     curve = action_of(scene).fcurve_ensure_for_datablock(scene, f"{step.path_from_id()}.severity")
-    frames = np.arange(len(levels)) if shown is None else shown[: len(levels)]
     points = curve.keyframe_points
     points.add(len(frames))
-    points.foreach_set("co", np.stack([frames, levels[: len(frames)]], axis=1).astype(np.float32).ravel())
+    points.foreach_set("co", np.stack([frames, levels], axis=1).astype(np.float32).ravel())
     points.foreach_set("interpolation", np.full(len(frames), interpolation("LINEAR"), dtype=np.int32))
     curve.update()
 

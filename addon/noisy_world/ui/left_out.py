@@ -14,7 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import own_compositing
-from . import world
+from . import this_scene, world
 from .described import LISTENERS
 from .long_text import write
 from .own_objects import own_object
@@ -53,6 +53,8 @@ _changed: set[int] = set()  # scenes, since they were last looked through
 
 def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return what a render of the scene shows or is made with, and the dataset is not: names, most telling first."""
+    if this_scene.is_shown(panel_of(scene)):
+        return ()
     ours = own_object(scene, "mesh")
     loaded = ours is not None and world.is_from_panel(scene, ours)
     shown = {item: None for item in _shown(scene) if not (loaded and item == ours)}
@@ -128,6 +130,8 @@ def shows_dataset(scene: bpy.types.Scene) -> bool:
 
 
 def _shows_loaded(scene: bpy.types.Scene) -> bool:
+    if this_scene.is_shown(panel_of(scene)):
+        return True
     mesh, camera = own_object(scene, "mesh"), own_object(scene, "camera")
     looks = camera is not None and scene.camera == camera and world.poses(scene) > 0
     return looks and mesh is not None and mesh in _shown(scene)
@@ -147,7 +151,7 @@ def sentence(scene: bpy.types.Scene, names: tuple[str, ...] | None = None) -> st
     panel = panel_of(scene)
     if panel.mesh_source == "ROOM":
         room = f"embedded room {panel.room_seed}" if panel.room_seed else "the embedded room"
-        return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; load a PLY under Scene"
+        return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; choose another under Scene"
     mesh = Path(panel.mesh_path).name or "the PLY file under Scene"
     return f"Not in the dataset: {enumerated(names)}. The dataset shows {mesh}"
 

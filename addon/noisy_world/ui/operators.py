@@ -86,6 +86,16 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
     bl_options = UNDOABLE
     needed = ("mesh",)
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether there is a mesh to load."""
+        if not super().poll(context):
+            return False
+        if panel_of(context.scene).mesh_source == "SCENE":
+            cls.poll_message_set("This scene is there already")
+            return False
+        return True
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
 

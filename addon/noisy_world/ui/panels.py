@@ -76,11 +76,15 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         layout.prop(panel, "mesh_source")
+        layout.prop(panel, "scene_name", text="Name")
+        if panel.mesh_source == "SCENE":
+            layout.row().prop(panel, "compositing", expand=True)
+            layout.prop(panel, "depth_alpha", slider=True)
+            return
         if panel.mesh_source == "FILE":
             layout.prop(panel, "mesh_path")
         else:
             layout.prop(panel, "room_seed")
-        layout.prop(panel, "scene_name", text="Name")
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):
             layout.label(text=", ".join(told), icon="CHECKMARK")
@@ -102,6 +106,8 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
             layout.prop(panel, "trajectory_path")
             names = ("trajectory_format", "trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
             names += ("trajectory_stamp_unit",)
+        elif panel.trajectory_source == "CAMERA":
+            names = ()
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)
@@ -138,12 +144,16 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
+        if panel.mesh_source == "SCENE":
+            layout.prop(panel, "lens_source")
+            if panel.lens_source == "SCENE":
+                return
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if own_object(context.scene, "camera") is None:
+        if panel.mesh_source != "SCENE" and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
 
@@ -331,8 +341,12 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        for name in ("engine", "samples", "backend"):
+        own = panel.mesh_source == "SCENE"
+        if own:
+            column.prop(panel, "render_source")
+        for name in ("engine", "samples") if not own or panel.render_source == "GIVEN" else ():
             column.prop(panel, name)
+        column.prop(panel, "backend")
         column = layout.column(align=True)
         column.prop(panel, "layout")
         row = column.row(align=True)

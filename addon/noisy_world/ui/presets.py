@@ -159,8 +159,8 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
 
 def _save(context: bpy.types.Context, path: Path) -> str:
     path = _in_home(path)
-    save_preset(panel_of(context.scene), path)
-    return f"saved {path}"
+    said = save_preset(panel_of(context.scene), path)
+    return f"saved {path}" + (f"; {said}" if said else "")
 
 
 def _in_home(path: Path) -> Path:

@@ -2,22 +2,26 @@
 """The preview: the panel's perturbations on the view and on the last render, following every slider."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import bpy
 import gpu
+import numpy as np
 from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_chain
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
-from . import frame_preview, properties, views
+from ..core.planning.sequence import Sequence
+from . import frame_preview, properties, this_scene, views
+from .document import intrinsics_of
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
-from .standard_view import UseStandardView, falsified_by, is_working_space_wrong
+from .standard_view import UseStandardView, falsified_by, is_working_space_wrong, shown_after
+from .stills import path_frames
 from .wording import spoken
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
@@ -27,10 +31,11 @@ PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
+    "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
 }  # fmt: skip
 """Properties that move or change the camera, by the names that listeners get."""
-SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RENDERED_BY
+SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend", "every"} | RENDERED_BY
 """What a preview depends on."""
 
 _changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
@@ -147,10 +152,18 @@ def show(scene: bpy.types.Scene) -> None:
         scene,
         sequence.setting.rgb,
         sequence.identifiers,
-        index_of=sequence.frame_at if sequence.skips else None,
-        reference_width_px=panel.width_px,
+        index_of=index_of(scene, sequence),
+        reference_width_px=intrinsics_of(panel).width_px,
         split=panel.preview_split,
     )
+
+
+def index_of(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], int] | None:
+    """Return what gives the sequence's frame that a scene frame shows; None where the numbers are equal."""
+    if not this_scene.is_shown(panel_of(scene)):
+        return sequence.frame_at if sequence.skips else None
+    frames = path_frames(scene)
+    return lambda frame: sequence.frame_at(int(np.abs(frames - frame).argmin()))
 
 
 def hide(scene: bpy.types.Scene) -> None:
@@ -264,6 +277,9 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)
+    if view := shown_after(scene):
+        text = f"{view} comes after the perturbations here, and before them in the dataset: Preview Frame shows that"
+        write(layout, context, text, "INFO")
     if is_working_space_wrong():
         text = f"Not what is written: the file's working space is {bpy.data.colorspace.working_space}"
         write(layout, context, text, "ERROR")

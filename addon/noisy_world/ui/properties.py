@@ -15,13 +15,11 @@ from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
     REPLICA_CAMERA,
     CameraSpec,
-    HandheldSpec,
     PresetSpec,
     RenderSpec,
-    SceneSpec,
     SettingSpec,
-    TrajectorySpec,
 )
+from ..core.presets.scene_keys import HandheldSpec, SceneSpec, TrajectorySpec
 from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
@@ -193,6 +191,16 @@ def _take_layout(panel: Any, context: bpy.types.Context) -> None:
         tell("layout")(panel, context)
 
 
+def _take_mesh_source(panel: Any, context: bpy.types.Context) -> None:
+    """Let the path be one that goes with the mesh's source: a scene has a camera, a mesh has none."""
+    with told_once():
+        if panel.mesh_source == "SCENE" and panel.trajectory_source == "HANDHELD":
+            panel.trajectory_source = "CAMERA"
+        elif panel.mesh_source != "SCENE" and panel.trajectory_source == "CAMERA":
+            panel.trajectory_source = "HANDHELD"
+        tell("mesh_source")(panel, context)
+
+
 def _panel_members() -> dict[str, Any]:
     replica = REPLICA_CAMERA
     path_options: set[PropertyFlagItems] = {"PATH_SUPPORTS_BLEND_RELATIVE"}
@@ -204,8 +212,40 @@ def _panel_members() -> dict[str, Any]:
             items=[
                 ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
                 ("FILE", "PLY File", "A mesh with its colors or texture"),
+                ("SCENE", "This Scene", "What this file's scene renders: its objects, lights, world and settings"),
             ],
-            update=tell("mesh_source"),
+            update=_take_mesh_source,
+        ),
+        "compositing": _enum(
+            name="Compositing",
+            description="What becomes of the scene's own compositing in the dataset",
+            items=[
+                ("off", "Off", "Frames are as rendered, before the compositing"),
+                ("keep", "Keep", "Frames are as the compositing makes them"),
+            ],
+            update=tell("compositing"),
+        ),
+        "depth_alpha": described(
+            SceneSpec, "depth_alpha", label="Depth Alpha", update="depth_alpha",
+            description="Higher: depth sees through surfaces that are less transparent",
+        ),
+        "lens_source": _enum(
+            name="Intrinsics",
+            description="Where the camera's intrinsics come from",
+            items=[
+                ("SCENE", "Scene Camera", "Its lens, sensor and clipping, and the scene's resolution"),
+                ("GIVEN", "As Given", "The numbers below"),
+            ],
+            update=tell("lens_source"),
+        ),
+        "render_source": _enum(
+            name="Render",
+            description="Where engine and samples come from",
+            items=[
+                ("SCENE", "As Set Up", "The scene's own engine and samples"),
+                ("GIVEN", "As Given", "The engine and samples below"),
+            ],
+            update=tell("render_source"),
         ),
         "mesh_path": described(
             SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
@@ -224,6 +264,7 @@ def _panel_members() -> dict[str, Any]:
             items=[
                 ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
                 ("FILE", "File", "A file of poses, or a folder of one pose a file; its format is told by content"),
+                ("CAMERA", "Scene Camera", "The scene's own camera, with all that moves it"),
             ],
             update=tell("trajectory_source"),
         ),

@@ -6,9 +6,10 @@ from typing import Any
 import bpy
 
 from ..blender.typed import get_value, inputs
-from . import left_out
+from . import left_out, this_scene
 from .operators import DONE, UNDOABLE, OnScene
 from .own_objects import own_object
+from .properties import panel_of
 
 FORMER_WORLD = "noisy_world_former_world"
 
@@ -16,6 +17,8 @@ FORMER_WORLD = "noisy_world_former_world"
 def falsified_by(scene: bpy.types.Scene) -> list[str]:
     """Return what in a scene's colour management makes the preview differ from the image that is written."""
     (display, view), found = _colour_management(scene), []
+    if this_scene.is_shown(panel_of(scene)):
+        return []  # written as the scene is shown; `shown_after` says what differs
     if display.display_device != "sRGB":
         found.append(f"the display is {display.display_device}, not sRGB")
     if view.view_transform != "Standard":
@@ -33,6 +36,12 @@ def falsified_by(scene: bpy.types.Scene) -> list[str]:
     if is_void_shown(scene):
         found.append("the world is not black, as is what a dataset shows where there is no surface")
     return found
+
+
+def shown_after(scene: bpy.types.Scene) -> str:
+    """Return the view transform that is applied after the preview, and before what is written; "" where it is plain."""
+    _, view = _colour_management(scene)
+    return view.view_transform if this_scene.is_shown(panel_of(scene)) and view.view_transform != "Standard" else ""
 
 
 def is_void_shown(scene: bpy.types.Scene) -> bool:

@@ -3,13 +3,12 @@
 
 from typing import Any
 
-import numpy as np
-
 from ..core.perturbing.steps import Step
 from ..perturbations import registry
 from .described import told_once
 from .keyed import key_severity, reorder
 from .properties import OVERRIDE, parameters_of
+from .this_scene import scene_frames
 from .typed_numbers import set_value
 
 
@@ -29,7 +28,8 @@ def take_step(item: Any, step: Step, *, speed_factor: int = 1) -> None:
         set_value(group, name, value)
     if step.keyed and step.levels is not None:
         item.severity = step.levels[0]
-        key_severity(item, step.levels, None if speed_factor == 1 else np.arange(len(step.levels)) * speed_factor)
+        frames = scene_frames(item.id_data, len(step.levels) * speed_factor)[::speed_factor]
+        key_severity(item, step.levels, frames)
 
 
 def put_step(panel: Any, step: Step) -> bool:

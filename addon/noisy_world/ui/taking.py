@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A preset's content into the panel: all of it, or the part that a section shows."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,10 +12,12 @@ from ..core.home import path_in
 from ..core.perturbing.reading import parse_settings
 from ..core.perturbing.steps import Setting, Step
 from ..core.presets.preset import Preset, check_document, read_preset
+from ..core.presets.scene_keys import SceneSpec
 from ..core.presets.selection import OnlySpec
 from ..core.scenes.embedded import is_embedded, room_name, room_seeds
 from ..core.schema import unknown_name
 from ..perturbations import registry
+from . import scene_copy, this_scene
 from .described import LARGEST_INT, tell, told_once
 from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY, own_motion
 from .step_list import clear_entries, put_step, take_step
@@ -24,8 +27,8 @@ type Part = Literal["SCENE", "PATH", "CAMERA", "OUTPUT"]
 """What a section of the panel shows, beside the perturbations."""
 
 _SHOWN: dict[Part, tuple[str, ...]] = {
-    "SCENE": ("scenes", "scenes.0.sequence", "scenes.0.replica", "scenes.0.mesh"),
-    "PATH": ("scenes", "scenes.0.sequence", "scenes.0.replica", "scenes.0.trajectory"),
+    "SCENE": ("scenes", "scenes.0.sequence", "scenes.0.replica", "scenes.0.mesh", "scenes.0.blend"),
+    "PATH": ("scenes", "scenes.0.sequence", "scenes.0.replica", "scenes.0.trajectory", "scenes.0.blend"),
     "CAMERA": (),
     "OUTPUT": ("render", "output"),
 }
@@ -140,6 +143,7 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
     asked = {
         "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
         "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
+        "scenes.0.blend": scene.blend is not None and _not_open(preset, scene),
         "scenes.0.replica": scene.replica is not None and "is looked for under data",
         "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
         "scenes.0.mesh": _unshowable(scene.mesh or ""),
@@ -178,8 +182,36 @@ def _unshowable(mesh: str) -> str:
         return str(error)
 
 
+def _not_open(preset: Preset, scene: SceneSpec) -> str:
+    """Return why the panel cannot show a scene of a .blend, or "": it shows the one that is open."""
+    open_scene = bpy.context.scene
+    file = Path(path_in(preset.folder, scene.blend or "", preset.place("scenes.0.blend")))
+    if file.resolve() not in {path.resolve() for path in scene_copy.known_files(open_scene)}:
+        return f"is {file.name}, which is not the file that is open"
+    if scene.scene not in (None, open_scene.name):
+        return f"has the scene {scene.scene}, and {open_scene.name} is shown"
+    if scene.camera not in (None, open_scene.camera and open_scene.camera.name):
+        return f"looks through {scene.camera}, which is not the scene's camera"
+    shown = this_scene.frame_range(open_scene)
+    if scene.frames is not None and scene.frame_range != replace(shown, step=open_scene.frame_step):
+        step = scene.frame_range.step if scene.frame_range is not None else 1
+        if scene.frame_range != replace(shown, step=step) or step % open_scene.frame_step:
+            return f"has the frames {scene.frames}, which are not the scene's"
+    return ""
+
+
+def _take_this_scene(panel: Any, scene: SceneSpec) -> None:
+    panel.mesh_source = "SCENE"
+    panel.compositing = scene.compositor
+    set_value(panel, "depth_alpha", scene.depth_alpha)
+    panel.scene_name = scene.name or Path(scene.blend or "").stem
+
+
 def _take_mesh(panel: Any, preset: Preset) -> None:
     (scene,) = preset.spec.scenes
+    if scene.blend is not None:
+        _take_this_scene(panel, scene)
+        return
     assert scene.mesh is not None
     panel.mesh_source = "ROOM" if is_embedded(scene.mesh) else "FILE"
     if is_embedded(scene.mesh):
@@ -193,7 +225,11 @@ def _take_mesh(panel: Any, preset: Preset) -> None:
 
 def _take_path(panel: Any, preset: Preset) -> None:
     (scene,) = preset.spec.scenes
-    assert scene.trajectory is not None
+    if scene.trajectory is None:
+        panel.trajectory_source = "CAMERA"
+        step = 1 if scene.frame_range is None else scene.frame_range.step
+        panel.every = max(1, step // panel.id_data.frame_step)
+        return
     handheld = scene.trajectory.handheld
     panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
     if handheld is None:
@@ -209,12 +245,17 @@ def _take_path(panel: Any, preset: Preset) -> None:
 
 
 def _take_camera(panel: Any, preset: Preset) -> None:
+    panel.lens_source = "SCENE" if preset.spec.camera is None else "GIVEN"
+    if preset.spec.camera is None and this_scene.is_shown(panel):
+        return
     for name, field in CAMERA.items():
         set_value(panel, name, getattr(preset.spec.mesh_camera, field))
 
 
 def _take_output(panel: Any, preset: Preset) -> None:
     spec = preset.spec
+    given = preset.document.get("render") or {}
+    panel.render_source = "GIVEN" if {"engine", "samples"} & set(given) else "SCENE"
     panel.engine, panel.samples = spec.render.engine, spec.render.samples
     output = spec.output.format
     panel.layout = output.layout.name

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blender.camera import add_camera, key_trajectory, set_intrinsics
+from ..blender.camera import add_camera, key_poses, set_intrinsics
 from ..blender.scene import add_mesh, rgba_of, set_origin
 from ..blender.typed import camera_of, fcurves_of, mesh_of
 from ..core.errors import InputError, NoisyWorldError
@@ -19,6 +19,7 @@ from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
+from . import scene_copy, this_scene
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
 from .own_objects import camera_alone, images_of, mark, own_object, put_into, select, take_out_mesh
@@ -111,8 +112,11 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
 def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
     """Load or make the panel's trajectory, key the camera along it and set the timeline to it.
 
-    Returns the number of poses, and notes: first what of the timeline has changed. Raises NoisyWorldError.
+    Returns the number of poses, and notes: first what of the timeline has changed. Where the dataset shows the scene
+    itself, its camera, its range and its rate stay, and a camera of ours shows the path. Raises NoisyWorldError.
     """
+    if this_scene.is_shown(panel_of(scene)):
+        return _load_own_path(scene)
     nominal = find_scenes(preset_of(panel_of(scene)))[0].source.trajectory()
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
@@ -122,6 +126,44 @@ def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
     select(scene, camera)
     changed = set_timeline(scene, nominal.stamps_s)
     return len(nominal), (*([changed] if changed else []), *nominal.notes)
+
+
+def _load_own_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
+    """Sample the scene's own camera, or read the file's path, and key our camera along it."""
+    panel = panel_of(scene)
+    if this_scene.rides(panel):
+        nominal = this_scene.sampled_path(scene)
+    else:
+        scene_copy.ensure(scene)
+        nominal = find_scenes(preset_of(panel))[0].source.trajectory()
+    set_origin(scene, np.zeros(3))
+    camera = camera_alone(scene) or _new_camera(scene)
+    put_into(scene, camera)
+    _take_lens(scene, camera)
+    camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
+    camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
+    camera[LOADED_FROM] = _decided_by(panel, "camera")
+    key_camera(scene)
+    return len(nominal), nominal.notes
+
+
+def _new_camera(scene: bpy.types.Scene) -> bpy.types.Object:
+    before = scene.camera
+    camera = add_camera(scene, "Noisy World Camera")
+    scene.camera = before
+    mark(camera, "camera")
+    return camera
+
+
+def _take_lens(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
+    """Let our camera see as the scene's own does."""
+    own = scene.camera
+    if own is None or own == camera or not isinstance(own.data, bpy.types.Camera):
+        return
+    before, camera.data = camera.data, own.data.copy()
+    camera_of(camera).animation_data_clear()
+    if isinstance(before, bpy.types.Camera) and not before.users:
+        bpy.data.cameras.remove(before)
 
 
 def key_camera(scene: bpy.types.Scene) -> None:
@@ -137,13 +179,13 @@ def key_camera(scene: bpy.types.Scene) -> None:
     keyed = c2w if deviated is None else deviated
     step = _frame_step(chosen_frames(scene, len(keyed)), len(keyed))
     before = camera.animation_data.action if camera.animation_data else None
-    kept = scene.frame_start, scene.frame_end
-    key_trajectory(scene, camera, keyed)
-    scene.frame_start, scene.frame_end = kept
+    stamps_s = np.array(camera.get(CLEAN_STAMPS_S, ()), dtype=np.float64)
+    key_poses(scene, camera, keyed, this_scene.scene_frames(scene, len(keyed), stamps_s))
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
     camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
-    scene.frame_step = step  # rendered, an animation holds the frames of the sequence
+    if not this_scene.is_shown(panel_of(scene)):
+        scene.frame_step = step  # rendered, an animation holds the frames of the sequence
     camera[KEYS_LEFT_AS] = _keys_state(camera)
 
 
@@ -212,7 +254,7 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 def apply_intrinsics(scene: bpy.types.Scene) -> None:
     """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
     camera = camera_alone(scene)
-    if camera is None:
+    if camera is None or this_scene.is_shown(panel_of(scene)):
         return
     panel = panel_of(scene)
     near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
@@ -240,6 +282,9 @@ def is_changed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
 
 def _decided_by(panel: Any, kind: str) -> str:
     """Return what of the panel decides the mesh, or the camera's path, as JSON."""
+    if this_scene.is_shown(panel):
+        path = this_scene.motion_state(panel.id_data) if this_scene.rides(panel) else scene_of(panel)["trajectory"]
+        return json.dumps([kind, path])
     described = scene_of(panel)
     if kind == "mesh":
         return json.dumps(described["mesh"])
