@@ -99,4 +99,5 @@ def _nothing_left_behind() -> Iterator[None]:
         for kind in kinds:
             made = [item for item in getattr(bpy.data, kind) if item not in before[kind]]
             for item in made:
-                getattr(bpy.data, kind).remove(item)
+                if getattr(item, "type", "") != "RENDER_RESULT":  # Blender's own
+                    getattr(bpy.data, kind).remove(item)

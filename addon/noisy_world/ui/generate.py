@@ -270,7 +270,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if own.said:
         write(layout, context, own.said[:1].upper() + own.said[1:], "FILE_BLEND")
     for note in own.background.notes:
-        write(layout, context, note[:1].upper() + note[1:], "DOT")
+        write(layout, context, spoken(note[:1].upper() + note[1:]), "DOT")
 
 
 def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:

@@ -10,7 +10,10 @@ from .document import PANEL
 
 _KEYS = {
     "seed": "Perturbations > Seed",
-    "scenes.#.name": "Scene > Name", "scenes.#.mesh": "Scene", "scenes.#": "Scene", "scenes": "Scene",
+    "scenes.#.name": "Scene > Name", "scenes.#.mesh": "Scene", "scenes.#.blend": "This Scene",
+    "scenes.#.scene": "This Scene", "scenes.#.camera": "Trajectory > Scene Camera",
+    "scenes.#.frames": "Trajectory > Scene Camera", "scenes.#.depth_alpha": "Scene > Depth Alpha",
+    "scenes.#": "Scene", "scenes": "Scene",
     "scenes.#.trajectory": "Trajectory", "scenes.#.trajectory.file": "Trajectory > File",
     "scenes.#.trajectory.format": "Trajectory > Format", "scenes.#.trajectory.pose": "Trajectory > Pose",
     "scenes.#.trajectory.axes": "Trajectory > Axes", "scenes.#.trajectory.every": "Trajectory > Every Nth Pose",
@@ -74,8 +77,10 @@ def _without_file(text: str, file: str) -> str:
 
 def _fields(text: str) -> str:
     """Replace the keys that no reader of the panel knows, such as near_m, where they stand alone."""
-    names = {key.rpartition(".")[2]: label.rpartition("> ")[2] for key, label in _KEYS.items() if "_" in key}
-    pattern = rf"(?<![\w/\\.])({'|'.join(map(re.escape, names))})(?![\w/\\]|\.\w)"
+    dotted = {key: label for key, label in _KEYS.items() if "." in key and "#" not in key}
+    last = {key.rpartition(".")[2]: label for key, label in _KEYS.items() if "_" in key}
+    names = {key: label.rpartition("> ")[2] for key, label in (dotted | last).items()}
+    pattern = rf"(?<![\w/\\.])({'|'.join(map(re.escape, sorted(names, reverse=True)))})(?![\w/\\]|\.\w)"
     return re.sub(pattern, lambda match: names[match.group()], text)
 
 
