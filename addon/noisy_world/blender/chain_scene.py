@@ -3,10 +3,12 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import bpy
 
-from ..core.node_graphs.chain import build_chain
+from ..core.node_graphs.chain import build_chain, capacity_of, step_node
+from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from .chain_values import set_values
@@ -16,6 +18,10 @@ from .typed import get_node, get_value, interface, new_node, new_socket, new_tre
 PREVIOUS = "noisy_world_previous_compositing"
 DEPTH_ADDED = "noisy_world_depth_pass_added"
 SHOWN = "noisy_world_shows"
+MOST_KEPT = 8  # descriptions of chains; chosen: a chain for each scene, and few files have more
+_descriptions: dict[
+    str, tuple[list[Any], Graph]
+] = {}  # by the chain's name, with what each is of
 GROUP, SPLIT, SOURCE, OWN = "Perturbations", "Before and after", "Frame", "Own compositing"
 
 
@@ -37,11 +43,22 @@ def make_chain(
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
     children = [] if old is None else _groups_in(old)
-    tree = ensure_group(build_chain(name, steps))
+    tree = ensure_group(_described(name, steps))
     set_values(tree, steps, frames, identifiers, index_of=index_of, now=now)
     if tree != old:
         _remove_unused(children)
     return tree
+
+
+def _described(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+    """Describe a chain; the last description holds as long as the steps have the same groups, whatever their values."""
+    made_from = [(step.perturbation, step_node(step), capacity_of(step)) for step in steps]
+    known = _descriptions.get(name)
+    if known is None or known[0] != made_from:
+        while len(_descriptions) >= MOST_KEPT:
+            del _descriptions[next(iter(_descriptions))]
+        known = _descriptions[name] = made_from, build_chain(name, steps)
+    return known[1]
 
 
 def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
