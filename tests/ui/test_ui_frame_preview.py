@@ -249,7 +249,7 @@ def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room)
     depth_m = render_stills(room, [7])[0].depth_m
     seen_m = depth_m[depth_m > 0]
     assert np.array_equal(image[:, SIZE[0] :], colour_depth(depth_m, seen_m.min(), seen_m.max()))
-    assert "Colour of frame 2, depth of frame 7" in about
+    assert "Color of frame 2, depth of frame 7" in about
     step.desync.edge = "drop"
     room.frame_set(8)
     with pytest.raises(NoisyWorldError, match="left out"):

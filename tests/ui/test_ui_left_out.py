@@ -255,7 +255,7 @@ def test_the_sentence_says_what_the_dataset_shows(loaded):
     add("Chair", mesh())
     assert sentence(loaded) == "Not in the dataset: Chair. The dataset shows square.ply"
     settings().mesh_source = "ROOM"
-    wanted = "Not in the dataset: Chair and square. The dataset shows the embedded room; load a PLY under Scene"
+    wanted = "Not in the dataset: Chair and square. The dataset shows the embedded room; choose another under Scene"
     assert sentence(loaded) in (wanted, wanted.replace("Chair and square", "square and Chair"))
 
 
