@@ -20,7 +20,7 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from noisy_world.ui import document, header_presets, keyed, preview, taking, tooltips, world
+from noisy_world.ui import document, header_presets, keyed, own_objects, preview, taking, tooltips, world
 from noisy_world.ui.typed_numbers import property_name, set_value, value_of
 from noisy_world.ui.wording import spoken
 
@@ -272,7 +272,7 @@ def test_a_linked_copy_of_the_scene_is_left_alone(tmp_path):
     bpy.ops.noisy_world.load_trajectory()
     first, copy = scene(), scene().copy()
     mesh, camera = world.own_object(first, "mesh"), world.own_object(first, "camera")
-    lens, keys = camera.data.lens, world._keys_state(camera)
+    lens, keys = camera.data.lens, own_objects.keys_state(camera)
     copy.noisy_world.fx_px = 300
     copy.noisy_world.deviation_translation_m = 0.5
     with bpy.context.temp_override(scene=copy):
@@ -280,7 +280,7 @@ def test_a_linked_copy_of_the_scene_is_left_alone(tmp_path):
         bpy.ops.noisy_world.load_trajectory()
     assert (world.own_object(first, "mesh"), world.own_object(first, "camera")) == (mesh, camera)
     assert first.camera == camera
-    assert (camera.data.lens, world._keys_state(camera)) == (lens, keys)
+    assert (camera.data.lens, own_objects.keys_state(camera)) == (lens, keys)
     own = [world.own_object(copy, kind) for kind in ("mesh", "camera")]
     assert all(item is not None and item not in set(first.objects) for item in own)
     assert mesh not in set(copy.objects)

@@ -11,7 +11,18 @@ import pytest
 from panel_tools import settings, straight, use_files
 
 from noisy_world.blender.chain_scene import shown_chain
-from noisy_world.ui import document, frame_preview, left_out, preview, runs, scene_copy, stills, taking, world
+from noisy_world.ui import (
+    document,
+    frame_preview,
+    left_out,
+    own_objects,
+    preview,
+    runs,
+    scene_copy,
+    stills,
+    taking,
+    world,
+)
 from noisy_world.ui.generate import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
@@ -59,11 +70,11 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     assert left_out.left_out(hall) == ()
     item.deviation_translation_m = 0.05
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    keys, before = world._keys_state(hall.objects["Mine"]), (hall.frame_end, hall.frame_step, hall.render.fps)
+    keys, before = own_objects.keys_state(hall.objects["Mine"]), (hall.frame_end, hall.frame_step, hall.render.fps)
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     assert world.path_summary(hall) == "3 poses keyed, 12 fps"
     assert hall.camera == hall.objects["Mine"]
-    assert (world._keys_state(hall.camera), (hall.frame_end, hall.frame_step, hall.render.fps)) == (keys, before)
+    assert (own_objects.keys_state(hall.camera), (hall.frame_end, hall.frame_step, hall.render.fps)) == (keys, before)
     hall.frame_set(5)
     there = names()
     picture, about = frame_preview.draw_colour(hall)

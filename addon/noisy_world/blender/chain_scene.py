@@ -19,9 +19,7 @@ PREVIOUS = "noisy_world_previous_compositing"
 DEPTH_ADDED = "noisy_world_depth_pass_added"
 SHOWN = "noisy_world_shows"
 MOST_KEPT = 8  # descriptions of chains; chosen: a chain for each scene, and few files have more
-_descriptions: dict[
-    str, tuple[list[Any], Graph]
-] = {}  # by the chain's name, with what each is of
+_descriptions: dict[str, tuple[list[Any], Graph]] = {}  # by the chain's name, with what each is of
 GROUP, SPLIT, SOURCE, OWN = "Perturbations", "Before and after", "Frame", "Own compositing"
 
 

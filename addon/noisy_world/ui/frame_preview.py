@@ -33,7 +33,7 @@ from .stills import path_frames, rendered
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
-PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
+PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 

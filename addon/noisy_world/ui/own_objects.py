@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Noisy World has put into a scene: a mesh and a camera, in a collection of their own."""
 
-import bpy
+import json
+import zlib
 
-from ..blender.typed import camera_of
+import bpy
+import numpy as np
+
+from ..blender.typed import camera_of, fcurves_of
 from ..core.errors import InputError
 from .owned import OURS
 
@@ -110,6 +114,27 @@ def _remove_mesh(item: bpy.types.Object) -> None:
     for image in images:
         if not image.users:
             bpy.data.images.remove(image)
+
+
+# --- how it is left ---
+
+
+def keys_state(item: bpy.types.Object) -> str:
+    """Return what decides where an object goes: its keys as a checksum, and what else could move it."""
+    data, checksum = item.animation_data, 0
+    if data is None:
+        return ""
+    for curve in fcurves_of(data):
+        values = np.empty(2 * len(curve.keyframe_points), np.float32)
+        curve.keyframe_points.foreach_get("co", values)
+        name = f"{curve.data_path} {curve.array_index} {curve.mute} {len(curve.modifiers)}"
+        checksum = zlib.crc32(values.tobytes(), zlib.crc32(name.encode(), checksum))
+    return json.dumps([tied(item), len(data.drivers), len(data.nla_tracks), checksum])
+
+
+def tied(item: bpy.types.Object) -> list[int]:
+    """Return how many constraints an object has, and whether it has a parent."""
+    return [len(item.constraints), int(item.parent is not None)]
 
 
 # --- the collection ---

@@ -27,7 +27,7 @@ VISIBLE_BY = (
     "hide_render", "visible_camera", "visible_diffuse", "visible_glossy", "visible_transmission",
     "visible_volume_scatter", "visible_shadow", "is_shadow_catcher", "is_holdout", "instance_type", "pass_index",
 )  # fmt: skip
-OUR_PICTURES = ("Noisy World colour", "Noisy World depth")
+OUR_PICTURES = ("Noisy World Color", "Noisy World Depth")
 
 IGNORED = ("filepath", "rna_type", "bl_rna", "name", "is_movie_format", "compositor_device")
 

@@ -12,8 +12,9 @@ from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
-from . import left_out, this_scene
+from . import left_out, this_scene, world
 from .document import given_of, intrinsics_of, motion_of
+from .own_objects import own_object
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
 
@@ -39,15 +40,26 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
     Raises InputError where the path has to be loaded first.
     """
     panel, given = panel_of(scene), given_of(panel_of(scene))
-    c2w = clean_poses(scene)
+    camera = own_object(scene, "camera")
+    loaded = camera is not None and world.is_from_panel(scene, camera)
+    c2w, rides = (clean_poses(scene) if loaded else None), this_scene.rides(panel)
     moved = None if c2w is None else deviated_poses(scene, c2w)
-    if c2w is None and (not this_scene.rides(panel) or has_moving_steps(scene)):
-        raise InputError("Preview Frame", "the path is not loaded yet", remedy="press Load Trajectory")
+    if c2w is None and (not rides or has_moving_steps(scene)):
+        raise InputError("Preview Frame", "the path is not loaded, or another by now", remedy="press Load Trajectory")
+    at = float(path_frames(scene)[index])
+    if (
+        moved is not None
+        and c2w is not None
+        and this_scene.rides(panel)
+        and this_scene.has_moved(scene, at, c2w[index])
+    ):
+        problem = "the scene's camera moves otherwise than when its path was loaded"
+        raise InputError("Preview Frame", problem, remedy="press Load Trajectory")
     keyed = c2w if moved is None else moved
     return OwnStill(
-        frame=float(path_frames(scene)[index]),
-        c2w=None if keyed is None or (moved is None and this_scene.rides(panel)) else keyed[index],
-        rides=this_scene.rides(panel),
+        frame=at,
+        c2w=None if keyed is None or (moved is None and rides) else keyed[index],
+        rides=rides,
         intrinsics=intrinsics_of(panel),
         clip_m=(panel.near_m, panel.far_m) if given.lens else None,
         engine=panel.engine if given.render else None,

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from ..blender.scene_camera import sampled_camera, view_of
 from ..blender.scene_look import look
-from ..blender.typed import camera_of
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.presets.frame_range import FrameRange
 from ..core.schema import Place
 from ..core.trajectories.trajectory import Trajectory
+from .own_objects import keys_state
 from .properties import panel_of
 from .scene_copy import blend_file
 
@@ -120,7 +120,19 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
 
 
 def motion_state(scene: bpy.types.Scene) -> list[Any]:
-    """Return what tells whether the scene's own camera still goes as it was sampled: where it is, and its frames."""
-    camera, chosen = scene.camera, frame_range(scene)
-    pose = [] if camera is None else [round(value, 4) for row in camera_of(camera).view_frame() for value in row]
-    return ["" if camera is None else camera.name, chosen.first, chosen.last, chosen.step, pose]
+    """Return what tells whether the scene's own camera still goes as it was sampled: what moves it, and its frames."""
+    chosen, item, moved_by = frame_range(scene), scene.camera, []
+    while item is not None:
+        still = item.animation_data is None and not item.constraints
+        pose = [round(value, 6) for row in item.matrix_basis for value in row] if still else []
+        moved_by.append([item.name, keys_state(item), pose])
+        item = item.parent
+    return [[chosen.first, chosen.last, chosen.step], moved_by]
+
+
+def has_moved(scene: bpy.types.Scene, frame: float, c2w: NDArray[np.float64]) -> bool:
+    """Tell whether the scene's own camera is elsewhere at a frame than at this pose (4, 4)."""
+    from ..sources.blend import rigid_c2w
+
+    sampled = sampled_camera(scene, None, [frame])
+    return not np.allclose(rigid_c2w(sampled.matrices, Place(CAMERA_FIELD))[0], c2w, atol=1e-5)

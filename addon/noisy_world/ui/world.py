@@ -2,7 +2,6 @@
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
 import json
-import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..blender.camera import add_camera, key_poses, set_intrinsics
 from ..blender.scene import add_mesh, rgba_of, set_origin
-from ..blender.typed import camera_of, fcurves_of, mesh_of
+from ..blender.typed import camera_of, mesh_of
 from ..core.errors import InputError, NoisyWorldError
 from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
@@ -22,7 +21,7 @@ from ..sources.mesh import forget_meshes, load_mesh
 from . import scene_copy, this_scene
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
-from .own_objects import camera_alone, images_of, mark, own_object, put_into, select, take_out_mesh
+from .own_objects import camera_alone, images_of, keys_state, mark, own_object, put_into, select, take_out_mesh, tied
 from .owned import OURS
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
 from .properties import panel_of
@@ -186,7 +185,7 @@ def key_camera(scene: bpy.types.Scene) -> None:
     camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
     if not this_scene.is_shown(panel_of(scene)):
         scene.frame_step = step  # rendered, an animation holds the frames of the sequence
-    camera[KEYS_LEFT_AS] = _keys_state(camera)
+    camera[KEYS_LEFT_AS] = keys_state(camera)
 
 
 def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
@@ -276,7 +275,7 @@ def is_changed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
         return not isinstance(item.data, bpy.types.Mesh) or item.get(LEFT_AS) != _mesh_state(item)
     if not isinstance(item.data, bpy.types.Camera):
         return True
-    keyed = KEYS_LEFT_AS in item and item[KEYS_LEFT_AS] != _keys_state(item)
+    keyed = KEYS_LEFT_AS in item and item[KEYS_LEFT_AS] != keys_state(item)
     return keyed or item.get(LEFT_AS) != _lens_state(scene, item)
 
 
@@ -298,7 +297,7 @@ def _mesh_state(item: bpy.types.Object) -> str:
     pose = [round(value, 6) for row in item.matrix_basis for value in row]
     materials = [material.name for material in data.materials if material is not None]
     counted = [len(item.modifiers), len(data.vertices), len(data.polygons)]
-    return json.dumps([item.animation_data is None, _tied(item), pose, counted, materials])
+    return json.dumps([item.animation_data is None, tied(item), pose, counted, materials])
 
 
 def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
@@ -309,23 +308,6 @@ def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
     lens += [data.clip_start, data.clip_end, data.dof.use_dof, data.animation_data is None]
     image = [render.resolution_x, render.resolution_y, render.pixel_aspect_x, render.pixel_aspect_y]
     return json.dumps([lens, image])
-
-
-def _keys_state(item: bpy.types.Object) -> str:
-    """Return what decides where our camera goes: its keys as a checksum, and what else could move it."""
-    data, checksum = item.animation_data, 0
-    if data is None:
-        return ""
-    for curve in fcurves_of(data):
-        values = np.empty(2 * len(curve.keyframe_points), np.float32)
-        curve.keyframe_points.foreach_get("co", values)
-        name = f"{curve.data_path} {curve.array_index} {curve.mute} {len(curve.modifiers)}"
-        checksum = zlib.crc32(values.tobytes(), zlib.crc32(name.encode(), checksum))
-    return json.dumps([_tied(item), len(data.drivers), len(data.nla_tracks), checksum])
-
-
-def _tied(item: bpy.types.Object) -> list[int]:
-    return [len(item.constraints), int(item.parent is not None)]
 
 
 # --- following ---

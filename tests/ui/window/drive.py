@@ -269,8 +269,8 @@ def this_scene() -> at.Steps:
     assert bpy.context.scene.camera.name == "Mine"
     bpy.context.scene.frame_set(3)
     yield from at.push("noisy_world.preview_frame")
-    yield lambda: "Noisy World colour" in bpy.data.images
-    picture = bpy.data.images["Noisy World colour"]
+    yield lambda: "Noisy World Color" in bpy.data.images
+    picture = bpy.data.images["Noisy World Color"]
     pixels = np.empty(picture.size[0] * picture.size[1] * 4, np.float32)
     picture.pixels.foreach_get(pixels)
     np.save(FOLDER / "own_preview.npy", pixels.reshape(picture.size[1], picture.size[0], 4)[::-1, :, :3])
