@@ -47,7 +47,7 @@ _OPTIONS = (
     (r"choose another --out", _ANOTHER),
     (r"use --overwrite|with --overwrite", "press Replace Dataset"),
     (r"make room there and run the same command again", "make room there and press Generate again"),
-    (r"; see --list keys", ""),
+    (r"; see --list keys|; paths are relative to the preset", ""),
     (r"set render\.processors: any where [^;]*", "save the preset, and set render.processors to any in its file"),
     (r"\bgive it another name\b", "give Scene > Name or Render and Output > Setting another name"),
     (r"\bgive it backend: reference\b", "choose Reference under Render and Output > Backend"),
