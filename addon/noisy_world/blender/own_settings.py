@@ -73,7 +73,10 @@ def _settle_cycles(scene: bpy.types.Scene, options: RenderOptions) -> None:
     cycles.use_deterministic_guiding = True
     cycles.denoising_use_gpu = False
     if cycles.use_denoising:
-        cycles.denoiser = "OPENIMAGEDENOISE"
+        try:
+            cycles.denoiser = "OPENIMAGEDENOISE"
+        except TypeError:  # distributions build Blender without any denoiser; it renders such scenes without
+            cycles.use_denoising = False
     if options.device == "gpu":
         enable_gpu()
         cycles.device = "GPU"

@@ -169,6 +169,7 @@ def _step(step: Step[Any]) -> dict[str, Any]:
         "name": step.perturbation.name,
         "severity": step.severity,
         "levels": None if step.levels is None else list(step.levels),
+        **({"keyed": True} if step.keyed else {}),
         "temporal": step.temporal,
         "parameters": parameters[0] if step.levels is None else parameters,
     }
