@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pinhole intrinsics on a Blender camera, and trajectories as its keyframes."""
 
+from typing import Any
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +87,16 @@ def key_trajectory(
 ) -> None:
     """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, at consecutive scene frames.
 
+    The scene's range becomes theirs.
+    """
+    key_poses(scene, camera, c2w, np.arange(first_frame, first_frame + len(c2w)))
+    scene.frame_start = first_frame
+    scene.frame_end = first_frame + len(c2w) - 1
+
+
+def key_poses(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64], frames: NDArray[Any]) -> None:
+    """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, at scene frames (N,).
+
     Quaternion signs are continuous, so that Blender interpolates between two keys along the shorter arc.
     """
     blender_c2w = blender_from_opencv_c2w(c2w)
@@ -92,16 +104,13 @@ def key_trajectory(
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(blender_c2w[:, :3, :3]))
     camera.animation_data_clear()
     action = new_action(camera, f"{camera.name} trajectory")
-    frames = np.arange(first_frame, first_frame + len(c2w))
     for path, values in (("location", location_m), ("rotation_quaternion", quat_wxyz)):
         for index, column in enumerate(values.T):
             curve = action.fcurve_ensure_for_datablock(camera, path, index=index)
             _set_keys(curve, frames, column)
-    scene.frame_start = first_frame
-    scene.frame_end = first_frame + len(c2w) - 1
 
 
-def _set_keys(curve: bpy.types.FCurve, frames: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+def _set_keys(curve: bpy.types.FCurve, frames: NDArray[Any], values: NDArray[np.float64]) -> None:
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())

@@ -51,13 +51,22 @@ class OwnSceneFile:
 class OwnSceneSession:
     """One scene of a .blend in Blender, from its first frame to its last. It replaces Blender's file."""
 
-    def __init__(self, file: OwnSceneFile, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions) -> None:
-        """Open the file and prepare the scene."""
+    def __init__(
+        self,
+        file: OwnSceneFile,
+        paths: SensorPaths,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        *,
+        scene: bpy.types.Scene | None = None,
+    ) -> None:
+        """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed."""
         self._served = _served(paths, options)
         self._frames = file.frames
-        open_file(str(file.path))
-        scene = bpy.data.scenes[file.scene]
-        show_scene(scene)
+        if scene is None:
+            open_file(str(file.path))
+            scene = bpy.data.scenes[file.scene]
+            show_scene(scene)
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)
