@@ -375,5 +375,5 @@ def test_a_user_who_is_not_there_is_a_line(tmp_path):
     with pytest.raises(RuntimeError, match="there is no user"):
         bpy.ops.noisy_world.save_preset(filepath="~nobody-of-this-name/x.yaml")
     item.mesh_path = "~nobody-of-this-name/x.ply"
-    with pytest.raises(RuntimeError, match="PLY File: there is no user"):
+    with pytest.raises(RuntimeError, match="Mesh File: there is no user"):
         bpy.ops.noisy_world.load_scene()

@@ -19,7 +19,7 @@ def versions_of(plan: Plan) -> dict[str, str]:
             from ..blender.session import renderer_versions
 
             versions |= renderer_versions(engine, device if engine == "cycles" else "cpu")
-    if plan.composites:
+    if plan.composites or any(scene.source.gives.imported for scene in plan.scenes):
         from ..blender.session import blender_version
 
         versions |= blender_version()

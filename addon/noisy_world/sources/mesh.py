@@ -20,9 +20,10 @@ from ..core.planning.source import Gives, RenderOptions, SourceFrame
 from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
 from ..core.scenes.mesh import Mesh
-from ..core.scenes.ply import read_ply, texture_files
+from ..core.scenes.mesh_files import imported_format
 from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
+from ..core.scenes.turning import Up
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory_file
 from ..core.trajectories.handheld import handheld_path, walk_problem
@@ -31,6 +32,8 @@ from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
 from .beginning import Beginning, check_beginning
+from .mesh_reading import files_of_mesh, read_mesh
+from .mesh_reading import forget_meshes as forget_read_meshes
 from .rendering import RenderSession, open_session
 
 
@@ -40,7 +43,7 @@ class MeshSource:
 
     name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
     known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
-    room it is.
+    room it is. up: the axis of the mesh's file that points up; None is what the file declares.
     """
 
     name: str
@@ -51,6 +54,7 @@ class MeshSource:
     known_path: Trajectory | None
     seed: int
     room: int = 0
+    up: Up | None = None
 
     @property
     def location(self) -> str:
@@ -60,7 +64,12 @@ class MeshSource:
     @property
     def gives(self) -> Gives:
         """Rendered frames from any pose."""
-        return Gives(rendered=True, any_pose=True)
+        return self._gives
+
+    @cached_property
+    def _gives(self) -> Gives:
+        imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
+        return Gives(rendered=True, any_pose=True, imported=imported)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -109,7 +118,7 @@ class MeshSource:
         spec = self._handheld
         try:
             path = handheld_path(
-                load_mesh(self.mesh_path, self.room),
+                load_mesh(self.mesh_path, self.room, self.up),
                 seed=self.seed if spec.seed is None else spec.seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
@@ -124,22 +133,24 @@ class MeshSource:
     @property
     def mesh(self) -> Callable[[], Mesh]:
         """Returns the mesh: it is read, or built."""
-        return partial(load_mesh, self.mesh_path, self.room)
+        return partial(load_mesh, self.mesh_path, self.room, self.up)
 
     def hashes(self) -> dict[str, Any]:
-        """Return the names and hashes of the mesh, of its textures if it has any, and of the path's file."""
-        textures = [] if self.mesh_path is None else texture_files(self.mesh_path)
-        digests = "".join(sha256_of_file(file) or "" for file in textures)
-        texture_hashes = {
-            "mesh_textures": ", ".join(file.name for file in textures),
-            "mesh_textures_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+        """Return the names and hashes of the mesh, of the files beside it that it needs, and of the path's file."""
+        beside = [] if self.mesh_path is None else files_of_mesh(self.mesh_path)
+        digests = "".join(sha256_of_file(file) or "" for file in beside)
+        what = "mesh_files" if self.gives.imported else "mesh_textures"
+        beside_hashes = {
+            what: ", ".join(file.name for file in beside),
+            f"{what}_sha256": hashlib.sha256(digests.encode()).hexdigest(),
         }
         return {
             "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
-            **(texture_hashes if textures else {}),
+            **(beside_hashes if beside else {}),
+            **({} if self.up is None else {"mesh_up": self.up}),
         }
 
     @contextmanager
@@ -190,7 +201,7 @@ class PreparedMesh:
     def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
         self._closing.close()
         self._unchecked.clear()
-        mesh = load_mesh(self._source.mesh_path, self._source.room)
+        mesh = load_mesh(self._source.mesh_path, self._source.room, self._source.up)
         for text in (*mesh.notes, *self._source.trajectory().notes):
             self._tell(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
@@ -258,26 +269,18 @@ class OpenMesh:
                 self._note(f"{where}: {problem}")
 
 
-def load_mesh(path: Path | None, room: int = 0) -> Mesh:
+def load_mesh(path: Path | None, room: int = 0, up: Up | None = None) -> Mesh:
     """Read a mesh, or build an embedded room where there is no path; the last ones are cached.
 
-    Raises InputError.
+    up: the axis of the file that points up; None is what it declares, or Z. Raises InputError, and
+    MissingDependencyError where it takes Blender's importers and there are none.
     """
-    if path is None:
-        return _room(room)
-    if not path.is_file():
-        return read_ply(path)
-    return _read(path, tuple(file.stat().st_mtime_ns for file in (path, *texture_files(path))))
+    return _room(room) if path is None else read_mesh(path, up)
 
 
 @lru_cache(maxsize=1)
 def _room(seed: int) -> Mesh:
     return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
-
-
-@lru_cache(maxsize=1)
-def _read(path: Path, _changed_ns: tuple[int, ...]) -> Mesh:
-    return read_ply(path)
 
 
 def sha256_of_path(path: Path) -> str | None:
@@ -291,7 +294,7 @@ def sha256_of_path(path: Path) -> str | None:
 def forget_meshes() -> None:
     """Keep no mesh in memory."""
     _room.cache_clear()
-    _read.cache_clear()
+    forget_read_meshes()
 
 
 def read_path(path: Path, spec: TrajectorySpec, place: Place, camera: Intrinsics) -> tuple[Trajectory, TrajectorySpec]:

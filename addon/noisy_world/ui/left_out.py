@@ -152,7 +152,7 @@ def sentence(scene: bpy.types.Scene, names: tuple[str, ...] | None = None) -> st
     if panel.mesh_source == "ROOM":
         room = f"embedded room {panel.room_seed}" if panel.room_seed else "the embedded room"
         return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; choose another under Scene"
-    mesh = Path(panel.mesh_path).name or "the PLY file under Scene"
+    mesh = Path(panel.mesh_path).name or "the mesh file under Scene"
     return f"Not in the dataset: {enumerated(names)}. The dataset shows {mesh}"
 
 

@@ -27,7 +27,7 @@ else:
 
 UNDOABLE: "set[OperatorTypeFlagItems]" = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
-FILES = {"mesh": "PLY", "trajectory": "trajectory"}
+FILES = {"mesh": "mesh", "trajectory": "trajectory"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:

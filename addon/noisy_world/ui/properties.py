@@ -211,7 +211,7 @@ def _panel_members() -> dict[str, Any]:
             description="Where the mesh comes from",
             items=[
                 ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
-                ("FILE", "PLY File", "A mesh with its colors or texture"),
+                ("FILE", "Mesh File", "A mesh with its colors or textures, unlit"),
                 ("SCENE", "This Scene", "What this file's scene renders: its objects, lights, world and settings"),
             ],
             update=_take_mesh_source,
@@ -248,8 +248,8 @@ def _panel_members() -> dict[str, Any]:
             update=tell("render_source"),
         ),
         "mesh_path": described(
-            SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
-            description="Mesh with colors or a texture: PLY, ASCII or binary",
+            SceneSpec, "mesh", label="Mesh File", update="mesh_path", subtype="FILE_PATH", options=path_options,
+            description="Mesh with colors or textures: PLY, glTF, OBJ, USD, FBX or STL",
         ),
         "room_seed": _whole(
             name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")

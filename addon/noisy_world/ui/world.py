@@ -83,7 +83,7 @@ def _mesh_path(panel: Any) -> Path | None:
     try:
         split_home(panel.mesh_path)
     except LookupError as error:
-        raise InputError("PLY File", str(error)) from error
+        raise InputError("Mesh File", str(error)) from error
     return Path(absolute(panel.mesh_path))
 
 

@@ -116,6 +116,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
     if entry["blend"] is None:  # a dataset without a .blend says nothing of one
         entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
+    if entry["up"] is None:
+        del entry["up"]
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)

@@ -74,12 +74,14 @@ class Gives:
     """What a source can give.
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded. own: how it is rendered; None where the preset says it.
+    not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
+    importers read it, whatever renders it.
     """
 
     rendered: bool
     any_pose: bool
     own: OwnRendering | None = None
+    imported: bool = False
 
 
 @dataclass(frozen=True)

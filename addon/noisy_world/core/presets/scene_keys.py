@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from ..scenes.embedded import EMBEDDED_ROOM, ROOMS
+from ..scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
 from ..scenes.replica import REPLICA_SCENES, replica_names
 from ..schema import Place, key, unknown_name
 from .frame_range import FrameRange, frame_range_problem
@@ -67,7 +67,13 @@ class SceneSpec:
     """A scene and the way through it, or a sequence that exists."""
 
     mesh: str | None = key(
-        f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}", default=None
+        "PLY, glTF, OBJ, USD, FBX or STL file, relative to the preset; * allowed; or "
+        f"{EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}",
+        default=None,
+    )
+    up: Literal["y", "z"] | None = key(
+        "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
+        default=None,
     )
     replica: str | None = key(
         f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
@@ -127,6 +133,8 @@ def check_scene(spec: SceneSpec, place: Place) -> None:
         raise place.error("needs either mesh or sequence, or replica or blend", "name one of them")
     if spec.rate_hz is not None and spec.sequence is None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
+    if spec.up is not None and (spec.mesh is None or is_embedded(spec.mesh)):
+        raise place.at("up").error("goes with the file of a mesh", "leave it out")
     _check_blend(spec, place)
     if spec.sequence is not None:
         if spec.trajectory is not None:
