@@ -145,7 +145,7 @@ The result is byte for byte that of `apply` on `rgb / np.float32(255)`, rounded 
 
 type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
 """groups.Canvas; a socket for each parameter, sizes in pixels of the input image, angles in degrees; the largest values
-to serve -> the socket of the perturbed image, encoded as the canvas's. The result may lie outside [0, 1].
+to serve -> the socket of the perturbed image, encoded or linear as the canvas's. The result may lie outside [0, 1].
 """
 
 type DepthApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
@@ -177,7 +177,7 @@ class Perturbation:
     """What all kinds share; a perturbation is one of the four kinds below.
 
     name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of propagation.
-    order: its rank inside the stage; ours are multiples of 10, and names decide between equal ones. parameters: a
+    order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
     frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
@@ -260,7 +260,8 @@ class ColourPerturbation(Perturbation):
     None. capacity: for each parameter that the number of its nodes depends on, the largest value that the group serves
     by default. needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
-    share a file; it draws nothing and does not look at the frame's number or stamp.
+    share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
+    linear light, of any brightness, so that what is brighter than 1 stays so.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -271,6 +272,7 @@ class ColourPerturbation(Perturbation):
     capacity: Mapping[str, float] = field(default_factory=dict)
     needs_depth: bool = False
     repeatable: bool = False
+    linear: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
