@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 from cases import cases
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
 from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.trajectories.motion import motion_between, rotation_vector
 from noisy_world.perturbations import rain_depth, snow_depth
 from noisy_world.perturbations._particles import NEAR_M, Air, Particles, View, in_sight
 from noisy_world.perturbations._precipitation import Precipitation, veil_depth
+from noisy_world.perturbations._weather import view_of
 from noisy_world.perturbations._streaks import Lens, Streaks, optical_depth, streaks_of
 
 MODULES = {"snow_depth": snow_depth, "rain_depth": rain_depth}
@@ -246,6 +249,50 @@ def test_the_camera_s_intrinsics_are_used():
     ]
     assert np.array_equal(seen[0], seen[1])  # 90 degrees
     assert not np.array_equal(seen[1], seen[2])
+
+
+def seen_by(motion, temporal="drift", index=7):
+    depth_m = np.full((60, 80), 6.0, np.float32)
+    context = FrameContext(index, (1,), temporal, motion=motion, read_depth_m=lambda: depth_m)
+    return view_of(depth_m, snow_depth.PERTURBATION.at_severity(3), context)
+
+
+def test_the_air_is_level_and_begins_at_the_first_image():
+    """A world whose z is up; a camera that looks along y, 25 degrees down, then turns left and climbs."""
+    tilted = rotation_from_euler_deg(-90.0 - 25.0, 0.0, 0.0)
+    first, now = np.eye(4), np.eye(4)
+    first[:3, :3], first[:3, 3] = tilted, (1e5, 4.0, 2.0)
+    now[:3, :3], now[:3, 3] = rotation_from_euler_deg(0.0, 0.0, 30.0) @ tilted, (1e5, 4.5, 2.1)
+    motion = motion_between(first, first, now, 0.1)
+    view = seen_by(motion)
+    assert view.position_m == pytest.approx([0.0, -0.1, 0.5], abs=1e-9)
+    assert view.velocity_m_s == pytest.approx([0.0, -1.0, 5.0], abs=1e-8)
+    assert pytest.approx(now[:3, :3].T @ [0.0, 0.0, -1.0]) == view.rotation.T @ [0.0, 1.0, 0.0]
+    assert np.linalg.det(view.rotation) == pytest.approx(1)
+    still = seen_by(motion, "fixed")
+    assert np.array_equal(still.rotation, np.eye(3))
+    assert not still.velocity_m_s.any()
+
+
+def test_motion_is_since_the_frame_before_and_as_scipy_turns():
+    rng = np.random.default_rng(2)
+    for angle in (0.0, 1e-9, 0.3, 3.0, np.pi):
+        axis = rng.standard_normal(3)
+        vector = angle * axis / np.linalg.norm(axis)
+        found = rotation_vector(Rotation.from_rotvec(vector).as_matrix())
+        apart = min(np.abs(found - vector).max(), np.abs(found + vector).max() if angle == np.pi else np.inf)
+        assert apart < 1e-7
+    assert not motion_between(np.eye(4), np.eye(4), np.eye(4), 0.0).velocity_m_s.any()
+
+
+def test_a_camera_that_rolls_makes_streaks_about_its_middle():
+    part = alone((0.5, 0.0, 1.0), np.zeros(3), 2e-3)
+    rolling = replace(VIEW, turning_rad_s=np.array([0.0, 0.0, 2.0]), exposure_s=0.01)
+    air = Air(Precipitation(2e6, 1e-3), 2e-3, 4.0, lambda diameter_m: diameter_m * 0, 0.0, 0.0)
+    seen = in_sight(air, rolling, 3, 0.0)
+    assert seen.velocity_m_s == pytest.approx(-np.cross([0.0, 0.0, 2.0], seen.position_m), abs=1e-5)
+    made = streaks_of(replace(part, velocity_m_s=np.array([[0.0, -1.0, 0.0]], np.float32)), rolling, Lens(0.0, 5.0))
+    assert (made.end_px - made.start_px)[0] == pytest.approx([0.0, -2.1], abs=1e-4)
 
 
 def test_no_particle_is_none():

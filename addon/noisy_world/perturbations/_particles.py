@@ -122,7 +122,7 @@ def _of_class(air: Air, view: View, bounds: tuple[float, float], key: NDArray[np
     reach_m = min(high_m / air.least_rad, air.reach_m)
     side_m = reach_m / CELLS_DEEP
     middle_m = low_m * np.sqrt(CLASS_RATIO)
-    drift_m_s = np.array([air.wind_m_s, float(air.speed_m_s(np.float32([middle_m]))[0]), 0.0])
+    drift_m_s = np.array([air.wind_m_s, float(air.speed_m_s(np.array([middle_m], np.float32))[0]), 0.0])
     seen_m = min(reach_m, view.farthest_m)
     fastest_m_s = np.linalg.norm(drift_m_s - view.velocity_m_s) + 4 * air.gusts_m_s
     fastest_m_s += np.linalg.norm(view.turning_rad_s) * seen_m

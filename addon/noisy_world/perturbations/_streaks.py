@@ -63,7 +63,7 @@ def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
 
 def _projected(position_m: Float32, view: View) -> Float32:
     z_m = np.maximum(position_m[:, 2:], np.float32(NEAR_M / 2))
-    return position_m[:, :2] / z_m * np.float32(view.focal_px) + np.float32(view.middle_px)
+    return position_m[:, :2] / z_m * np.array(view.focal_px, np.float32) + np.array(view.middle_px, np.float32)
 
 
 def optical_depth(streaks: Streaks, depth_m: Float32) -> Float32:

@@ -5,9 +5,9 @@ Each pixel's light is image * t + light * (1 - t), linear, with t the transmissi
 of the veil of all particles too small to be seen by themselves, as Koschmieder's law has it.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,28 +120,35 @@ def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameCo
 
 
 def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> View:
-    """Return the camera of a frame, level and at rest where its path is unknown."""
+    """Return the camera of a frame in the air.
+
+    The air's axes are those of the sequence's first image, made level. Without a path the camera is level and at rest.
+    A pattern that is fixed goes with the camera; others stay in the air while it moves.
+    """
     height, width = depth_m.shape
     camera = context.intrinsics
     if camera is None:
-        focal_px = width / 2 / np.tan(np.radians(parameters.view_deg / 2))
-        focal_px, middle_px = (focal_px, focal_px), ((width - 1) / 2, (height - 1) / 2)
+        focal = width / 2 / math.tan(math.radians(parameters.view_deg / 2))
+        focal_px, middle_px = (focal, focal), ((width - 1) / 2, (height - 1) / 2)
     else:
         focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
-    still = np.zeros(3)
-    return View(
-        np.eye(3),
-        still,
-        still,
-        still,
-        focal_px,
-        middle_px,
-        (width, height),
-        float(depth_m.max()),
-        parameters.shutter_ms * 1e-3,
-    )
+    lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
+    motion = context.motion
+    if motion is None or context.temporal == "fixed":
+        return View(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), *lens)
+    axes = level_axes(motion.first_c2w[:3, :3])
+    position_m = axes.T @ (motion.c2w[:3, 3] - motion.first_c2w[:3, 3])
+    return View(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s, *lens)
 
 
-def apply_of(kind: Kind) -> Callable[[Float32, Falling, FrameContext], Float32]:
-    """Return the execution on arrays."""
-    return partial(fallen_on, kind)
+def level_axes(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (3, 3): the directions right, down and forward in the world, as columns, of a camera to world rotation.
+
+    Down is the world's axis that is nearest to down in the image; right is the image's, made level.
+    """
+    nearest = int(np.abs(rotation[:, 1]).argmax())
+    down = np.zeros(3)
+    down[nearest] = np.sign(rotation[nearest, 1])
+    right = rotation[:, 0] - down * (down @ rotation[:, 0])
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, down, np.cross(right, down)])

@@ -69,5 +69,6 @@ PERTURBATION = ColourPerturbation(
     build=build,
     linear=True,
     needs_depth=True,
+    uses_motion=True,
     temporals=("fresh", "fixed", "drift"),
 )

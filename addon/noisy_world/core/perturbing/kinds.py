@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..streams import stream
+from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 
 type Identifiers = tuple[str | int, ...]
@@ -57,7 +58,8 @@ class FrameContext:
     index: the frame's number in its sequence. identifiers: of its random streams; a frame made alone draws the same
     numbers as in the whole sequence. temporal: how patterns change from frame to frame. stamp_s: the frame's time
     stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
-    not give them. read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
+    not give them. motion: of the camera, for perturbations that say uses_motion, None where its path is unknown.
+    read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
     chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`.
 
     Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
@@ -68,6 +70,7 @@ class FrameContext:
     temporal: Temporal = "fresh"
     stamp_s: float | None = field(default=None, compare=False)
     intrinsics: Intrinsics | None = field(default=None, compare=False)
+    motion: CameraMotion | None = field(default=None, compare=False, repr=False)
     read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     chosen_by: Identifiers | None = field(default=None, compare=False)
@@ -261,7 +264,8 @@ class ColourPerturbation(Perturbation):
     by default. needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
     share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
-    linear light, of any brightness, so that what is brighter than 1 stays so.
+    linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
+    camera's motion, where the context has it.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -273,6 +277,7 @@ class ColourPerturbation(Perturbation):
     needs_depth: bool = False
     repeatable: bool = False
     linear: bool = False
+    uses_motion: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
