@@ -5,10 +5,12 @@ import bpy
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import by_nodes, by_reference, radial_power
+from group_tools import by_nodes, by_reference, radial_power, step_of
 from shown import evaluate_scene, image_of
 
+from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.perturbations import registry
 
@@ -67,3 +69,16 @@ def test_what_is_brighter_than_white_comes_through(name, tmp_path):
         for row, value in ((5, 4), (11, 20), (17, 100)):
             assert found[row, 5] == pytest.approx([value] * 3, rel=apart)
     assert np.ptp(found[:, 12:]) > 1e-4  # and it falls
+
+
+def test_a_known_camera_decides_the_field_of_view():
+    depth_m = np.full((24, 36), 3.0, np.float32)
+    camera = Intrinsics(36, 24, 30.0, 30.0, 17.5, 11.5)
+    wide_deg = np.degrees(2 * np.arctan(18 / 30))
+    made = []
+    for view_deg, known in ((wide_deg, None), (90.0, camera), (90.0, None)):
+        chains = {"x": [step_of("snow_depth", severity=5, view_deg=view_deg)]}
+        with Compositor((36, 24), chains, 36, known) as compositor:
+            made.append(compositor.evaluate(grey()[:24, :36], {"x": (0, (7, "room", "s"))}, depth_m)[0]["x"])
+    assert np.array_equal(made[0], made[1])
+    assert not np.array_equal(made[1], made[2])

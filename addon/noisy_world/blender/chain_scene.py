@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import build_chain, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
@@ -39,19 +40,21 @@ def make_chain(
     *,
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
     At scene frame k the chain then shows what the generator writes as frame index_of(k), by default k, of the sequence
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
     only its sockets are changed, which is quick. now: the current scene frame, by default the first.
+    intrinsics: of the camera, if known.
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
     children = [] if old is None else _groups_in(old)
     tree = ensure_group(build_chain(name, steps))
     _clear_keys(tree)
     for step in steps:
-        _set_step(tree, step, _values(step, frames, identifiers, index_of), now)
+        _set_step(tree, step, _values(step, frames, identifiers, index_of, intrinsics), now)
     if tree != old:
         _remove_unused(children)
     return tree
@@ -62,6 +65,7 @@ def _values(
     frames: Sequence[int],
     identifiers: Identifiers,
     index_of: Callable[[int], int] | None,
+    intrinsics: Intrinsics | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
@@ -69,7 +73,7 @@ def _values(
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
-            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index)[0]
+            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)[0]
         values = by_severity[severity]
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
 
@@ -276,16 +280,20 @@ def refresh_chain(
     index_of: Callable[[int], int] | None = None,
     reference_width_px: int | None = None,
     split: float = 0.0,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
-    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers.
+    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
+    the camera.
     """
     chain = shown_chain(scene)
     name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
-    chain = make_chain(name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current)
+    chain = make_chain(
+        name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current, intrinsics=intrinsics
+    )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -139,6 +140,11 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Vie
     axes = level_axes(motion.first_c2w[:3, :3])
     position_m = axes.T @ (motion.c2w[:3, 3] - motion.first_c2w[:3, 3])
     return View(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s, *lens)
+
+
+def by_camera(intrinsics: Intrinsics) -> dict[str, float]:
+    """Return the parameter that intrinsics decide: the field of view."""
+    return {"view_deg": math.degrees(2 * math.atan(intrinsics.width_px / 2 / intrinsics.fx_px))}
 
 
 def level_axes(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,7 +13,7 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
 from ._precipitation import SWOLLEN, flake_speed_m_s, snow
-from ._weather import Falling, Kind, fallen_on
+from ._weather import Falling, Kind, by_camera, fallen_on
 
 
 @dataclass(frozen=True)
@@ -70,5 +70,6 @@ PERTURBATION = ColourPerturbation(
     linear=True,
     needs_depth=True,
     uses_motion=True,
+    by_camera=by_camera,
     temporals=("fresh", "fixed", "drift"),
 )

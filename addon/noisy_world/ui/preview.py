@@ -13,6 +13,7 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import hide_chain, refresh_chain
 from ..core.errors import NoisyWorldError
 from . import frame_preview, properties, views
+from .document import intrinsics_of
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
@@ -131,6 +132,7 @@ def show(scene: bpy.types.Scene) -> None:
         index_of=sequence.frame_at if sequence.skips else None,
         reference_width_px=panel.width_px,
         split=panel.preview_split,
+        intrinsics=intrinsics_of(panel),
     )
 
 

@@ -265,7 +265,7 @@ class ColourPerturbation(Perturbation):
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
     share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
     linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
-    camera's motion, where the context has it.
+    camera's motion, where the context has it. by_camera: of the group's parameters, what a known camera decides.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -278,6 +278,7 @@ class ColourPerturbation(Perturbation):
     repeatable: bool = False
     linear: bool = False
     uses_motion: bool = False
+    by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
