@@ -84,10 +84,16 @@ def veil_depth(
     decayed = np.asarray(cv2.exp(-x), np.float32).reshape(x.shape)
     # k times the integral: x P(3, x) - 3 P(4, x) = x - 3 + e^-x (x^2 / 2 + 2 x + 3), which is x^4 / 24 and less.
     closed = x - 3 + decayed * ((x / 2 + 2) * x + 3)
-    squared = x * x
-    series = squared * squared * (1 / 24 - x * (1 / 40 - x * (1 / 120 - x * np.float32(1 / 504))))
-    integral = np.where(x < SMALL, series, closed) / np.float32(rate)
+    if (x < SMALL).any():
+        closed = np.where(x < SMALL, _series(x), closed)
+    integral = closed / np.float32(rate)
     return (integral + (distance_m - near_m)) * np.float32(air.extinction_per_m)
 
 
 SMALL = 0.3  # below it the series is the better one in float32
+
+
+def _series(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return x P(3, x) - 3 P(4, x) by its first four terms."""
+    squared = x * x
+    return squared * squared * (1 / 24 - x * (1 / 40 - x * (1 / 120 - x * np.float32(1 / 504))))
