@@ -14,6 +14,7 @@ import itertools
 import math
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -37,8 +38,8 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.room import build_room
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
-from noisy_world.ui.preview import use_standard_view
 from noisy_world.ui.properties import panel_of
+from noisy_world.ui.standard_view import use_standard_view
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -46,13 +47,18 @@ CHAIN = (("fog", 1), ("motion_blur", 3), ("gaussian_noise", 1))
 OPENED = "fog_depth"
 PREVIEWED = (("fog", 2), ("gaussian_noise", 1))
 PATH = {"handheld_frames": 160, "handheld_speed_m_s": 1.0}
+TRACKED_IN = "desync"
+TRACKED: dict[str, Any] = {  # a path that turns enough for late depth to matter
+    "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
+    "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
+}  # fmt: skip
 SETTLE_S = 1.5  # after a change, for Blender to draw; chosen for software GL
 LIMIT_S = 180.0  # for shaders to compile; chosen for software GL
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
     """Run the steps one after another, with time between them for Blender to draw."""
-    takes = {"groups": photograph_groups, "add_on": photograph_add_on}
+    takes = {"groups": photograph_groups, "add_on": photograph_add_on, "tracking": photograph_tracking}
     steps = itertools.chain.from_iterable(takes[name](folder) for name in names or takes)
 
     def proceed() -> float | None:
@@ -130,6 +136,33 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     noisy_world.unregister()
 
 
+def photograph_tracking(folder: Path) -> Iterator[float]:
+    """Generate a dataset, run the embedded system on it, and photograph what it found; yields the seconds to wait."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
+    noisy_world.register()
+    yield SETTLE_S
+    scene, view = bpy.context.scene, largest("VIEW_3D")
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    panel = panel_of(scene)
+    with tempfile.TemporaryDirectory() as out:
+        for name, value in TRACKED.items():
+            setattr(panel, name, value)
+        panel.output_folder = out
+        in_area(view, operators().load_scene)
+        in_area(view, operators().load_trajectory)
+        operators().add_step(perturbation=TRACKED_IN)
+        operators().generate("EXEC_DEFAULT")
+        operators().track("EXEC_DEFAULT")
+        yield from open_tab(view)
+        look_from_above(view, distance_m=4.5)
+        space_of(view).overlay.show_extras = False  # the camera and its path's beginning stand in the way
+        yield from scroll_to_end(view)
+        yield from until_drawn()
+        photograph(folder / "add_on_tracking.jpg", part_of(view))
+    noisy_world.unregister()
+
+
 def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
     """Load the room and a deviated path, and add perturbations, by the buttons of the panel."""
     panel = panel_of(scene)
@@ -140,18 +173,21 @@ def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
         setattr(panel, name, value)
     in_area(view, operators().load_scene)
     in_area(view, operators().load_trajectory)
-    panel.deviation_rotation_deg = 2.0
+    panel.deviation_rotation = math.radians(2.0)
     panel.deviation_translation_m = 0.04
     for name, severity in PREVIEWED:
         operators().add_step(perturbation=name)
         panel.steps[panel.active_step].severity = severity
+    use_standard_view(scene)  # again: now that there is a mesh, the world is taken away
+    for item in scene.objects:
+        item.select_set(False)  # no outlines
 
 
 def open_tab(view: bpy.types.Area) -> Iterator[float]:
     """Show the sidebar's tab beside the view, not over it; yields the seconds to wait."""
     bpy.context.preferences.system.use_region_overlap = False
     space_of(view).show_region_ui = True
-    shading_of(space_of(view)).light = "FLAT"
+    shading_of(space_of(view)).light, shading_of(space_of(view)).color_type = "FLAT", "VERTEX"
     window().cursor_warp(0, 0)  # no tooltips
     yield SETTLE_S
     name: Any = "Noisy World"  # the stubs know the categories of no add-on
@@ -172,7 +208,7 @@ def scroll_to_end(view: bpy.types.Area) -> Iterator[float]:
     yield SETTLE_S
 
 
-def look_from_above(view: bpy.types.Area) -> None:
+def look_from_above(view: bpy.types.Area, *, distance_m: float = 6.5) -> None:
     """Look into the room from above, through its ceiling and walls."""
     space = space_of(view)
     space.overlay.show_overlays = True
@@ -183,7 +219,7 @@ def look_from_above(view: bpy.types.Area) -> None:
     turned.view_perspective = "PERSP"
     turned.view_rotation = Euler((math.radians(38), 0.0, math.radians(25))).to_quaternion()
     turned.view_location = (-0.4, -0.2, 1.3)
-    turned.view_distance = 6.5
+    turned.view_distance = distance_m
 
 
 def open_chain(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:

@@ -102,7 +102,8 @@ class BackgroundRun:
                 self.done += count
                 self._last_s = self._clock()
             case {"note": text}:
-                self.notes.append(text)
+                if text not in self.notes:  # each sequence of a run may say it
+                    self.notes.append(text)
             case {"error": text}:
                 self.error = text
             case {"result": text}:

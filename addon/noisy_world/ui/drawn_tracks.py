@@ -10,8 +10,8 @@ from mathutils import Color
 from numpy.typing import NDArray
 
 from ..blender.scene import get_origin
+from .owned import OURS
 from .tracked import FAR_M, NEAR_M, Part, TrackedPath, length
-from .world import OURS
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
@@ -27,7 +27,7 @@ PARTS: "dict[Part, tuple[str, IconItems, tuple[float, float, float]]]" = {
     "far": (f"Error over {length(FAR_M)}", "STRIP_COLOR_01", (0.84, 0.37, 0.0)),
 }
 """Name, icon and colour (sRGB) of each part."""
-RADIUS_SHARE = 0.003  # of the estimate's tube, of the path's extent; this and the next two are chosen by eye
+RADIUS_SHARE = 0.008  # of the estimate's tube, of the path's extent; this and the next two are chosen by eye
 LEAST_RADIUS_M = 0.002
 TRUE_SHARE = 0.6  # of the true path's tube, of the estimate's
 

@@ -16,6 +16,9 @@ from .operators import UNDOABLE, OnScene
 from .properties import panel_of
 from .runs import BUSY, SceneRun, active_run, output_folder, start_tracking, summary, tracking_of
 from .tracked import read_tracked
+from .wording import spoken
+
+BUTTON_PX = 24  # of a button that is a symbol, beside a text
 
 
 class NoisyWorldTrack(Following, bpy.types.Operator):
@@ -88,11 +91,11 @@ def _problem(scene: bpy.types.Scene | None) -> str:
         return BUSY
     panel = panel_of(scene)
     if not (panel.use_rgb and panel.use_depth):
-        return "The embedded system needs colour and depth"
+        return "The embedded system needs color and depth"
     try:
         sequences_of(panel, output_folder(panel))
     except InputError as error:
-        return str(error)
+        return spoken(str(error))
     return ""
 
 
@@ -120,9 +123,10 @@ def _draw_shown(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     for collection in shown:
         row = layout.row()
-        write(row, context, collection[drawn_tracks.SENTENCE], "CON_FOLLOWPATH")
+        write(row, context, collection[drawn_tracks.SENTENCE], "CON_FOLLOWPATH", taken=BUTTON_PX)
         row.prop(collection, "hide_viewport", text="", emboss=False)
-    legend = layout.grid_flow(columns=2, even_columns=True, align=True)
+    legend = layout.column(align=True)
+    legend.scale_y = 0.8
     for part in drawn_tracks.parts_of(shown):
         label, icon, _ = drawn_tracks.PARTS[part]
         legend.label(text=label, icon=icon)

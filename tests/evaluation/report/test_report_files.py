@@ -220,3 +220,14 @@ def test_numbers_of_protocol_paper_come_under_their_names(tmp_path):
     expected = settings_table(read_results(folder)).frame
     path.write_text("".join([",".join(turned) + "\n", *rows]))
     assert settings_table(read_results(folder)).frame.equals(expected)
+
+
+def test_maps_are_shown_by_their_names_where_they_were_scored(tmp_path):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",)})
+    path = folder / "tables" / "runs.csv"
+    head, *rows = path.read_text().splitlines()
+    scored = [f"{row},0.02{number % 10}," for number, row in enumerate(rows)]
+    path.write_text("\n".join([f"{head},map.accuracy_m,map.psnr_db", *scored, ""]))
+    headings = {column.name: column.heading for column in settings_table(read_results(folder)).columns}
+    assert headings["map.accuracy_m.mean"] == "map accuracy↓ [m]"
+    assert "map.psnr_db.mean" not in headings  # which has no value in any run

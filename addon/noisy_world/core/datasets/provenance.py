@@ -24,6 +24,7 @@ from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..presets.preset import canonical
+from ..presets.scene_keys import BLEND_KEYS
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -68,7 +69,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     (--frames) is no part of it, nor what decides no bytes, such as the overview.
     """
     spec = plan.preset.spec
-    rendered = plan.renders_anything
+    rendered = plan.renders_as_told
     cameras = {render.scene.name: render.camera for render in plan.renders}
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
@@ -112,12 +113,16 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
 
 def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    entry = plan.preset.spec.scenes[entry_number(scene)]
+    entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
+    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
+        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
+    if entry["up"] is None:
+        del entry["up"]
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": plain_values(asdict(entry)),
+        "entry": plain_values(entry),
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         "path": path,
@@ -164,6 +169,7 @@ def _step(step: Step[Any]) -> dict[str, Any]:
         "name": step.perturbation.name,
         "severity": step.severity,
         "levels": None if step.levels is None else list(step.levels),
+        **({"keyed": True} if step.keyed else {}),
         "temporal": step.temporal,
         "parameters": parameters[0] if step.levels is None else parameters,
     }
@@ -217,9 +223,14 @@ def manifest(
     frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
     spec = plan.preset.spec
-    seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
-    cameras = {name: asdict(camera) | seen for name, camera in cameras_of(identity_).items()}
-    shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
+    told = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    inputs = {name: scene["inputs"] for name, scene in identity_["scenes"].items()}
+    seen = {name: {key: own.get(key, value) for key, value in told.items()} for name, own in inputs.items()}
+    cameras = {name: asdict(camera) | seen[name] for name, camera in cameras_of(identity_).items()}
+    shared = None
+    if cameras_agree(identity_):
+        first, *others = cameras.values()
+        shared = {key: value for key, value in first.items() if all(camera[key] == value for camera in others)}
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},

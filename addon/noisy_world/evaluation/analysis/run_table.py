@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics import PAPER_METRICS, metric_of
+from ..measured import metric_of
+from ..metrics import PAPER_METRICS
 from .columns import Columns
 from .indicators import INDICATORS
 

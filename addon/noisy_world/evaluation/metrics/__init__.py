@@ -3,7 +3,7 @@
 
 from .alignment import Alignment, Similarity
 from .frame_errors import FrameErrors, frame_errors_text
-from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, Metric, metric_of
+from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, Metric
 from .protocols import PROTOCOLS, Protocol, metrics_of, paper_protocol
 from .robustness import Rate, corruption_error, resilience_rate
 from .score import FAILURES, Score, score_trajectory
@@ -23,7 +23,6 @@ __all__ = [
     "Similarity",
     "corruption_error",
     "frame_errors_text",
-    "metric_of",
     "metrics_of",
     "paper_protocol",
     "resilience_rate",

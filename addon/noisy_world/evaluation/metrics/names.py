@@ -182,10 +182,3 @@ PAPER_METRICS: dict[str, Metric] = {
 """What protocol paper gives; in tables their names begin with `paper.`."""
 
 PAPER_PREFIX = "paper."
-
-
-def metric_of(column: str) -> Metric | None:
-    """Return the metric of a table's column, `ate_rmse_m` or `paper.sr`; None for another column."""
-    if column.startswith(PAPER_PREFIX):
-        return PAPER_METRICS.get(column.removeprefix(PAPER_PREFIX))
-    return METRICS.get(column)

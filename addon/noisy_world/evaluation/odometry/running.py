@@ -20,7 +20,7 @@ from .tracking import State, Tracker, believed
 
 WIDEST_PX = 640  # wider images are made smaller: chosen for time, as accuracy does not gain
 SEED = 1  # of OpenCV's own random numbers
-NO_LOOPS = "loops are not closed, as gtsam is missing: pip install 'noisy-world[evaluate]'"
+NO_LOOPS = "loops are not closed, as gtsam is missing, a Python package of the extra noisy-world[evaluate]"
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What columns mean: headings, units and sentences for the metrics of runs and for what the tables share."""
 
-from ..metrics import metric_of
+from ..maps.names import MAP_PREFIX
+from ..measured import metric_of
 from .tables import Column
 
 SHARED = {
@@ -35,4 +36,5 @@ def column_of(name: str) -> Column:
     metric = metric_of(name)
     if metric is None:
         return Column(name, name)
-    return Column(name, metric.label, metric.unit, metric.better, metric.meaning)
+    label = f"map {metric.label}" if name.startswith(MAP_PREFIX) else metric.label
+    return Column(name, label, metric.unit, metric.better, metric.meaning)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 MAIN = ("ate_rmse_m", "rpe_1s_rmse_m", "rpe_1s_rmse_deg", "tracked_share", "success_auc", "f1_auc")
+MAIN_OF_MAPS = ("map.accuracy_m", "map.completion_m", "map.completion_ratio_5cm", "map.depth_l1_m", "map.psnr_db")
 SETTING = ("setting", "perturbation", "mode", "severity")
 
 
@@ -54,8 +55,9 @@ def in_order(runs: "DataFrame") -> "DataFrame":
 
 
 def main_metrics(runs: "DataFrame") -> list[str]:
-    """Return which of the main metrics the runs have."""
-    return [name for name in MAIN if name in runs.columns]
+    """Return which of the main metrics the runs have; those of maps only where a map was scored."""
+    of_maps = [name for name in MAIN_OF_MAPS if name in runs.columns and runs[name].notna().any()]
+    return [name for name in MAIN if name in runs.columns] + of_maps
 
 
 def records_of(group: "DataFrame") -> list[tuple[str, str]]:
