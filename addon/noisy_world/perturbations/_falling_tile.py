@@ -56,6 +56,7 @@ def _nearest(points: NDArray[np.float64]) -> NDArray[np.int64]:
     around = np.pad(number, _EDGE, mode="wrap")
     free = (around < 0).astype(np.uint8)
     _, labels = cv2.distanceTransformWithLabels(free, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    labels = np.asarray(labels, np.int64)
     by_label = np.zeros(int(labels.max()) + 1, np.int64)
     by_label[labels[free == 0]] = around[free == 0]
     return by_label[labels[_EDGE:-_EDGE, _EDGE:-_EDGE]]

@@ -142,6 +142,7 @@ def _of_class(air: Air, view: View, bounds: tuple[float, float], key: NDArray[np
     corners_m = (cells * side_m + (drift_m_s * time_s - view.position_m)) @ view.rotation
     rotation = view.rotation.astype(np.float32)
     position_m = corners_m.astype(np.float32)[cell] + (_uniform(seeds + _PLACE, 3) * np.float32(side_m)) @ rotation
+    position_m = position_m.astype(np.float32, copy=False)
     kept = _near_image(view, position_m, seen_m, margin_m)
     seeds, position_m = seeds[kept], position_m[kept]
     chosen = _uniform(seeds + _SIZE, 1)[:, 0]
@@ -157,7 +158,7 @@ def _of_class(air: Air, view: View, bounds: tuple[float, float], key: NDArray[np
     z_m = position_m[:, 2]
     kept = (z_m >= np.float32(NEAR_M)) & (z_m <= np.float32(seen_m))
     kept &= diameter_m >= np.float32(air.least_rad) * z_m
-    return Particles(position_m[kept], velocity_m_s[kept], diameter_m[kept])
+    return Particles(*(item[kept].astype(np.float32, copy=False) for item in (position_m, velocity_m_s, diameter_m)))
 
 
 def _near_image(view: View, position_m: Float32, seen_m: float, margin_m: float) -> NDArray[np.bool_]:

@@ -87,7 +87,8 @@ def veil_depth(
     if (x < SMALL).any():
         closed = np.where(x < SMALL, _series(x), closed)
     integral = closed / np.float32(rate)
-    return (integral + (distance_m - near_m)) * np.float32(air.extinction_per_m)
+    found = (integral + (distance_m - near_m)) * np.float32(air.extinction_per_m)
+    return found.astype(np.float32, copy=False)
 
 
 SMALL = 0.3  # below it the series is the better one in float32
@@ -96,4 +97,5 @@ SMALL = 0.3  # below it the series is the better one in float32
 def _series(x: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return x P(3, x) - 3 P(4, x) by its first four terms."""
     squared = x * x
-    return squared * squared * (1 / 24 - x * (1 / 40 - x * (1 / 120 - x * np.float32(1 / 504))))
+    found = squared * squared * (1 / 24 - x * (1 / 40 - x * (1 / 120 - x * np.float32(1 / 504))))
+    return found.astype(np.float32, copy=False)

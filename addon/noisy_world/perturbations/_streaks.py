@@ -50,7 +50,10 @@ def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
     half = particles.velocity_m_s * np.float32(view.exposure_s / 2)
     depth_m = particles.position_m[:, 2]
     # What comes nearer than the hood while the shutter is open stays there: a point at the lens has no image.
-    ends = [_projected(particles.position_m + sign * half, view) for sign in (np.float32(-1), np.float32(1))]
+    ends = [
+        _projected((particles.position_m + sign * half).astype(np.float32, copy=False), view)
+        for sign in (np.float32(-1), np.float32(1))
+    ]
     focal_px = np.float32(np.sqrt(view.focal_px[0] * view.focal_px[1]))
     seen_px = particles.diameter_m * focal_px / depth_m
     blur_px = np.float32(lens.aperture_m) * focal_px * np.abs(1 / depth_m - np.float32(1 / lens.focus_m))
@@ -63,7 +66,8 @@ def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
 
 def _projected(position_m: Float32, view: View) -> Float32:
     z_m = np.maximum(position_m[:, 2:], np.float32(NEAR_M / 2))
-    return position_m[:, :2] / z_m * np.array(view.focal_px, np.float32) + np.array(view.middle_px, np.float32)
+    found = position_m[:, :2] / z_m * np.array(view.focal_px, np.float32) + np.array(view.middle_px, np.float32)
+    return found.astype(np.float32, copy=False)
 
 
 def optical_depth(streaks: Streaks, depth_m: Float32) -> Float32:
