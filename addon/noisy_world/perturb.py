@@ -210,7 +210,8 @@ def _perturbed_frames(
     stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
 ) -> Iterator[PerturbedFrame]:
     """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
-    colour, depth = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
+    colour = Camera(known, stored.stamps.rgb.seconds, stored.trajectory)
+    depth = Camera(known, stored.stamps.depth.seconds)
     maker = SequenceMaker(
         sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)))
     )

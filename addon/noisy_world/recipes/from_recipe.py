@@ -209,8 +209,8 @@ class SequenceOfRecipe(OpenedSequence):
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
         self.stamps = scene.source.frame_stamps
-        stamps_s = (scene.source.stamps_s, self.stamps.depth.seconds)
-        colour, depth = (Camera(self.render.camera, part) for part in stamps_s)
+        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb)
+        depth = Camera(self.render.camera, self.stamps.depth.seconds)
         self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
 
     def __reduce__(self) -> tuple[Any, ...]:
