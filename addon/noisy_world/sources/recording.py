@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import Modality, OutputFormat, find_sequence
+from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
+from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
@@ -73,7 +74,7 @@ class Recording:
             asked_px = (asked.width_px, asked.height_px)
             problem = f"its images are {_spoken(size_px)}, but the preset's camera has {_spoken(asked_px)}"
             raise self.place.at("sequence").error(problem, "set camera to that, or leave it out")
-        if known is not None and not same_camera(known, asked):
+        if known is not None and not self.stored.assumed and not same_camera(known, asked):
             problem = f"its camera has {_values(known)} ({self.stored.camera_path}), but the preset's {_values(asked)}"
             raise self.place.at("sequence").error(problem, "set camera to these, or leave it out")
         return asked
@@ -91,30 +92,34 @@ class Recording:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored
         digests = "".join(sha256_of_file(file) or "" for file in stored.files)
+        path = stored.trajectory_path
         return {
             "sequence": stored.folder.name,
             "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-            "trajectory": stored.trajectory_path.name,
-            "trajectory_sha256": sha256_of_file(stored.trajectory_path),
+            "trajectory": None if path is None else path.name,
+            "trajectory_sha256": None if path is None else _sha256_of_poses(path),
             "depth_scale_per_m": stored.depth_scale_per_m,
+            **stored.optics.content(),
             **_timing(stored),
         }
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
-        del camera  # the files decide it
         for text in self.stored.notes:
             note(text)
+        if self.stored.assumed and self.stored.known_camera == camera:
+            note(self.stored.assumed)
         yield OpenRecording(self.stored)
 
 
-def read_recording(folder: Path, place: Place, rate_hz: float | None) -> Recording:
+def read_recording(folder: Path, place: Place, rate_hz: float | None = None, poses: PosePolicy = "drop") -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
-    Raises InputError where files are missing or wrong, and where its own stamps say another rate.
+    poses: what becomes of frames without a pose. Raises InputError where files are missing or wrong, and where its own
+    stamps say another rate.
     """
-    stored = find_sequence(folder, rate_hz)
+    stored = find_sequence(folder, rate_hz, poses)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
@@ -128,6 +133,14 @@ def _values(camera: Intrinsics) -> str:
 
 def _spoken(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
+
+
+def _sha256_of_poses(path: Path) -> str | None:
+    """Return the SHA-256 of a file of poses; of the list of its files' hashes for a folder of one pose a file."""
+    if not path.is_dir():
+        return sha256_of_file(path)
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    return hashlib.sha256(listed.encode()).hexdigest()
 
 
 def _timing(stored: StoredSequence) -> dict[str, Any]:

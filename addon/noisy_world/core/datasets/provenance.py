@@ -11,7 +11,7 @@ import platform
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from ..machine import processor_features
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
-from ..presets.preset import canonical
+from ..presets.preset import SceneSpec, canonical
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -39,6 +39,7 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+_TOLD_IF_SET = ("poses", "undistort", "register", "video")  # so that older datasets can grow
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
@@ -117,11 +118,19 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": plain_values(asdict(entry)),
+        "entry": _entry(entry),
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         "path": path,
     }
+
+
+def _entry(spec: SceneSpec) -> dict[str, Any]:
+    """Return an entry of a preset, without keys of recordings that are left at their default."""
+    told = {
+        item.name for item in fields(spec) if item.name not in _TOLD_IF_SET or getattr(spec, item.name) != item.default
+    }
+    return {name: value for name, value in plain_values(asdict(spec)).items() if name in told}
 
 
 def entry_number(scene: Scene) -> int:
@@ -145,6 +154,8 @@ def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> 
     digest = hashlib.sha256()
     for values in (path.c2w, path.stamps_s, stamps_s):
         digest.update(np.ascontiguousarray(values[:count] + 0.0, dtype="<f8").tobytes())  # -0.0 is 0.0
+    if path.posed is not None:
+        digest.update(path.posed[:count].tobytes())
     return digest.hexdigest()
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
 from .image_files import damage
@@ -29,7 +30,8 @@ class StoredFrame:
     """A frame on disk, whose images are read on request.
 
     size_px: width and height that its images have to have. colour: what its colour image holds, "rgb" or 8-bit "grey";
-    None if it holds something else.
+    None if it holds something else. depth_size_px: of depth, where it is another. void_steps: what depth images hold
+    where there is no depth, besides 0.
     """
 
     rgb_file: Path
@@ -37,6 +39,8 @@ class StoredFrame:
     depth_scale_per_m: float
     size_px: SizePx
     colour: str | None = "rgb"
+    depth_size_px: SizePx | None = None
+    void_steps: tuple[int, ...] = ()
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -54,7 +58,9 @@ class StoredFrame:
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
         steps = _read_steps(self.depth_file)
-        _check_size(self.depth_file, steps, self.size_px)
+        _check_size(self.depth_file, steps, self.depth_size_px or self.size_px)
+        if self.void_steps:
+            steps[np.isin(steps, self.void_steps)] = 0
         return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
 
 
@@ -65,13 +71,15 @@ class StoredSequence:
     trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
     depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
     stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
-    camera_path the file that says them; None where none does. notes: sentences that the user should see.
+    camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
+    what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
+    assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
     """
 
     folder: Path
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
-    trajectory_path: Path
+    trajectory_path: Path | None
     trajectory: Trajectory
     stamps: FrameStamps
     depth_scale_per_m: float
@@ -80,6 +88,9 @@ class StoredSequence:
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
     counted_hz: float | None = None
+    void_steps: tuple[int, ...] = ()
+    optics: Optics = PINHOLE
+    assumed: str = ""
 
     @cached_property
     def _first_image(self) -> tuple[SizePx, str | None]:
@@ -109,22 +120,38 @@ class StoredSequence:
     @cached_property
     def known_camera(self) -> Intrinsics | None:
         """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
-        if self.camera is None or self.camera_path is None:
+        if self.camera is None or (self.camera_path is None and not self.assumed):
             return None
         told = (self.camera.width_px, self.camera.height_px)
         if told != self.size_px:
+            if self.camera_path is None:
+                return None  # images of another size than the dataset's: its documented camera is none of theirs
             problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {_spoken(self.size_px)} pixels"
             raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
         return self.camera
 
     def check_depth(self) -> None:
         """Raise InputError where the first depth image is no 16-bit image of the size of the colour."""
-        _check_size(self.depth_files[0], _read_steps(self.depth_files[0]), self.size_px)
+        _check_size(self.depth_files[0], _read_steps(self.depth_files[0]), self.depth_size_px)
+
+    @property
+    def depth_size_px(self) -> SizePx:
+        """Width and height that its depth images have to have, in pixels."""
+        seen = None if self.optics.depth is None else self.optics.depth.intrinsics
+        return self.size_px if seen is None else (seen.width_px, seen.height_px)
 
     def frame(self, index: int) -> StoredFrame:
         """Return a frame."""
         size_px, colour = self._first_image
-        return StoredFrame(self.rgb_files[index], self.depth_files[index], self.depth_scale_per_m, size_px, colour)
+        rgb, depth, scale_per_m = self.rgb_files[index], self.depth_files[index], self.depth_scale_per_m
+        return StoredFrame(rgb, depth, scale_per_m, size_px, colour, self.depth_size_px, self.void_steps)
+
+
+def size_of(path: Path) -> SizePx:
+    """Return the width and height of an image in pixels. Raises InputError where it is none."""
+    import cv2
+
+    return _size_px(_read_image(path, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH))
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:

@@ -227,6 +227,16 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             raise scene.place.at("sequence").error(problem, "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.frame_stamps):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
+        if not scene.source.gives.any_pose:
+            _check_poses(scene, preset)
+
+
+def _check_poses(scene: Scene, preset: Preset) -> None:
+    """Refuse frames without a pose in a layout that has a line for each."""
+    known, layout = scene.source.trajectory().known, preset.spec.output.format.layout
+    if known.any() and not known.all() and not layout.gaps:
+        told = f"{np.count_nonzero(~known)} of {len(known)} frames have no pose, but {layout.label} has one for each"
+        raise scene.place.at("poses").error(told, "leave them out (drop), or choose another output.layout, such as tum")
 
 
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:

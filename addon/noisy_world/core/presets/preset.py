@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+from ..datasets.known_poses import PosePolicy
+from ..datasets.layouts import KNOWN_RECORDINGS
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..home import path_in
@@ -17,7 +19,7 @@ from ..schema import Place, key, parse, unknown_name
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .including import included
 from .names import scene_name
-from .output import KNOWN_LAYOUTS, OutputSpec, check_output
+from .output import OutputSpec, check_output
 from .overrides import override
 from .selection import OnlySpec, chosen_part
 from .settings import SettingSpec
@@ -89,7 +91,7 @@ class SceneSpec:
         default=None,
     )
     sequence: str | None = key(
-        f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
+        f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
         default=None,
     )
     trajectory: TrajectorySpec | None = key(
@@ -102,6 +104,11 @@ class SceneSpec:
         default=None,
         above=0,
         maximum=10_000,
+    )
+    poses: PosePolicy = key(
+        "frames of a sequence that have no valid pose: drop leaves them out, keep keeps them without one, require ends "
+        "the run; none looks for no poses at all: a recording without ground truth",
+        default="drop",
     )
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
@@ -341,6 +348,8 @@ def _check_scene(spec: SceneSpec, place: Place) -> None:
         raise place.error("needs either mesh or sequence, or replica", "name one of them")
     if spec.rate_hz is not None and spec.sequence is None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
+    if spec.poses != "drop" and spec.sequence is None:
+        raise place.at("poses").error("goes with sequence; a mesh is rendered from poses", "leave it out")
     if spec.sequence is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")

@@ -13,6 +13,7 @@ from ...trajectories.rig import Sensor, sensor_trajectory
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate_frames
+from ..known_poses import PosePolicy, truth_file
 from ..stored import StoredSequence, check_files, same_camera
 from .asl import (
     DEPTH_SCALE_KEY,
@@ -89,7 +90,7 @@ class EurocLayout(Layout):
         body_from_rgb = np.eye(4) if facts.rig is None else facts.rig.rgb.robot_from_sensor
         of_depth = None if facts.rig is None else facts.rig.depth
         body_from_depth = body_from_rgb if of_depth is None else of_depth.robot_from_sensor
-        (chosen, stamps), rate_hz = facts.timed, _rate_hz(facts.paths.rgb)
+        rate_hz = _rate_hz(facts.paths.rgb)
         texts = {f"{MAV}/body.yaml": f"comment: {'the colour camera' if facts.rig is None else 'the robot'}\n"}
         if "rgb" in facts.format.modalities:
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
@@ -112,6 +113,9 @@ class EurocLayout(Layout):
                 rate_hz=rate_hz,
                 depth_scale_per_m=facts.format.depth_scale_per_m,
             )
+        if facts.timed is None:
+            return texts
+        chosen, stamps = facts.timed
         states = {TRUE_STATE: (chosen.robot or chosen.rgb, "where the body was")}
         if chosen.nominal is not None:
             # The nominal path is the colour camera's; this layout holds poses of the body.
@@ -137,7 +141,7 @@ class EurocLayout(Layout):
         path = sensor_trajectory(read_poses_csv(poses), Sensor(sensor.body_from_sensor))
         return poses_at(path, time_s, poses)
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""
         del rate_hz  # the lists have stamps
         for sensor, what in ((COLOUR, "colour"), (DEPTH, "depth")):
@@ -149,16 +153,19 @@ class EurocLayout(Layout):
         colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
         _check_depth_sensor(depth_file, colour_sensor, depth_sensor)
         assert depth_sensor.depth_scale_per_m is not None, "just checked"
-        poses = folder / TRUE_STATE / "data.csv"
-        path = sensor_trajectory(read_poses_csv(poses), Sensor(colour_sensor.body_from_sensor))
-        found = associate_frames(folder, rgb, depth, path, exact_stamps(poses, path))
+        file = truth_file(folder / TRUE_STATE / "data.csv", poses)
+        path = exact = None
+        if file is not None:
+            path = sensor_trajectory(read_poses_csv(file), Sensor(colour_sensor.body_from_sensor))
+            exact = exact_stamps(file, path)
+        found = associate_frames(folder, rgb, depth, path, exact, policy=poses)
         check_files(folder / COLOUR / "data.csv", found.rgb_files)
         check_files(folder / DEPTH / "data.csv", found.depth_files)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
-            poses,
+            file,
             found.path,
             found.stamps,
             depth_sensor.depth_scale_per_m,

@@ -20,6 +20,7 @@ from ...trajectories.trajectory import Trajectory
 from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
+from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
 type Modality = Literal["rgb", "depth"]
@@ -38,7 +39,7 @@ class Layout(ABC):
     "grey" or both. The first of each is the default. depth_scale_per_m: steps of the depth images per metre, unless a
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
-    Patterns and setting_files say what to remove when a dataset is replaced.
+    Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -52,6 +53,7 @@ class Layout(ABC):
     conventions: ClassVar[dict[str, str]] = {}
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
+    gaps: ClassVar[bool] = True
 
     @property
     def summary(self) -> str:
@@ -97,10 +99,10 @@ class Layout(ABC):
         """
 
     @abstractmethod
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find the files of a sequence. rate_hz: of the frames, where the sequence has no stamps; None for RATE_HZ.
 
-        Raises InputError where files are missing, wrong or do not match.
+        poses: what becomes of frames without a pose. Raises InputError where files are missing, wrong or do not match.
         """
 
 
@@ -212,7 +214,7 @@ class SequenceFacts:
     def chosen(self) -> SensorPaths:
         """The paths of the frames that exist, in the order of the frames."""
         rows = list(self.frames)
-        return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
+        return self.paths.each(lambda path: path.at(rows, path.stamps_s[rows]))
 
     @cached_property
     def taken(self) -> FrameStamps:
@@ -220,11 +222,17 @@ class SequenceFacts:
         return self._stamps.take(self.frames)
 
     @cached_property
-    def timed(self) -> tuple[SensorPaths, Stamps]:
-        """The paths of the frames that exist, in the order of the poses' own stamps, and these."""
+    def timed(self) -> tuple[SensorPaths, Stamps] | None:
+        """The known poses of the frames that exist, in the order of the poses' own stamps, and these.
+
+        None where no pose is known.
+        """
         order = np.argsort(self.taken.pose.seconds, kind="stable")
+        order = order[self.chosen.rgb.known[order]]
+        if not order.size:
+            return None
         stamps = self.taken.pose.take(order)
-        return self.chosen.each(lambda path: Trajectory(path.c2w[order], stamps.seconds)), stamps
+        return self.chosen.each(lambda path: path.at(order, stamps.seconds)), stamps
 
     @property
     def names(self) -> FrameNames:

@@ -13,6 +13,7 @@ from ...geometry import Intrinsics
 from ...trajectories.files import read_trajectory, tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
+from ..known_poses import PosePolicy, truth_file
 from ..stored import StoredSequence, check_files, read_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
@@ -69,11 +70,8 @@ class TumLayout(Layout):
         depth = [
             f"{at} {names.depth(frame)}" for at, frame in zip(_stamp_texts(taken.depth), facts.frames, strict=True)
         ]
-        paths, _ = facts.timed
-        texts = {
-            f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path)
-            for name, path in paths.named().items()
-        }
+        paths = {} if facts.timed is None else facts.timed[0].named()
+        texts = {f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path) for name, path in paths.items()}
         if "rgb" in modalities:
             texts["rgb.txt"] = lines(["# color images", _NO_BAG, _LISTED, *rgb])
         if "depth" in modalities:
@@ -96,12 +94,12 @@ class TumLayout(Layout):
         poses = folder / "groundtruth.txt"
         return poses_at(read_trajectory(poses, format="tum", stamp_unit="s"), time_s, poses)
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find images and poses with close stamps."""
         del rate_hz  # the lists have stamps
         rgb, depth = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
-        poses = folder / "groundtruth.txt"
-        found = associate_frames(folder, rgb, depth, read_trajectory(poses))
+        file = truth_file(folder / "groundtruth.txt", poses)
+        found = associate_frames(folder, rgb, depth, None if file is None else read_trajectory(file), policy=poses)
         check_files(folder / "rgb.txt", found.rgb_files)
         check_files(folder / "depth.txt", found.depth_files)
         params = read_cam_params(folder)
@@ -109,7 +107,7 @@ class TumLayout(Layout):
             folder,
             found.rgb_files,
             found.depth_files,
-            poses,
+            file,
             found.path,
             found.stamps,
             params.depth_scale_per_m if params else self.depth_scale_per_m,
