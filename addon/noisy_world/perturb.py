@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
+from .core.datasets.registration import Registration
 from .core.datasets.stored import StoredSequence
 from .core.geometry import Intrinsics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
@@ -201,6 +202,8 @@ def frames(
     if moving:
         told = moving[-1].perturbation.name
         raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")
+    if not recording.optics.plain and known is None:
+        raise Place("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
     return _perturbed_frames(stored, sequence, path, known)
@@ -210,9 +213,12 @@ def _perturbed_frames(
     stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
 ) -> Iterator[PerturbedFrame]:
     """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
-    colour, depth = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
+    seen = stored.optics.depth
+    colour = Camera(known, stored.stamps.rgb.seconds)
+    depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
+    between = None if seen is None or known is None else Registration(known, seen, stored.optics.distortion)
     maker = SequenceMaker(
-        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)))
+        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between)
     )
     for index in sequence.frames:
         made = maker.frame(index)

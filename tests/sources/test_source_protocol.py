@@ -15,6 +15,7 @@ import pytest
 from shard_workers import workers_here
 from worlds import path_poses, write_world
 
+from noisy_world.core.optics import PINHOLE
 from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
@@ -47,6 +48,7 @@ class ArithmeticSource:
     stamps_s = STAMPS_S
     frame_stamps = FrameStamps.of(STAMPS_S)
     robot_axes = "opencv"
+    optics = PINHOLE
 
     def __init__(self):
         self.notes = []

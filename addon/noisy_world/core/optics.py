@@ -17,6 +17,7 @@ from .geometry import Intrinsics
 type DistortionModel = Literal["radial-tangential", "equidistant"]
 MODELS: tuple[str, ...] = get_args(DistortionModel.__value__)
 # How many coefficients OpenCV takes: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, and of the fisheye module.
+OPTICS_KEYS = ("depth_camera", "distortion")  # in files
 COUNTS: dict[str, tuple[int, ...]] = {"radial-tangential": (4, 5, 8), "equidistant": (4,)}
 
 
@@ -31,17 +32,31 @@ class Distortion:
         """Return it as plain JSON values."""
         return {"model": self.model, "coefficients": list(self.coefficients)}
 
+    def bent(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where rays (x, y, 1) pass the image plane at z = 1 after the lens; of any shape."""
+        import cv2
+
+        points = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=-1).reshape(-1, 1, 3)
+        values, still = np.array(self.coefficients), np.zeros(3)
+        if self.model == "equidistant":
+            found, _ = cv2.fisheye.projectPoints(points, still, still, np.eye(3), values)
+        else:
+            found, _ = cv2.projectPoints(points, still, still, np.eye(3), values)
+        flat = np.asarray(found, np.float64).reshape(-1, 2)
+        return flat[:, 0].reshape(x.shape), flat[:, 1].reshape(x.shape)
+
 
 @dataclass(frozen=True)
 class DepthCamera:
     """The camera of depth images that is not the colour's: its intrinsics, and where it sits beside the colour camera.
 
     rgb_from_depth: (4, 4) row by row: coordinates in the depth camera to those in the colour camera; None for the same
-    place.
+    place. shares_lens: whether its images are the colour's view in other pixels, through the same lens.
     """
 
     intrinsics: Intrinsics
     rgb_from_depth: tuple[tuple[float, ...], ...] | None = None
+    shares_lens: bool = False
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
@@ -55,6 +70,8 @@ class DepthCamera:
         content: dict[str, Any] = values | {"cx": float(camera.cx_px), "cy": float(camera.cy_px)}
         if self.rgb_from_depth is not None:
             content["rgb_from_depth"] = [list(row) for row in self.rgb_from_depth]
+        if self.shares_lens:
+            content["shares_lens"] = True
         return content
 
 
@@ -72,8 +89,8 @@ class Optics:
 
     def content(self) -> dict[str, Any]:
         """Return what there is as plain JSON values, by name; {} where there is nothing."""
-        found = {"depth_camera": self.depth, "distortion": self.distortion}
-        return {name: item.content() for name, item in found.items() if item is not None}
+        found = zip(OPTICS_KEYS, (self.depth, self.distortion), strict=True)
+        return {name: item.content() for name, item in found if item is not None}
 
 
 PINHOLE = Optics()

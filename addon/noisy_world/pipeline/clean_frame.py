@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
@@ -19,10 +20,11 @@ from ..core.planning.source import SourceFrame
 class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
-    def __init__(self, source: int, image: SourceFrame) -> None:
-        """Hold a frame. source: its number on the path."""
+    def __init__(self, source: int, image: SourceFrame, between: Registration | None = None) -> None:
+        """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras."""
         self.source = source
         self._image = image
+        self._between = between
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
@@ -46,9 +48,18 @@ class CleanFrame:
         """Return colour (H, W, 3) as uint8, rounded if it is float."""
         return as_bytes(self.rgb)
 
+    @cached_property
+    def _depth_in_colour_m(self) -> NDArray[np.float32]:
+        return self.depth_m if self._between is None else self._between.depth_in_colour(self.depth_m)
+
     def read_depth_m(self) -> NDArray[np.float32]:
-        """Return the depth; a function that contexts can hand on."""
-        return self.depth_m
+        """Return the depth as the colour camera sees it; a function that contexts can hand on."""
+        return self._depth_in_colour_m
+
+    def read_rgb(self) -> NDArray[np.float32]:
+        """Return colour (H, W, 3), float32 in [0, 1], as the depth camera sees it, for contexts likewise."""
+        rgb = self.float_rgb()
+        return rgb if self._between is None else self._between.colour_in_depth(rgb, self.depth_m)
 
     def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
         """Return an existing file that holds an image exactly as a dataset would write it, or None."""
@@ -78,6 +89,6 @@ class Camera:
             identifiers=sequence.identifiers,
             stamp_s=float(self.stamps_s[frame]),
             intrinsics=self.intrinsics,
-            read_rgb=clean.float_rgb if setting.needs_rgb else None,
+            read_rgb=clean.read_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_depth_m if setting.needs_depth else None,
         )

@@ -88,6 +88,9 @@ class FrameMaker:
             )
         options = render_options(self._plan, render, judging=judging, threads=self._threads)
         opened = prepared.open(self.paths_of(render), options, partial(self._note, render.name))
+        if render.registration is not None and (render.needs_depth or render.needs_rgb):
+            told = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
+            self._note(render.name, told)
         return self._render.keep((render.name,), contextlib.nullcontext(opened))
 
     def _note(self, name: str, text: str) -> None:
@@ -114,7 +117,7 @@ class FrameMaker:
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
-            clean = CleanFrame(frame, source.frame(paths.moment(frame)))
+            clean = CleanFrame(frame, source.frame(paths.moment(frame)), render.registration)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             self._count(writer.submit(clean, colour.of(clean)), writer)
@@ -131,7 +134,7 @@ class FrameMaker:
         if lost is None or lost.sequence.scene in self._told_lost:
             return
         scene, range_ = lost.sequence.scene, self._plan.format.depth_range
-        camera = self._plan.cameras[scene]
+        camera = self._plan.depth_cameras[scene]
         self._told_lost.add(scene)
         told = range_.told_of_image(lost.out_of_range, camera.width_px * camera.height_px)
         told = range_.with_remedy(told, lost.out_of_range.farthest_m)

@@ -65,7 +65,7 @@ class FrameWriter:
         self._dataset = dataset
         self._spent = spent
         self._stamps = render.scene.source.frame_stamps
-        self._camera = Camera(render.camera, self._stamps.depth.seconds)
+        self._camera = Camera(render.depth_camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = finished

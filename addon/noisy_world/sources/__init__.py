@@ -87,7 +87,9 @@ def _candidate(
     def find() -> Source:
         whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
         if kind == "sequence":
-            return read_recording(whole, place, spec.rate_hz, spec.poses)
+            return read_recording(
+                whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register
+            )
         return mesh_scene(preset, place, spec, name, whole, parts=parts)
 
     return _Candidate(name, place, find)

@@ -15,12 +15,14 @@ from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_seq
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
+from ..core.optics import Optics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
 from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
+from .treated import Treatment
 
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
@@ -31,6 +33,18 @@ class Recording:
 
     stored: StoredSequence
     place: Place
+    undistort: bool = False
+    register: bool = False
+
+    @property
+    def optics(self) -> Optics:
+        """What its cameras have beyond one pinhole, after what the preset has done to its frames."""
+        camera = self.stored.known_camera
+        return self.stored.optics if camera is None else self.treatment(camera).left
+
+    def treatment(self, camera: Intrinsics) -> Treatment:
+        """Return what is done to each frame before it is perturbed. camera: of colour."""
+        return Treatment(camera, self.stored.optics, self.undistort, self.register)
 
     @property
     def location(self) -> str:
@@ -100,6 +114,7 @@ class Recording:
             "trajectory_sha256": None if path is None else _sha256_of_poses(path),
             "depth_scale_per_m": stored.depth_scale_per_m,
             **stored.optics.content(),
+            **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **_timing(stored),
         }
 
@@ -110,21 +125,35 @@ class Recording:
             note(text)
         if self.stored.assumed and self.stored.known_camera == camera:
             note(self.stored.assumed)
-        yield OpenRecording(self.stored)
+        treatment = self.treatment(camera)
+        yield OpenRecording(self.stored, None if treatment.does_nothing else treatment)
 
 
-def read_recording(folder: Path, place: Place, rate_hz: float | None = None, poses: PosePolicy = "drop") -> Recording:
+def read_recording(
+    folder: Path,
+    place: Place,
+    rate_hz: float | None = None,
+    poses: PosePolicy = "drop",
+    *,
+    undistort: bool = False,
+    register: bool = False,
+) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
-    poses: what becomes of frames without a pose. Raises InputError where files are missing or wrong, and where its own
-    stamps say another rate.
+    poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
+    register: whether depth of a camera of its own is laid into colour. Raises InputError where files are missing or
+    wrong, where its own stamps say another rate, and where there is nothing to undistort or register.
     """
     stored = find_sequence(folder, rate_hz, poses)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
         raise place.at("rate_hz").error(problem, "leave it out: the recording's own time stamps are kept")
-    return Recording(stored, place)
+    if undistort and stored.optics.distortion is None:
+        raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
+    if register and stored.optics.depth is None:
+        raise place.at("register").error(f"depth and colour of {folder} have one camera", "leave it out")
+    return Recording(stored, place, undistort, register)
 
 
 def _values(camera: Intrinsics) -> str:
@@ -154,9 +183,10 @@ def _timing(stored: StoredSequence) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A recording that is ready to give frames."""
+    """A recording that is ready to give frames. treatment: done to each; None for nothing."""
 
     stored: StoredSequence
+    treatment: Treatment | None = None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenRecording":
         """Return itself: the files decide what its frames show."""
@@ -165,30 +195,37 @@ class OpenRecording:
 
     def frame(self, moment: Moment) -> "RecordedFrame":
         """Return the frame of a moment; its images are read on request."""
-        return RecordedFrame(self.stored.frame(moment.index))
+        return RecordedFrame(self.stored.frame(moment.index), self.treatment)
 
 
 @dataclass(frozen=True)
 class RecordedFrame:
-    """A frame on disk."""
+    """A frame on disk. treatment: done to its images; None for nothing."""
 
     stored: StoredFrame
+    treatment: Treatment | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
-        return self.stored.rgb
+        rgb = self.stored.rgb
+        return rgb if self.treatment is None else self.treatment.rgb(rgb)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
-        return self.stored.depth_m
+        depth_m = self.stored.depth_m
+        return depth_m if self.treatment is None else self.treatment.depth_m(depth_m)
 
     def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
         """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
         stored = self.stored
+        if self.treatment is not None:
+            return None
         if modality == "rgb":
             same = stored.rgb_file.suffix == f".{written.image}" and stored.colour == written.colour
             return stored.rgb_file if same else None
+        if stored.void_steps:  # which a dataset says otherwise
+            return None
         same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == written.depth_scale_per_m
         return stored.depth_file if same else None

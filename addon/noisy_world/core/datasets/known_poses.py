@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..trajectories.trajectory import Trajectory
 
-type PosePolicy = Literal["drop", "keep", "require", "none"]
+PosePolicy = Literal["drop", "keep", "require", "none"]
 """What becomes of frames without a pose: left out, kept without one, refused; none: no pose is looked for at all."""
 
 _POSES = "poses: drop leaves them out, poses: keep keeps them"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..machine import processor_features
+from ..optics import OPTICS_KEYS
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
@@ -121,6 +122,7 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
         "entry": _entry(entry),
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
+        **scene.source.optics.content(),
         "path": path,
     }
 
@@ -229,7 +231,8 @@ def manifest(
     """
     spec = plan.preset.spec
     seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
-    cameras = {name: asdict(camera) | seen for name, camera in cameras_of(identity_).items()}
+    beyond = optics_of(identity_)
+    cameras = {name: asdict(camera) | seen | beyond[name] for name, camera in cameras_of(identity_).items()}
     shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
     return {
         "identity": identity_,
@@ -257,7 +260,14 @@ def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
 
 def cameras_agree(identity_: dict[str, Any]) -> bool:
     """Tell whether all scenes of a dataset have one camera, so that a setting can say it for all of them."""
-    return len(set(cameras_of(identity_).values())) == 1
+    beyond = list(optics_of(identity_).values())
+    return len(set(cameras_of(identity_).values())) == 1 and all(item == beyond[0] for item in beyond)
+
+
+def optics_of(identity_: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return what the cameras of each scene have beyond one pinhole, as plain values; {} for nothing."""
+    scenes = identity_["scenes"].items()
+    return {scene: {key: content[key] for key in OPTICS_KEYS if key in content} for scene, content in scenes}
 
 
 def render_seed(seed: int) -> int:

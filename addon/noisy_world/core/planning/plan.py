@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..datasets.layouts import Modality, OutputFormat
+from ..datasets.registration import Registration
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..optics import PINHOLE, Optics
 from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
 from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
@@ -30,7 +32,8 @@ class Render:
     """What is rendered (or read) once for all the sequences that show it.
 
     frames: the source frames that these need. camera: of its images. moving: the steps that move the scene's path, with
-    the identifiers of their random streams; without steps the path is as planned.
+    the identifiers of their random streams; without steps the path is as planned. optics: what the cameras have beyond
+    one pinhole.
     """
 
     name: str
@@ -40,6 +43,18 @@ class Render:
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
     identifiers: Identifiers = ()
+    optics: Optics = PINHOLE
+
+    @property
+    def depth_camera(self) -> Intrinsics:
+        """The camera of its depth images: the colour's, unless they have one of their own."""
+        return self.camera if self.optics.depth is None else self.optics.depth.intrinsics
+
+    @cached_property
+    def registration(self) -> Registration | None:
+        """What is between colour and depth; None where they have one camera."""
+        depth = self.optics.depth
+        return None if depth is None else Registration(self.camera, depth, self.optics.distortion)
 
     @property
     def needs_depth(self) -> bool:
@@ -77,6 +92,11 @@ class Plan:
     def cameras(self) -> dict[str, Intrinsics]:
         """The intrinsics of each scene's frames, by the scene's name."""
         return {render.scene.name: render.camera for render in self.renders}
+
+    @cached_property
+    def depth_cameras(self) -> dict[str, Intrinsics]:
+        """The intrinsics of each scene's depth images, by the scene's name."""
+        return {render.scene.name: render.depth_camera for render in self.renders}
 
     @property
     def camera(self) -> Intrinsics | None:
@@ -157,6 +177,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     preset, modalities = plan.preset, plan.format.modalities
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
+    optics = _optics(scene, plan)
     shared: list[Sequence] = []
     moved: list[Render] = []
     for setting in plan.settings:
@@ -180,8 +201,24 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
         name = f"{scene.name}@{setting.name}"
         moved.append(Render(name, scene, _needed([sequence], modalities), (sequence,), camera, moving, identifiers))
     if shared:
-        moved.insert(0, Render(scene.name, scene, _needed(shared, modalities), tuple(shared), camera))
+        needed = _needed(shared, modalities)
+        moved.insert(0, Render(scene.name, scene, needed, tuple(shared), camera, optics=optics))
     return moved
+
+
+def _optics(scene: Scene, plan: Plan) -> Optics:
+    """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
+    optics, layout = scene.source.optics, plan.format.layout
+    if optics.plain or layout.optics:
+        return optics
+    place = scene.place.at("sequence")
+    if optics.depth is not None:
+        problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"
+        raise place.error(
+            problem, "register: true lays depth into colour; or choose another output.layout, such as tum"
+        )
+    problem = f"its lens distorts, which the {layout.label} layout cannot say"
+    raise place.error(problem, "undistort: true makes a pinhole of it; or choose another output.layout, such as tum")
 
 
 def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
+from ..optics import Optics
 from ..presets.preset import EngineName
 from ..scenes.mesh import Mesh
 from ..schema import Place
@@ -141,6 +142,11 @@ class Source(Protocol):
         None where it has none of its own, and gives what it is asked for. Raises InputError where it cannot give that,
         or has to be told.
         """
+        ...
+
+    @property
+    def optics(self) -> Optics:
+        """What its cameras have beyond one pinhole for colour and depth."""
         ...
 
     def trajectory(self) -> Trajectory:

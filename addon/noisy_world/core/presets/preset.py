@@ -110,6 +110,11 @@ class SceneSpec:
         "the run; none looks for no poses at all: a recording without ground truth",
         default="drop",
     )
+    undistort: bool = key("whether a sequence whose lens distorts is made a pinhole's", default=False)
+    register: bool = key(
+        "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
+        default=False,
+    )
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
         default=None,
@@ -348,8 +353,9 @@ def _check_scene(spec: SceneSpec, place: Place) -> None:
         raise place.error("needs either mesh or sequence, or replica", "name one of them")
     if spec.rate_hz is not None and spec.sequence is None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
-    if spec.poses != "drop" and spec.sequence is None:
-        raise place.at("poses").error("goes with sequence; a mesh is rendered from poses", "leave it out")
+    for name in ("poses", "undistort", "register"):
+        if spec.sequence is None and getattr(spec, name) not in ("drop", False):
+            raise place.at(name).error("goes with sequence, and not with what is rendered", "leave it out")
     if spec.sequence is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")

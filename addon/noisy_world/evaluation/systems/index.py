@@ -117,6 +117,13 @@ def given_sequence(
     camera: its intrinsics, where no file says them. Raises InputError where it is no sequence, or has no intrinsics.
     """
     stored = find_sequence(folder)
+    if not stored.optics.plain or stored.void_steps or stored.assumed:
+        kept = "depth has a camera of its own" if stored.optics.depth else "is a recording of others"
+        problem = "its lens distorts" if stored.optics.distortion else kept
+        remedy = (
+            "make a dataset of it first: sequence in a preset, with register: true and undistort: true where needed"
+        )
+        raise InputError(folder, problem, remedy=remedy)
     known = stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
@@ -40,6 +41,7 @@ class Layout(ABC):
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
     Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
+    optics: whether its files can say that depth has a camera of its own, and how a lens distorts.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -54,6 +56,7 @@ class Layout(ABC):
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
     gaps: ClassVar[bool] = True
+    optics: ClassVar[bool] = False
 
     @property
     def summary(self) -> str:
@@ -82,9 +85,9 @@ class Layout(ABC):
     def sequence_texts(self, facts: "SequenceFacts") -> dict[str, str]:
         """Return the text files of a sequence by name."""
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
-        del camera, depth_scale_per_m
+        del camera, depth_scale_per_m, optics
         return {}
 
     @abstractmethod
@@ -145,9 +148,9 @@ class OutputFormat:
         """Return the names of the images of a sequence whose i-th frame has the i-th time stamps."""
         return FrameNames(self, FrameStamps.of(stamps))
 
-    def setting_texts(self, camera: Intrinsics) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
-        return self.layout.setting_texts(camera, self.depth_scale_per_m)
+        return self.layout.setting_texts(camera, self.depth_scale_per_m, optics)
 
     def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
         """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset."""
@@ -200,7 +203,7 @@ class SequenceFacts:
 
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
     rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
-    depth and poses have those of the paths.
+    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole.
     """
 
     format: OutputFormat
@@ -209,6 +212,7 @@ class SequenceFacts:
     frames: tuple[int, ...]
     paths: SensorPaths
     stamps: FrameStamps | None = None
+    optics: Optics = PINHOLE
 
     @cached_property
     def chosen(self) -> SensorPaths:

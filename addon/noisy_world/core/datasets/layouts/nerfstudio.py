@@ -155,6 +155,6 @@ def _seen_by_depth(camera: Intrinsics, size_px: tuple[int, int]) -> DepthCamera 
         return None
     across, down = np.array(size_px) / (camera.width_px, camera.height_px)
     cx_px, cy_px = (camera.cx_px + _HALF_PX) * across - _HALF_PX, (camera.cy_px + _HALF_PX) * down - _HALF_PX
-    return DepthCamera(
-        Intrinsics(*size_px, float(camera.fx_px * across), float(camera.fy_px * down), float(cx_px), float(cy_px))
-    )
+    fx_px, fy_px = camera.fx_px * across, camera.fy_px * down
+    seen = Intrinsics(*size_px, float(fx_px), float(fy_px), float(cx_px), float(cy_px))
+    return DepthCamera(seen, shares_lens=True)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
 from ...trajectories.stamps import FrameStamps
 from ..frame_times import read_frame_times
@@ -40,6 +41,7 @@ class ReplicaLayout(Layout):
         CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
+    optics = True  # in cam_params.json
     gaps = False  # traj.txt has a line for each frame
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
@@ -67,9 +69,9 @@ class ReplicaLayout(Layout):
             return {}
         return {f"traj{path_suffix(name)}.txt": replica_text(path) for name, path in facts.chosen.named().items()}
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return cam_params.json."""
-        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
+        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a folder `results`."""
@@ -119,6 +121,7 @@ class ReplicaLayout(Layout):
             params.path if params else None,
             notes,
             None if stamps_path else rate_hz or RATE_HZ,
+            optics=params.optics if params else PINHOLE,
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ...trajectories.files import read_trajectory, tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
@@ -49,6 +50,7 @@ class TumLayout(Layout):
         CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
+    optics = True  # in cam_params.json
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
@@ -81,9 +83,9 @@ class TumLayout(Layout):
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return cam_params.json, as the benchmark has no file of intrinsics of its own."""
-        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
+        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a list of colour images."""
@@ -115,6 +117,7 @@ class TumLayout(Layout):
             params.camera if params else None,
             params.path if params else None,
             found.notes,
+            optics=params.optics if params else PINHOLE,
         )
 
 
