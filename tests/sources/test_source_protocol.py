@@ -48,13 +48,15 @@ class ArithmeticSource:
     stamps_s = STAMPS_S
     frame_stamps = FrameStamps.of(STAMPS_S)
     robot_axes = "opencv"
-    optics = PINHOLE
 
     def __init__(self):
         self.notes = []
 
     def camera(self, asked):
         return asked
+
+    def optics(self, camera):
+        return PINHOLE
 
     def trajectory(self):
         return Trajectory(path_poses(4), STAMPS_S)

@@ -196,9 +196,9 @@ class StoredScene:
         """Return the intrinsics asked for; that they are the frames' own has been checked."""
         return asked
 
-    @property
-    def optics(self) -> Optics:
-        """One pinhole."""
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
         return PINHOLE
 
     def trajectory(self) -> Trajectory:

@@ -100,9 +100,9 @@ class MeshSource:
         assert self.spec.handheld is not None, "a preset has either file or handheld"
         return self.spec.handheld
 
-    @property
-    def optics(self) -> Optics:
-        """One pinhole."""
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
         return PINHOLE
 
     def trajectory(self) -> Trajectory:

@@ -4,7 +4,7 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,15 +36,22 @@ class Recording:
     undistort: bool = False
     register: bool = False
 
-    @property
-    def optics(self) -> Optics:
-        """What its cameras have beyond one pinhole, after what the preset has done to its frames."""
-        camera = self.stored.known_camera
-        return self.stored.optics if camera is None else self.treatment(camera).left
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
+        return self.treatment(camera).left
 
     def treatment(self, camera: Intrinsics) -> Treatment:
-        """Return what is done to each frame before it is perturbed. camera: of colour."""
-        return Treatment(camera, self.stored.optics, self.undistort, self.register)
+        """Return what is done to each frame before it is perturbed. camera: of colour.
+
+        Raises InputError where a lens is to be undistorted that belongs to another camera than this.
+        """
+        optics = self.stored.optics
+        if self.stored.assumed and camera != self.stored.known_camera:
+            optics = replace(optics, distortion=None)  # the lens is that of the camera which this one replaces
+            if self.undistort:
+                problem = "camera replaces the dataset's own, whose lens is known"
+                raise self.place.at("undistort").error(problem, "leave one of them out")
+        return Treatment(camera, optics, self.undistort, self.register)
 
     @property
     def location(self) -> str:

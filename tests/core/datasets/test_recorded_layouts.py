@@ -107,3 +107,28 @@ def test_an_intrinsic_json_that_is_none(tmp_path):
         path.write_text(json.dumps({**good, **change}))
         with pytest.raises(InputError, match=told):
             find_sequence(tmp_path)
+
+
+def test_tum_as_the_benchmark_gives_it(tmp_path):
+    folder = tmp_path / "rgbd_dataset_freiburg1_desk"
+    stamps = ["1305031453.359684", "1305031453.391690", "1305031453.423683"]
+    for stamp in stamps:
+        image(folder / f"rgb/{stamp}.png", np.zeros((480, 640, 3), np.uint8))
+    for stamp in ("1305031453.374112", "1305031453.404816"):
+        image(folder / f"depth/{stamp}.png", np.full((480, 640), 5000, np.uint16))
+    for name in ("rgb", "depth"):
+        files = sorted((folder / name).iterdir())
+        head = f"# {name}\n# file: 'rgbd_dataset_freiburg1_desk.bag'\n# timestamp filename\n"
+        (folder / f"{name}.txt").write_text(head + "".join(f"{file.stem} {name}/{file.name}\n" for file in files))
+    (folder / "accelerometer.txt").write_text("# accelerometer data\n1305031453.1 1 2 3\n")
+    rows = [f"{1305031453.3552 + n / 100:.4f} {n}.5 1.0 2.0 0.0 0.0 0.0 1.0\n" for n in range(20)]
+    (folder / "groundtruth.txt").write_text("".join(rows))
+    found = find_sequence(folder)
+    assert intrinsics(found.known_camera) == (640, 480, 517.3, 516.5, 318.6, 255.3)
+    assert found.optics.distortion.coefficients == (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
+    assert found.stamps.rgb.ns == (1305031453359684000, 1305031453391690000)
+    assert found.trajectory.c2w[:, 0, 3].tolist() == [0.5, 4.5]
+    assert found.notes == ("1 of 3 colour images are left out: 1 with no depth image within 0.02 s",)
+    assert "calibration of this Kinect" in found.assumed
+    folder.rename(tmp_path / "desk")
+    assert find_sequence(tmp_path / "desk").known_camera is None

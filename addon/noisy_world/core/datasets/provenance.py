@@ -122,7 +122,7 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
         "entry": _entry(entry),
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
-        **scene.source.optics.content(),
+        **scene.source.optics(camera).content(),
         "path": path,
     }
 

@@ -177,7 +177,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     preset, modalities = plan.preset, plan.format.modalities
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
-    optics = _optics(scene, plan)
+    optics = _optics(scene, plan, camera)
     shared: list[Sequence] = []
     moved: list[Render] = []
     for setting in plan.settings:
@@ -206,9 +206,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     return moved
 
 
-def _optics(scene: Scene, plan: Plan) -> Optics:
+def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
-    optics, layout = scene.source.optics, plan.format.layout
+    optics, layout = scene.source.optics(camera), plan.format.layout
     if optics.plain or layout.optics:
         return optics
     place = scene.place.at("sequence")

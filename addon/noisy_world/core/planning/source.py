@@ -144,9 +144,11 @@ class Source(Protocol):
         """
         ...
 
-    @property
-    def optics(self) -> Optics:
-        """What its cameras have beyond one pinhole for colour and depth."""
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return what its cameras have beyond one pinhole. camera: of colour, as `camera` returned it.
+
+        Raises InputError where the preset asks for what cannot be done to them.
+        """
         ...
 
     def trajectory(self) -> Trajectory:

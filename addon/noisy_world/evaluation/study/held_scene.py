@@ -83,10 +83,9 @@ class SourceInside:
         """Return the intrinsics of its frames."""
         return self.source.camera(asked)
 
-    @property
-    def optics(self) -> Optics:
-        """The source's."""
-        return self.source.optics
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return the source's."""
+        return self.source.optics(camera)
 
     def trajectory(self) -> Trajectory:
         """Return the path."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ...optics import PINHOLE, Optics
+from ...optics import PINHOLE, Optics, distortion_of
 from ...trajectories.files import read_trajectory, tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
@@ -21,6 +21,14 @@ from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered
 
 LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
 SECONDS_PER_YEAR = 31_557_600  # Julian
+# https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats, "Intrinsic camera calibration of the Kinect": of
+# colour, to which depth is registered; fx, fy, cx, cy, and d0 to d4 as OpenCV has them.
+KINECTS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "1": ((517.3, 516.5, 318.6, 255.3), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
+    "2": ((520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
+    "3": ((535.4, 539.2, 320.1, 247.6), (0.0, 0.0, 0.0, 0.0, 0.0)),
+}
+_ASSUMED = "the benchmark's calibration of this Kinect is used, by the folder's name; camera says another"
 _ONE_STAMP = "an image has a stamp of its own"
 # float() would also take "nan", "1_000" and digits of other scripts.
 _NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?"
@@ -105,6 +113,7 @@ class TumLayout(Layout):
         check_files(folder / "rgb.txt", found.rgb_files)
         check_files(folder / "depth.txt", found.depth_files)
         params = read_cam_params(folder)
+        kinect = None if params and params.camera else _kinect(folder)
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -114,11 +123,21 @@ class TumLayout(Layout):
             found.stamps,
             params.depth_scale_per_m if params else self.depth_scale_per_m,
             folder / "rgb.txt",
-            params.camera if params else None,
+            params.camera if params and params.camera else kinect[0] if kinect else None,
             params.path if params else None,
             found.notes,
-            optics=params.optics if params else PINHOLE,
+            optics=kinect[1] if kinect else params.optics if params else PINHOLE,
+            assumed=_ASSUMED if kinect else "",
         )
+
+
+def _kinect(folder: Path) -> tuple[Intrinsics, Optics] | None:
+    """Return the Kinect of a folder that is named as the benchmark does it; None for another."""
+    named = re.match(r"rgbd_dataset_freiburg([123])_", folder.resolve().name)
+    if named is None:
+        return None
+    values, coefficients = KINECTS[named[1]]
+    return Intrinsics(640, 480, *values), Optics(distortion=distortion_of("radial-tangential", coefficients))
 
 
 def _stamp_texts(stamps: Stamps) -> list[str]:
