@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,30 +16,42 @@ from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
 from ..core.planning.source import SourceFrame
+from .spent import DECODING, Spent
 
 
 class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
-    def __init__(self, source: int, image: SourceFrame, between: Registration | None = None) -> None:
-        """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras."""
+    def __init__(
+        self, source: int, image: SourceFrame, between: Registration | None = None, spent: Spent | None = None
+    ) -> None:
+        """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
+
+        spent: hears how long images take that are read from files; None where they are not.
+        """
         self.source = source
         self._image = image
         self._between = between
+        self._spent = spent
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
         """Colour (H, W, 3), float32 in [0, 1] or uint8."""
-        rgb = self._image.rgb
+        with self._decoding():
+            rgb = self._image.rgb
         assert rgb is not None, "colour was not asked for"
         return rgb
 
     @cached_property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres; 0 = void."""
-        depth_m = self._image.depth_m
+        with self._decoding():
+            depth_m = self._image.depth_m
         assert depth_m is not None, "depth was not asked for"
         return depth_m
+
+    def _decoding(self) -> contextlib.AbstractContextManager[None]:
+        return contextlib.nullcontext() if self._spent is None else self._spent.on(DECODING)
 
     def float_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3) as float32 in [0, 1]."""

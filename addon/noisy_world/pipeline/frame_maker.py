@@ -113,11 +113,12 @@ class FrameMaker:
         self, render: Render, frames: Many[int], source: OpenSource, colour: Colour, writer: FrameWriter
     ) -> None:
         paths = self.paths_of(render)
+        heard = None if render.scene.source.gives.rendered else writer.spent
         for frame in frames:
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
-            clean = CleanFrame(frame, source.frame(paths.moment(frame)), render.registration)
+            clean = CleanFrame(frame, source.frame(paths.moment(frame)), render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             self._count(writer.submit(clean, colour.of(clean)), writer)

@@ -20,6 +20,7 @@ from ..core.schema import Place
 from .mesh_files import filled, found_path, mesh_scene
 from .recording import read_recording
 from .replica import ReplicaScene, check_replica, replica_scene
+from .video import read_video_source
 from .wildcards import matched_parts
 
 
@@ -57,9 +58,9 @@ def _candidates(preset: Preset, index: int, spec: SceneSpec) -> list[_Candidate]
         return _of_replica(preset, place, spec, spec.replica)
     if spec.mesh is not None and is_embedded(spec.mesh):
         return _embedded(preset, place, spec, spec.mesh)
-    kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
-    pattern = spec.mesh if spec.sequence is None else spec.sequence
-    assert pattern is not None
+    kind = next(name for name in ("mesh", "sequence", "video") if getattr(spec, name) is not None)
+    kinds = {"mesh": "meshes", "sequence": "sequences", "video": "videos"}[kind]
+    pattern: str = getattr(spec, kind)
     if not glob.has_magic(pattern) or path_in(preset.folder, pattern, place.at(kind)).exists():
         path = path_in(preset.folder, pattern, place.at(kind))
         return [_candidate(preset, place, spec, spec.name or path.stem, pattern)]
@@ -68,7 +69,9 @@ def _candidates(preset: Preset, index: int, spec: SceneSpec) -> list[_Candidate]
     if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
         found = [text for text in found if not (folder / text).is_file()]
     if not found:
-        raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} {_beside(preset)}")
+        raise place.at(kind).error(
+            f"no {'folder' if kind == 'sequence' else 'file'} matches {pattern!r} {_beside(preset)}"
+        )
     _check_one_name(spec, place, len(found), kinds)
     scenes = []
     for text in found:
@@ -82,10 +85,12 @@ def _candidate(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: str | Path, *, parts: tuple[str, ...] = ()
 ) -> _Candidate:
     """Return a scene of a file or folder; a text is relative to the preset's folder, and may not be there."""
-    kind = "mesh" if spec.sequence is None else "sequence"
+    kind = next(item for item in ("mesh", "sequence", "video") if getattr(spec, item) is not None)
 
     def find() -> Source:
         whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
+        if kind == "video":
+            return read_video_source(whole, place)
         if kind == "sequence":
             return read_recording(
                 whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register

@@ -181,6 +181,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     shared: list[Sequence] = []
     moved: list[Render] = []
     for setting in plan.settings:
+        if setting.needs_depth and not scene.source.gives.depth:
+            problem = f"{setting.name} needs depth, and a video has none"
+            raise scene.place.at("video").error(problem, "take that setting out, or take a sequence with depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
@@ -197,7 +200,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             problem = (
                 f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
             )
-            raise scene.place.at("sequence").error(problem, "take that setting out, or render the scene's mesh")
+            raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
         name = f"{scene.name}@{setting.name}"
         moved.append(Render(name, scene, _needed([sequence], modalities), (sequence,), camera, moving, identifiers))
     if shared:
@@ -261,11 +264,19 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
             problem = "is a recording, which has no other poses for a rig"
-            raise scene.place.at("sequence").error(problem, "leave rig out")
+            raise _place_of(scene).error(problem, "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.frame_stamps):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
         if not scene.source.gives.any_pose:
             _check_poses(scene, preset)
+        if not scene.source.gives.depth and "depth" in preset.spec.output.modalities:
+            problem = "a video has no depth, but output.modalities asks for it"
+            raise scene.place.at("video").error(problem, "write output: {modalities: [rgb]}")
+
+
+def _place_of(scene: Scene) -> Place:
+    """Return the place of a recording's folder or file in its scene."""
+    return scene.place.at("sequence" if scene.source.gives.depth else "video")
 
 
 def _check_poses(scene: Scene, preset: Preset) -> None:

@@ -62,11 +62,12 @@ class Gives:
     """What a source can give.
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded.
+    not only from those that were recorded. depth: whether it has any.
     """
 
     rendered: bool
     any_pose: bool
+    depth: bool = True
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,9 @@ class SceneSpec:
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
         default=None,
     )
+    video: str | None = key(
+        "instead of sequence: a video file, for colour alone, relative to the preset; * allowed", default=None
+    )
     trajectory: TrajectorySpec | None = key(
         "the way of the camera, or of the robot that carries it; for replica the path that the SLAM systems use",
         default=None,
@@ -349,14 +352,14 @@ def _check_render(spec: RenderSpec, place: Place) -> None:
 
 
 def _check_scene(spec: SceneSpec, place: Place) -> None:
-    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence)) != 1:
-        raise place.error("needs either mesh or sequence, or replica", "name one of them")
+    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence, spec.video)) != 1:
+        raise place.error("needs either mesh or sequence, or replica, or video", "name one of them")
     if spec.rate_hz is not None and spec.sequence is None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
     for name in ("poses", "undistort", "register"):
         if spec.sequence is None and getattr(spec, name) not in ("drop", False):
             raise place.at(name).error("goes with sequence, and not with what is rendered", "leave it out")
-    if spec.sequence is not None:
+    if spec.sequence is not None or spec.video is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")
         return
