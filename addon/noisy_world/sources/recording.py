@@ -62,7 +62,7 @@ class Recording:
         Raises InputError where its images or its own intrinsics contradict those asked for, and where neither is known.
         """
         known, size_px = self.stored.known_camera, self.stored.size_px
-        self.stored.check_depth()
+        self.stored.check_images()
         if asked is None and known is None:
             problem = f"no file of {self.location} says its intrinsics"
             raise self.place.at("sequence").error(problem, f"give camera; its images are {_spoken(size_px)}")
@@ -104,7 +104,7 @@ class Recording:
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
         del camera  # the files decide it
-        for text in self.stored.notes:
+        for text in (*self.stored.notes, *self.stored.image_notes):
             note(text)
         yield OpenRecording(self.stored)
 
@@ -162,8 +162,11 @@ class RecordedFrame:
     stored: StoredFrame
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, sRGB-encoded, uint8, or float32 in [0, 1] where the file has 16 bits.
+
+        Raises InputError where the file is damaged, or no image.
+        """
         return self.stored.rgb
 
     @property
@@ -172,10 +175,13 @@ class RecordedFrame:
         return self.stored.depth_m
 
     def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
+        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
+
+        Raises InputError where that file is damaged.
+        """
         stored = self.stored
         if modality == "rgb":
-            same = stored.rgb_file.suffix == f".{written.image}" and stored.colour == written.colour
-            return stored.rgb_file if same else None
-        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == written.depth_scale_per_m
-        return stored.depth_file if same else None
+            same = stored.stored_rgb == (written.image, written.colour)
+        else:
+            same = stored.depth_scale_per_m == written.depth_scale_per_m
+        return stored.check_whole(modality) if same else None
