@@ -192,7 +192,7 @@ def frames(
     check_intrinsics(intrinsics)
     recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
     stored = recording.stored
-    for note in stored.notes:
+    for note in (*stored.notes, *stored.image_notes):
         warnings.warn(f"{folder}: {note}", stacklevel=2)
     check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)

@@ -84,7 +84,7 @@ class Recording:
         Raises InputError where its images or its own intrinsics contradict those asked for, and where neither is known.
         """
         known, size_px = self.stored.known_camera, self.stored.size_px
-        self.stored.check_depth()
+        self.stored.check_images()
         if asked is None and known is None:
             problem = f"no file of {self.location} says its intrinsics"
             raise self.place.at("sequence").error(problem, f"give camera; its images are {_spoken(size_px)}")
@@ -128,7 +128,7 @@ class Recording:
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
-        for text in self.stored.notes:
+        for text in (*self.stored.notes, *self.stored.image_notes):
             note(text)
         if self.stored.assumed and self.stored.known_camera == camera:
             note(self.stored.assumed)
@@ -213,8 +213,11 @@ class RecordedFrame:
     treatment: Treatment | None = None
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, sRGB-encoded, uint8, or float32 in [0, 1] where the file has 16 bits.
+
+        Raises InputError where the file is damaged, or no image.
+        """
         rgb = self.stored.rgb
         return rgb if self.treatment is None else self.treatment.rgb(rgb)
 
@@ -225,14 +228,16 @@ class RecordedFrame:
         return depth_m if self.treatment is None else self.treatment.depth_m(depth_m)
 
     def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
+        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
+
+        Raises InputError where that file is damaged.
+        """
         stored = self.stored
         if self.treatment is not None:
             return None
         if modality == "rgb":
-            same = stored.rgb_file.suffix == f".{written.image}" and stored.colour == written.colour
-            return stored.rgb_file if same else None
-        if stored.void_steps:  # which a dataset says otherwise
-            return None
-        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == written.depth_scale_per_m
-        return stored.depth_file if same else None
+            same = stored.stored_rgb == (written.image, written.colour)
+        else:
+            # A dataset says void by 0 alone.
+            same = stored.depth_scale_per_m == written.depth_scale_per_m and not stored.void_steps
+        return stored.check_whole(modality) if same else None

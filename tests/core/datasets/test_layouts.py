@@ -236,7 +236,7 @@ def test_euroc_poses_are_the_cameras(tmp_path):
     assert frame.rgb.shape == (6, 8, 3)
     assert (frame.rgb == 110).all()
     assert np.allclose(frame.depth_m, 2.5)
-    assert frame.colour == "grey"
+    assert frame.stored_rgb == ("png", "grey")
 
 
 def test_euroc_in_colour_and_with_17_columns(tmp_path):
@@ -244,7 +244,7 @@ def test_euroc_in_colour_and_with_17_columns(tmp_path):
     found = find_sequence(tmp_path)
     assert len(found.trajectory) == 2
     assert found.frame(0).rgb[0, 0].tolist() == [30, 20, 10]  # RGB of what OpenCV wrote as 10, 20, 30
-    assert found.frame(0).colour == "rgb"
+    assert found.frame(0).stored_rgb == ("png", "rgb")
     assert found.rgb_files[1].name == "1403636579810000000.png"
 
 
@@ -285,7 +285,7 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
         (edit(f"{CAM}/sensor.yaml", "1.0, 0.0, 0.0, 0.2", "1.1, 0.0, 0.0, 0.2"), "T_BS: is no rigid pose"),
         (edit(f"{CAM}/sensor.yaml", "data: [", "data: [["), "is not valid YAML"),
         (edit(f"{DEPTH}/sensor.yaml", "depth_scale_per_m", "scale"), "holds no depth_scale_per_m; add it"),
-        (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be above 0"),
+        (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be a number above 0"),
         (edit(STATE, "1.0,2.0", "1.0,x"), "line 2: 'x' is not a number"),
         (edit(STATE, "1.0,2.0", "1.0,nan"), "line 2: holds nan"),
         (edit(STATE, "1.0,2.0", "1.0"), "line 2: 7 numbers; a EuRoC row is t, x, y, z, qw"),

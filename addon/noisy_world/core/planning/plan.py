@@ -17,6 +17,7 @@ from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
 from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
+from ..presets.names import told_one_folder
 from ..presets.preset import Preset, SensorSpec
 from ..presets.selection import selected
 from ..schema import Place
@@ -258,10 +259,13 @@ def _sensor_paths(plan: Plan, trajectory: Trajectory) -> SensorPaths:
 
 def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
     """Refuse names given twice, and scenes that do not fit the layout or the rig."""
-    names = [scene.name for scene in scenes]
+    names: dict[str, str] = {}
     for scene in scenes:
-        if names.count(scene.name) > 1:
-            raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
+        if (other := names.get(scene.name.casefold())) is not None:
+            same = other == scene.name
+            problem = f"{scene.name!r} names two scenes" if same else told_one_folder(scene.name, other)
+            raise scene.place.at("name").error(problem, "give each a name of its own")
+        names[scene.name.casefold()] = scene.name
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
             problem = "is a recording, which has no other poses for a rig"
             raise _place_of(scene).error(problem, "leave rig out")

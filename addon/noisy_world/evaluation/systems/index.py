@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.datasets.image_files import damage
-from ...core.datasets.images import encode_colour
+from ...core.datasets.images import as_bytes, encode_colour
 from ...core.datasets.layouts import LAYOUTS, Image, Layout, OutputFormat, SequenceFacts, find_sequence
 from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
 from ...core.datasets.stored import StoredSequence
@@ -106,7 +106,7 @@ class Given:
             link_or_copy(source, target, target.parent)
             return
         rgb = self.stored.frame(self.stored.rgb_files.index(source)).rgb
-        write_atomic(target, encode_colour(rgb, image), target.parent)
+        write_atomic(target, encode_colour(as_bytes(rgb), image), target.parent)
 
 
 def given_sequence(

@@ -28,7 +28,7 @@ from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
 from ..association import StampedFiles
 from ..json_text import finite_number
-from ..stored import checked_intrinsics, read_text
+from ..stored import checked_depth_scale, checked_intrinsics, read_text
 from .layout import lines
 from .stated_optics import checked_distortion
 
@@ -254,10 +254,7 @@ def _distortion(path: Path, document: dict[str, Any]) -> Distortion | None:
 def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
     if DEPTH_SCALE_KEY not in document:
         return None
-    (scale_per_m,) = _numbers(path, DEPTH_SCALE_KEY, [document[DEPTH_SCALE_KEY]], 1).tolist()
-    if scale_per_m <= 0:
-        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=DEPTH_SCALE_KEY)
-    return scale_per_m
+    return checked_depth_scale(path, DEPTH_SCALE_KEY, document[DEPTH_SCALE_KEY])
 
 
 def _entries(path: Path, name: str, value: object, count: int) -> list[object]:

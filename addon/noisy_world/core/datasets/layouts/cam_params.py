@@ -10,8 +10,8 @@ from typing import Any
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import PINHOLE, Optics
-from ..json_text import finite_number, parse_given_json
-from ..stored import checked_intrinsics, read_text
+from ..json_text import parse_given_json
+from ..stored import checked_depth_scale, checked_intrinsics, read_text
 from .stated_optics import stated_optics
 
 CAM_PARAMS = "cam_params.json"
@@ -65,10 +65,7 @@ def _read(path: Path) -> CamParams:
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
-    scale_per_m = finite_number(camera["scale"])
-    if scale_per_m is None or scale_per_m <= 0:
-        problem = f"its scale is {_shown(camera['scale'])}, but has to be a number above 0"
-        raise InputError(path, problem, where="camera.scale", remedy=_REMEDY)
+    scale_per_m = checked_depth_scale(path, "camera.scale", camera["scale"], remedy=_REMEDY)
     return CamParams(path, scale_per_m, _intrinsics(path, camera), stated_optics(path, document))
 
 
@@ -81,8 +78,3 @@ def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
         raise InputError(path, problem, where="camera", remedy=f"a camera has {', '.join(INTRINSICS)} and scale")
     places = tuple(f"camera.{name}" for name in INTRINSICS)
     return checked_intrinsics(path, places, tuple(camera[name] for name in INTRINSICS))
-
-
-def _shown(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."

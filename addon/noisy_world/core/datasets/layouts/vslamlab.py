@@ -24,7 +24,7 @@ from ...yaml_reading import read_yaml
 from ..association import StampedFiles, associate_frames
 from ..json_text import finite_number
 from ..known_poses import PosePolicy, truth_file
-from ..stored import StoredSequence, check_files, checked_intrinsics, read_text
+from ..stored import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, read_text
 from .asl import LARGEST_NS, exact_stamps
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
 
@@ -258,13 +258,11 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
     if np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY:
         remedy = f"{TRUTH} has to hold the poses of {CAMERA}; set T_BS to the identity where it does"
         raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
-    (scale_per_m,) = _numbers(path, camera, "depth_factor", 1)
-    if scale_per_m <= 0:
-        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=_at("depth_factor"))
+    scale_per_m = checked_depth_scale(path, _at("depth_factor"), camera.get("depth_factor"))
     keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}
     values = [value for name, count in keys.items() for value in _numbers(path, camera, name, count).tolist()]
     places = tuple(_at(name) for name, count in keys.items() for _ in range(count))
-    return checked_intrinsics(path, places, tuple(values)), float(scale_per_m)
+    return checked_intrinsics(path, places, tuple(values)), scale_per_m
 
 
 def _is_colour(camera: Any) -> bool:
