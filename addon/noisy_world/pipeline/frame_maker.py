@@ -13,7 +13,7 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InterruptedRunError
 from ..core.planning.plan import Plan, Render, source_paths
-from ..core.planning.source import OpenSource, PreparedSource, RenderOptions
+from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderOptions
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_frame import Camera, CleanFrame
@@ -186,13 +186,15 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
     see nothing. threads: of the renderer, 0 for all that there are.
     """
     spec = plan.preset.spec
+    told = OwnRendering(spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m)
+    rendering = render.scene.source.gives.own or told
     looked_at = render.frames[:FIRST_FRAMES] if judging and not spec.render.allow_empty else ()
     return RenderOptions(
-        near_m=spec.mesh_camera.near_m,
-        far_m=spec.mesh_camera.far_m,
-        samples=spec.render.samples,
+        near_m=rendering.near_m,
+        far_m=rendering.far_m,
+        samples=rendering.samples,
         seed=render_seed(spec.seed),
-        engine=spec.render.engine,
+        engine=rendering.engine,
         device=spec.render.device,
         rgb="rgb" in plan.format.modalities or render.needs_rgb,
         depth="depth" in plan.format.modalities or render.needs_depth,

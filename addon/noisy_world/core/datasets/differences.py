@@ -118,10 +118,10 @@ def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
 
 def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None:
     """Return the key in which two steps of the same perturbation differ, and both values."""
+    modes = [_mode(step) for step in (there, here)]
+    if modes[0] != modes[1]:
+        return "mode", was_is(*modes)
     if (there["severity"], there["levels"]) != (here["severity"], here["levels"]):
-        modes = ["static" if step["levels"] is None else "dynamic" for step in (there, here)]
-        if modes[0] != modes[1]:
-            return "mode", was_is(*modes)
         key = "severity" if modes[0] == "static" else "levels"
         return key, was_is(there[key], here[key])
     if there["temporal"] != here["temporal"]:
@@ -131,6 +131,10 @@ def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None
             if left.get(name) != right.get(name):
                 return name, was_is(left.get(name), right.get(name))
     return None if there == here else ("parameters", was_is(there["parameters"], here["parameters"]))
+
+
+def _mode(step: dict[str, Any]) -> str:
+    return "static" if step["levels"] is None else "keyed" if step.get("keyed") else "dynamic"
 
 
 def _listed(parameters: Any) -> list[dict[str, Any]]:

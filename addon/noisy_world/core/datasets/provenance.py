@@ -11,7 +11,7 @@ import platform
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,8 @@ from ..optics import OPTICS_KEYS
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
-from ..presets.preset import SceneSpec, canonical
+from ..presets.preset import canonical
+from ..presets.scene_keys import BLEND_KEYS, RECORDING_KEYS, SceneSpec
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -40,7 +41,6 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
-_TOLD_IF_SET = ("poses", "undistort", "register", "video")  # so that older datasets can grow
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
@@ -70,7 +70,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     (--frames) is no part of it, nor what decides no bytes, such as the overview.
     """
     spec = plan.preset.spec
-    rendered = plan.renders_anything
+    rendered = plan.renders_as_told
     cameras = {render.scene.name: render.camera for render in plan.renders}
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
@@ -114,25 +114,25 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
 
 def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    entry = plan.preset.spec.scenes[entry_number(scene)]
+    entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
+    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
+        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
+    if entry["up"] is None:
+        del entry["up"]
+    untold = SceneSpec()
+    entry = {
+        name: value for name, value in entry.items() if name not in RECORDING_KEYS or value != getattr(untold, name)
+    }
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": _entry(entry),
+        "entry": plain_values(entry),
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
     }
-
-
-def _entry(spec: SceneSpec) -> dict[str, Any]:
-    """Return an entry of a preset, without keys of recordings that are left at their default."""
-    told = {
-        item.name for item in fields(spec) if item.name not in _TOLD_IF_SET or getattr(spec, item.name) != item.default
-    }
-    return {name: value for name, value in plain_values(asdict(spec)).items() if name in told}
 
 
 def entry_number(scene: Scene) -> int:
@@ -177,6 +177,7 @@ def _step(step: Step[Any]) -> dict[str, Any]:
         "name": step.perturbation.name,
         "severity": step.severity,
         "levels": None if step.levels is None else list(step.levels),
+        **({"keyed": True} if step.keyed else {}),
         "temporal": step.temporal,
         "parameters": parameters[0] if step.levels is None else parameters,
     }
@@ -230,10 +231,15 @@ def manifest(
     frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
     spec = plan.preset.spec
-    seen = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    told = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    inputs = {name: scene["inputs"] for name, scene in identity_["scenes"].items()}
+    seen = {name: {key: own.get(key, value) for key, value in told.items()} for name, own in inputs.items()}
     beyond = optics_of(identity_)
-    cameras = {name: asdict(camera) | seen | beyond[name] for name, camera in cameras_of(identity_).items()}
-    shared = next(iter(cameras.values())) if cameras_agree(identity_) else None
+    cameras = {name: asdict(camera) | seen[name] | beyond[name] for name, camera in cameras_of(identity_).items()}
+    shared = None
+    if cameras_agree(identity_):
+        first, *others = cameras.values()
+        shared = {key: value for key, value in first.items() if all(camera[key] == value for camera in others)}
     return {
         "identity": identity_,
         "seeds": {"preset": spec.seed, "render": render_seed(spec.seed)},

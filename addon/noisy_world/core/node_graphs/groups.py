@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from typing import Any, get_type_hints
 
 from ..errors import NoisyWorldError
+from ..labels import american, parameter_label
 from ..perturbing.kinds import ColourPerturbation, Perturbation
 from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Socket, Value
@@ -35,7 +36,6 @@ REFERENCE_INPUT = GroupInput(
 ENCODED_INPUT = GroupInput("Encoded", "bool", False, "The image is sRGB-encoded already, and is to be given so")
 
 _SUBTYPES = {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}
-_UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm")
 
 
 @dataclass(frozen=True)
@@ -87,10 +87,8 @@ class Canvas:
 
 
 def socket_name(parameter: str) -> str:
-    """Return the name of a parameter's socket: without the unit, which the socket's subtype gives."""
-    for suffix in _UNIT_SUFFIXES:
-        parameter = parameter.removesuffix(suffix)
-    return parameter.replace("_", " ").capitalize()
+    """Return the name of a parameter's socket: its label, without the unit, which the socket's subtype gives."""
+    return parameter_label(parameter)
 
 
 def socket_value(perturbation: Perturbation, parameter: str, value: Any) -> Any:
@@ -184,7 +182,7 @@ def _parameters(graph: Graph, perturbation: Perturbation, served: Mapping[str, f
         high = min(info.maximum, served.get(item.name, info.maximum)) if info.maximum is not None else None
         subtype = _SUBTYPES.get(info.unit, "FACTOR" if kind == "float" and (low, high) == (0, 1) else "NONE")
         limits = [None if bound is None else socket_value(perturbation, item.name, bound) for bound in (low, high)]
-        meaning = info.meaning[0].upper() + info.meaning[1:]
+        meaning = american(info.meaning[0].upper() + info.meaning[1:])
         sockets[item.name] = graph.input(
             GroupInput(socket_name(item.name), kind, default, meaning, limits[0], limits[1], subtype)
         )

@@ -29,8 +29,9 @@ class Step[Kind: Perturbation]:
     """One perturbation of a setting.
 
     occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
-    given. levels: the severities that each frame's is drawn from in dynamic mode. given: parameters that override the
-    severity's. stream: the name under which colour and depth draw their random patterns; None is the setting's.
+    given. levels: the severities that each frame's is drawn from in dynamic mode; where it is keyed, those of the
+    frames one after another, of which the last one holds. given: parameters that override the severity's. stream: the
+    name under which colour and depth draw their random patterns; None is the setting's.
     """
 
     perturbation: Kind
@@ -40,6 +41,7 @@ class Step[Kind: Perturbation]:
     temporal: Temporal
     given: Mapping[str, Any]
     stream: str | None = None
+    keyed: bool = False
 
     def context(self, where: FrameContext) -> FrameContext:
         """Return this step's context for a frame. where: the frame, with the identifiers of its sequence.
@@ -68,6 +70,8 @@ class Step[Kind: Perturbation]:
         """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame."""
         if self.levels is None:
             return self.severity
+        if self.keyed:
+            return self.levels[min(context.index, len(self.levels) - 1)]
         choosing = context if context.chosen_by is None else replace(context, identifiers=context.chosen_by)
         return self.levels[int(choosing.stream("severity").integers(len(self.levels)))]
 

@@ -18,7 +18,7 @@ from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import told_one_folder
-from ..presets.preset import Preset, SensorSpec
+from ..presets.preset import EngineName, Preset, SensorSpec
 from ..presets.selection import selected
 from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
@@ -111,9 +111,21 @@ class Plan:
         return any(scene.source.gives.rendered for scene in self.scenes)
 
     @property
+    def renders_as_told(self) -> bool:
+        """Whether anything is rendered as the preset says, rather than by settings of its own."""
+        return any(scene.source.gives.rendered and scene.source.gives.own is None for scene in self.scenes)
+
+    @property
+    def engines(self) -> tuple[EngineName, ...]:
+        """The engines that render anything, each once, in alphabetical order."""
+        gives = [scene.source.gives for scene in self.scenes if scene.source.gives.rendered]
+        told = self.preset.spec.render.engine
+        return tuple(sorted({told if item.own is None else item.own.engine for item in gives}))
+
+    @property
     def renders_in_blender(self) -> bool:
         """Whether Blender renders anything."""
-        return self.renders_anything and self.preset.spec.render.in_blender
+        return any(engine != "embree" for engine in self.engines)
 
     @property
     def composites(self) -> bool:

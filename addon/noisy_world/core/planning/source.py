@@ -58,15 +58,31 @@ class RenderedFrame:
 
 
 @dataclass(frozen=True)
+class OwnRendering:
+    """How a source renders that brings its own settings: the engine, its samples, and between which distances it sees.
+
+    What the preset gives of these stands here instead.
+    """
+
+    engine: EngineName
+    samples: int
+    near_m: float
+    far_m: float
+
+
+@dataclass(frozen=True)
 class Gives:
     """What a source can give.
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded. depth: whether it has any.
+    not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
+    importers read it, whatever renders it. depth: whether it has any.
     """
 
     rendered: bool
     any_pose: bool
+    own: OwnRendering | None = None
+    imported: bool = False
     depth: bool = True
 
 

@@ -56,11 +56,12 @@ def read_cam_params(folder: Path) -> CamParams | None:
     for parent in (folder, folder.parent):
         path = parent / CAM_PARAMS
         if os.path.lexists(path):  # a link that leads nowhere is a mistake, and no missing file
-            return _read(path)
+            return read_cam_params_file(path)
     return None
 
 
-def _read(path: Path) -> CamParams:
+def read_cam_params_file(path: Path) -> CamParams:
+    """Return what a cam_params.json says. Raises InputError as read_cam_params does."""
     document = parse_given_json(read_text(path), path, remedy=_REMEDY)
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
