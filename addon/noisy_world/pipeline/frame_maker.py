@@ -20,7 +20,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
-from .spent import LOADING, RENDERING, Spent
+from .spent import DECODING, LOADING, RENDERING, Spent
 from .stock import Finished
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
@@ -118,7 +118,9 @@ class FrameMaker:
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
-            clean = CleanFrame(frame, source.frame(paths.moment(frame)), render.registration, heard)
+            with contextlib.nullcontext() if heard is None else heard.on(DECODING):
+                image = source.frame(paths.moment(frame))
+            clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             self._count(writer.submit(clean, colour.of(clean)), writer)
