@@ -20,7 +20,7 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from noisy_world.ui import document, header_presets, keyed, own_objects, preview, taking, tooltips, world
+from noisy_world.ui import document, header_presets, keyed, older_files, own_objects, preview, taking, tooltips, world
 from noisy_world.ui.typed_numbers import property_name, set_value, value_of
 from noisy_world.ui.wording import spoken
 
@@ -337,6 +337,18 @@ def test_angles_are_radians_in_blender_and_come_back_as_typed():
                 assert value_of(settings(), "deviation_rotation_deg") == typed
     assert step.motion_blur.bl_rna.properties["angle"].subtype == "ANGLE"
     assert settings().bl_rna.properties["handheld_speed_m_s"].unit == "VELOCITY"
+
+
+def test_angles_that_older_files_hold_in_degrees_are_taken():
+    step = add(scene(), "motion_blur")
+    stored = scene().bl_system_properties_get()["noisy_world"]
+    stored["deviation_rotation_deg"], stored["steps"][0]["motion_blur"] = 3.7, {"angle_deg": 25.0}
+    older_files._on_load()
+    assert value_of(settings(), "deviation_rotation_deg") == 3.7
+    assert value_of(step.motion_blur, "angle_deg") == 25.0
+    set_value(settings(), "deviation_rotation_deg", 1.0)
+    older_files._on_load()  # only once
+    assert value_of(settings(), "deviation_rotation_deg") == 1.0
 
 
 def test_panel_socket_and_preset_use_the_same_word():
