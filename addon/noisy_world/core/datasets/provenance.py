@@ -114,25 +114,31 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
 
 def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
-    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
-        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
-    if entry["up"] is None:
-        del entry["up"]
-    untold = SceneSpec()
-    entry = {
-        name: value for name, value in entry.items() if name not in RECORDING_KEYS or value != getattr(untold, name)
-    }
+    entry = told_entry(plan.preset.spec.scenes[entry_number(scene)])
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": plain_values(entry),
+        "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
     }
+
+
+def told_entry(spec: SceneSpec) -> dict[str, Any]:
+    """Return a scene's entry of a preset as plain values, without keys that say nothing of a scene of its kind."""
+    entry = asdict(spec)
+    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
+        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
+    if entry["up"] is None:
+        del entry["up"]
+    untold = SceneSpec()
+    recorded = (name for name in RECORDING_KEYS if entry[name] == getattr(untold, name))
+    for name in tuple(recorded):
+        del entry[name]
+    return plain_values(entry)
 
 
 def entry_number(scene: Scene) -> int:
