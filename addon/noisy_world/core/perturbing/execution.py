@@ -149,7 +149,7 @@ def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Traj
     """Return the chosen poses of a path, with the path's first stamps; the whole path for None."""
     if chosen is None:
         return trajectory
-    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[: len(chosen)])
+    return trajectory.at(chosen, trajectory.stamps_s[: len(chosen)])
 
 
 def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers) -> NDArray[np.int64]:
