@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, find_sequence
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
@@ -174,7 +175,7 @@ class RecordedFrame:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
         return self.stored.depth_m
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
         """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
 
         Raises InputError where that file is damaged.
@@ -184,4 +185,4 @@ class RecordedFrame:
             same = stored.stored_rgb == (written.image, written.colour)
         else:
             same = stored.depth_scale_per_m == written.depth_scale_per_m
-        return stored.check_whole(modality) if same else None
+        return stored.whole_file(modality) if same else None

@@ -18,7 +18,7 @@ from ..geometry import Intrinsics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
 from .file_digests import read_digests
-from .image_files import read_header, read_whole
+from .image_files import WholeFile, check_whole, read_header
 from .image_header import ImageHeader
 from .image_reading import check_colour, check_depth, check_size_px, read_colour, read_steps, spoken, strict_decoder
 from .json_text import finite_number
@@ -68,12 +68,12 @@ class StoredFrame:
         header = read_header(self.rgb_file)
         return header.kind, header.plainly
 
-    def check_whole(self, modality: Literal["rgb", "depth"]) -> Path:
+    def whole_file(self, modality: Literal["rgb", "depth"]) -> WholeFile:
         """Return the file of an image that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
-        header, _ = read_whole(file, sha256)
+        header, digest = check_whole(file, sha256)
         check_size_px(file, header, self.size_px)
-        return file
+        return WholeFile(file, digest)
 
 
 @dataclass(frozen=True)
