@@ -38,8 +38,8 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.room import build_room
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
-from noisy_world.ui.preview import use_standard_view
 from noisy_world.ui.properties import panel_of
+from noisy_world.ui.standard_view import use_standard_view
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -173,18 +173,21 @@ def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
         setattr(panel, name, value)
     in_area(view, operators().load_scene)
     in_area(view, operators().load_trajectory)
-    panel.deviation_rotation_deg = 2.0
+    panel.deviation_rotation = math.radians(2.0)
     panel.deviation_translation_m = 0.04
     for name, severity in PREVIEWED:
         operators().add_step(perturbation=name)
         panel.steps[panel.active_step].severity = severity
+    use_standard_view(scene)  # again: now that there is a mesh, the world is taken away
+    for item in scene.objects:
+        item.select_set(False)  # no outlines
 
 
 def open_tab(view: bpy.types.Area) -> Iterator[float]:
     """Show the sidebar's tab beside the view, not over it; yields the seconds to wait."""
     bpy.context.preferences.system.use_region_overlap = False
     space_of(view).show_region_ui = True
-    shading_of(space_of(view)).light = "FLAT"
+    shading_of(space_of(view)).light, shading_of(space_of(view)).color_type = "FLAT", "VERTEX"
     window().cursor_warp(0, 0)  # no tooltips
     yield SETTLE_S
     name: Any = "Noisy World"  # the stubs know the categories of no add-on

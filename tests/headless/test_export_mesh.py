@@ -7,6 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from cases import cases
 from worlds import ROOT, write_box_ply
 
 from noisy_world.cli import export_mesh
@@ -55,40 +56,44 @@ def test_quads_become_triangles(tmp_path):
     assert mesh.face_sizes.tolist() == [3] * 12
 
 
-def write_textured(path, *, extra=""):
-    """A triangle with a texture that lies beside it, by hand; extra: declarations of vertices, each 7 in the rows."""
-    names = [line for line in extra.split(",") if line]
-    header = ["ply", "format ascii 1.0", "comment TextureFile a.png", "element vertex 3"]
-    header += [f"property float {axis}" for axis in "xyz"] + [f"property {name}" for name in names]
-    header += ["element face 1", "property list uchar int vertex_indices", "property list uchar float texcoord"]
-    rows = [f"{x} {y} 0" + " 7" * len(names) for x, y in ((0, 0), (1, 0), (0, 1))]
-    path.write_text("\n".join([*header, "end_header", *rows, "3 0 1 2 6 0 0 1 0 0 1"]) + "\n")
-    cv2.imwrite(str(path.parent / "a.png"), np.zeros((2, 2, 3), np.uint8))
-
-
 def exported(capsys, *arguments):
     status = export_mesh.main([str(item) for item in arguments], Entry("export_mesh.py", ()))
     told = capsys.readouterr()
     return status, told.out, told.err
 
 
-def test_a_texture_has_no_place(tmp_path, capsys):
-    write_textured(tmp_path / "mesh.ply")
-    status, _, err = exported(capsys, tmp_path / "mesh.ply", tmp_path / "out.ply")
-    assert status == 1
-    assert len(err.splitlines()) == 1
-    assert "its colours are in the texture a.png, for which Replica's layout has no place; transfer them" in err
-    assert not (tmp_path / "out.ply").exists()
-
-
-def test_beside_a_texture_other_colours_are_written(tmp_path, capsys):
-    write_textured(tmp_path / "mesh.ply", extra="uchar red,uchar green,uchar blue")
-    status, out, _ = exported(capsys, tmp_path / "mesh.ply", tmp_path / "out.ply")
+@cases("triangulate", [False, True])
+def test_textures_are_written_beside_it(tmp_path, capsys, triangulate):
+    folder = tmp_path / str(triangulate)
+    folder.mkdir()
+    dice = np.random.default_rng(3)
+    header = ["ply", "format ascii 1.0", "comment TextureFile a.png", "comment TextureFile b.png", "element vertex 5"]
+    header += [f"property float {axis}" for axis in "xyz"] + [
+        f"property uchar {name}" for name in ("red", "green", "blue")
+    ]
+    header += ["element face 3", "property list uchar int vertex_indices", "property list uchar float texcoord"]
+    header += ["property int texnumber", "end_header"]
+    rows = [f"{x} {y} 0 {x} {y} 9" for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (2, 2))]
+    rows += ["4 0 1 2 3 8 0 0 1 0 1 1 0 1 1", "3 1 2 4 6 .5 .5 1 0 .25 1 0", "3 0 3 4 0 -1", ""]
+    (folder / "mesh.ply").write_text("\n".join([*header, *rows]))
+    for name in "ab":
+        cv2.imwrite(str(folder / f"{name}.png"), dice.integers(0, 256, (3, 4, 3)).astype(np.uint8))
+    arguments = ["--triangulate"] if triangulate else []
+    status, out, _ = exported(capsys, folder / "mesh.ply", folder / "out.ply", *arguments)
     assert status == 0
-    assert "the texture is left out: the other colours are written" in out
-    read = read_ply(tmp_path / "out.ply")
-    assert read.texture is None
-    assert np.rint(read.rgb * 255).tolist() == [[7] * 3] * 3
+    assert f"wrote {folder}/out_0.png, {folder}/out_1.png: its textures" in out
+    before, after = read_ply(folder / "mesh.ply"), read_ply(folder / "out.ply")
+    assert after.face_sizes.tolist() == ([3] * 4 if triangulate else [4, 3, 3])
+    pictures = [after.texture.names[number] if number >= 0 else "" for number in after.texture.face_pictures]
+    expected = ["b.png"] * (1 + triangulate) + ["a.png", ""]
+    names = {f"out_{place}.png": name for place, name in enumerate(before.texture.names)}
+    assert [names.get(name, "") for name in pictures] == expected
+    for here, there in zip(before.texture.pictures, after.texture.pictures, strict=True):
+        assert np.array_equal(here, there)
+    order = [0, 1, 2, 0, 2, 3, 4, 5, 6, 7, 8, 9] if triangulate else range(10)
+    assert np.array_equal(after.corner_vertices, before.corner_vertices[order])
+    assert np.array_equal(after.texture.corner_uv[:-3], before.texture.corner_uv[order][:-3])
+    assert np.array_equal(after.rgb, before.rgb)
 
 
 def test_colours_of_faces_stay(tmp_path, capsys):

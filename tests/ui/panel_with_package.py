@@ -19,7 +19,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
-from noisy_world.ui import document, frame_preview, panels, paths, step_list, world
+from noisy_world.ui import document, frame_preview, panels, paths, step_list, taking, world
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -62,7 +62,7 @@ told["stuttering lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).to
 told["order"] = [item.perturbation for item in settings.steps]
 
 # A preset that says them.
-document.open_preset(settings, world_folder / "preset.yaml")
+taking.open_preset(settings, world_folder / "preset.yaml")
 world.load_scene(scene)
 world.load_path(scene)
 told["opened"] = document.perturb_of(settings)

@@ -91,7 +91,7 @@ def test_a_preset_comes_into_the_panel_and_out_again(told, site, folder):
 
 def test_previews_show_what_is_written(told, folder):
     assert told["shows"] == [[0, 0, 2, 2, 4, 4], 4]
-    assert told["depth"].startswith("Colour of frame 0, depth of")
+    assert told["depth"].startswith("Color of frame 0, depth of")
     assert "grazing" in told["depth"]
     import cv2
 

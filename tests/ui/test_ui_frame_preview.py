@@ -19,7 +19,7 @@ from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.datasets.overview import colour_depth
-from noisy_world.ui import frame_preview, operators, presets, preview, world
+from noisy_world.ui import frame_preview, operators, presets, preview, stills, world
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -42,11 +42,11 @@ def renders(monkeypatch):
     """The frames that were rendered, one after another."""
     made = []
 
-    def render(scene, frames):
+    def render(scene, frames, **how):
         made.extend(frames)
-        return render_stills(scene, frames)
+        return render_stills(scene, frames, **how)
 
-    monkeypatch.setattr(frame_preview, "render_stills", render)
+    monkeypatch.setattr(stills, "render_stills", render)
     return made
 
 
@@ -249,7 +249,7 @@ def test_desynchronisation_shows_colour_beside_the_depth_that_goes_with_it(room)
     depth_m = render_stills(room, [7])[0].depth_m
     seen_m = depth_m[depth_m > 0]
     assert np.array_equal(image[:, SIZE[0] :], colour_depth(depth_m, seen_m.min(), seen_m.max()))
-    assert "Colour of frame 2, depth of frame 7" in about
+    assert "Color of frame 2, depth of frame 7" in about
     step.desync.edge = "drop"
     room.frame_set(8)
     with pytest.raises(NoisyWorldError, match="left out"):

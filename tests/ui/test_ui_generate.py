@@ -2,6 +2,7 @@
 """What the panel generates, without a window: the same as the command line from the saved preset."""
 
 import json
+import math
 import shlex
 import subprocess
 import time
@@ -40,7 +41,7 @@ def prepare(scene, folder, name="out", *, frames=3):
     settings.width_px, settings.height_px = 96, 54
     settings.fx_px = settings.fy_px = 48
     settings.cx_px, settings.cy_px = 47.5, 26.5
-    settings.deviation_rotation_deg = 1.3
+    settings.deviation_rotation = math.radians(1.3)
     settings.image = "png"
     settings.seed = 7
     settings.output_folder = str(folder / name)
@@ -114,13 +115,13 @@ def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp
     settings.steps.clear()
     bpy.ops.noisy_world.generate()
     settings.seed = 9
-    with pytest.raises(RuntimeError, match="replace the dataset with --overwrite"):
+    with pytest.raises(RuntimeError, match="or Replace Dataset"):
         bpy.ops.noisy_world.generate()
     assert bpy.ops.noisy_world.generate_anew() == {"FINISHED"}
     assert runs.run_of(scene).background.phase == "finished"
 
 
-def test_an_error_is_the_command_lines_sentence_and_not_finished(scene, tmp_path):
+def test_an_error_is_the_command_lines_in_the_panels_words_and_not_finished(scene, tmp_path):
     settings = prepare(scene, tmp_path)
     settings.mesh_source = "FILE"
     settings.mesh_path = str(tmp_path / "none.ply")
@@ -128,7 +129,9 @@ def test_an_error_is_the_command_lines_sentence_and_not_finished(scene, tmp_path
         bpy.ops.noisy_world.generate()
     save(settings, tmp_path / "preset.yaml")
     told = generate(tmp_path / "preset.yaml", "--out", tmp_path / "out", check=False).stderr
-    assert told.removeprefix("generate.py: ").strip().partition(": ")[2] in str(caught.value)
+    problem = f"no such file: {tmp_path / 'none.ply'}"
+    assert f"preset.yaml: scenes.0.mesh: {problem}; paths are relative to the preset" in told
+    assert str(caught.value).strip() == f"Error: Scene: {problem}"
     assert runs.run_of(scene).background.phase == "failed"
     assert not (tmp_path / "out").exists()
 

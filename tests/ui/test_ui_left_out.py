@@ -4,6 +4,8 @@
 What is expected is written by hand from what each change does to a render.
 """
 
+import math
+
 import bpy
 import pytest
 from calls import calls_made
@@ -96,7 +98,7 @@ def test_what_a_render_shows_is_named_by_kind():
 def test_the_loaded_dataset_is_not_named(loaded):
     assert names() == ()
     assert shows_dataset()
-    settings().deviation_rotation_deg = 2.0
+    settings().deviation_rotation = math.radians(2.0)
     settings().fx_px = 321.5
     settings().steps.add().perturbation = "fog"
     settings().preview = True  # a chain of ours is no compositing of theirs
@@ -226,7 +228,7 @@ def test_a_change_of_the_panel_does_not_hide_a_change_by_hand(loaded):
     loaded.camera.keyframe_insert("location", frame=3)
     settings().fx_px = 77.0  # which sets the lens up again, not the keys
     assert names() == ("changes of Noisy World Camera",)
-    settings().seed, settings().deviation_rotation_deg = 3, 1.0  # which keys the path again
+    settings().seed, settings().deviation_rotation = 3, math.radians(1.0)  # which keys the path again
     assert names() == ()
 
 
@@ -253,7 +255,7 @@ def test_the_sentence_says_what_the_dataset_shows(loaded):
     add("Chair", mesh())
     assert sentence(loaded) == "Not in the dataset: Chair. The dataset shows square.ply"
     settings().mesh_source = "ROOM"
-    wanted = "Not in the dataset: Chair and square. The dataset shows the embedded room; load a PLY under Scene"
+    wanted = "Not in the dataset: Chair and square. The dataset shows the embedded room; choose another under Scene"
     assert sentence(loaded) in (wanted, wanted.replace("Chair and square", "square and Chair"))
 
 

@@ -149,7 +149,7 @@ def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tm
     scene = bpy.context.scene
     frames = np.arange(10)
     assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - poses).max() < 1e-6
-    settings().deviation_rotation_deg = 4
+    settings().deviation_rotation = np.radians(4.0)
     settings().deviation_translation_m = 0.05
     plan = make_plan(preset_of(settings()))
     render = plan.renders[-1]

@@ -2,6 +2,7 @@
 """Presets in the tab: taken in, saved and kept; what the panel cannot show is refused."""
 
 import json
+import math
 from pathlib import Path
 
 import bpy
@@ -31,7 +32,8 @@ def parsed(preset):
 
 @cases("path", PRESETS)
 def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
-    from noisy_world.ui.document import open_preset, save_preset
+    from noisy_world.ui.document import save_preset
+    from noisy_world.ui.taking import open_preset
 
     shipped = read_preset(path)
     for name, setting in parsed(shipped).items():
@@ -52,7 +54,8 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
 
 
 def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
-    from noisy_world.ui.document import open_preset, to_document
+    from noisy_world.ui.document import to_document
+    from noisy_world.ui.taking import open_preset
     from noisy_world.ui.runs import saved_preset
 
     path = tmp_path / "short.yaml"
@@ -64,7 +67,8 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
 
 
 def test_each_embedded_room_is_shown_and_kept(tmp_path):
-    from noisy_world.ui.document import from_document, open_preset, save_preset, to_document
+    from noisy_world.ui.document import save_preset, to_document
+    from noisy_world.ui.taking import from_document, open_preset
     from noisy_world.ui.runs import saved_preset
 
     for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
@@ -81,7 +85,8 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
 
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
-    from noisy_world.ui.document import from_document, open_preset, save_preset, to_document
+    from noisy_world.ui.document import save_preset, to_document
+    from noisy_world.ui.taking import from_document, open_preset
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -116,7 +121,8 @@ def test_a_layout_brings_what_its_readers_expect():
 
 
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
-    from noisy_world.ui.document import from_document, to_document
+    from noisy_world.ui.document import to_document
+    from noisy_world.ui.taking import from_document
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -148,7 +154,8 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     ],
 )
 def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
-    from noisy_world.ui.document import from_document, to_document
+    from noisy_world.ui.document import to_document
+    from noisy_world.ui.taking import from_document
 
     document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
     settings().seed = 77
@@ -179,7 +186,8 @@ def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
 
 
 def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
-    from noisy_world.ui.document import open_preset, save_preset
+    from noisy_world.ui.document import save_preset
+    from noisy_world.ui.taking import open_preset
 
     use_files(tmp_path)
     save_preset(settings(), tmp_path / "kitchen.yaml")
@@ -216,7 +224,7 @@ def of_ones_own(tmp_path):
     item = settings()
     item.scene_name, item.seed, item.width_px, item.layout = "kitchen", 12, 333, "tum"
     item.preset_path, item.setting_name = str(tmp_path / "mine.yaml"), "rough"
-    item.deviation_rotation_deg, item.speed_factor = 1.5, 3
+    item.deviation_rotation, item.speed_factor = math.radians(1.5), 3
     for name, severity in (("contrast", 2.0), ("spatter", 4.0), ("depth_gaussian_noise", 1.0)):
         bpy.ops.noisy_world.add_step(perturbation=name)
         item.steps[item.active_step].severity = severity
@@ -335,13 +343,15 @@ def test_a_stream_is_refused_where_it_would_be_lost(of_ones_own, tmp_path):
 
 def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
     from noisy_world.ui import runs
-    from noisy_world.ui.document import open_preset, to_document
+    from noisy_world.ui.document import to_document
+    from noisy_world.ui.output_place import output_folder
+    from noisy_world.ui.taking import open_preset
 
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)
     item = settings()
     item.mesh_path, item.trajectory_path, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
-    assert runs.output_folder(item) == tmp_path / "sets/one"
+    assert output_folder(item) == tmp_path / "sets/one"
     (scene,) = to_document(item)["scenes"]
     assert (scene["mesh"], scene["trajectory"]["file"]) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
     assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
@@ -366,5 +376,5 @@ def test_a_user_who_is_not_there_is_a_line(tmp_path):
     with pytest.raises(RuntimeError, match="there is no user"):
         bpy.ops.noisy_world.save_preset(filepath="~nobody-of-this-name/x.yaml")
     item.mesh_path = "~nobody-of-this-name/x.ply"
-    with pytest.raises(RuntimeError, match="PLY File: there is no user"):
+    with pytest.raises(RuntimeError, match="Mesh File: there is no user"):
         bpy.ops.noisy_world.load_scene()

@@ -120,7 +120,7 @@ def test_why_nothing_can_be_run(scene, dataset, tmp_path, monkeypatch):
     panel.output_folder = str(dataset)
     assert bpy.ops.noisy_world.track.poll()
     panel.use_depth = False
-    assert tracking._problem(scene) == "The embedded system needs colour and depth"
+    assert tracking._problem(scene) == "The embedded system needs color and depth"
     panel.use_depth = True
     stand_in(monkeypatch, tmp_path, "tell(start={'label': 'tracking', 'total': 4, 'done': 0})\ntime.sleep(60)")
     run = runs.start_tracking(scene, dataset, ("clean/box",))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pinhole intrinsics on a Blender camera, and trajectories as its keyframes."""
 
+from typing import Any
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +41,16 @@ def set_intrinsics(
     near_m: float,
     far_m: float,
     sample_offset_px: float = 0.0,
+    sensor_width_mm: float = SENSOR_WIDTH_MM,
+    blurred: bool = False,
 ) -> None:
     """Give the camera and the scene's image the intrinsics; depth outside [near_m, far_m] is void.
 
     Blender measures its shift from the image's centre, in image widths; with integer coordinates at pixel centres, the
     image's centre is (width - 1) / 2. fx != fy becomes a pixel aspect, which Blender allows from 1 up. An image smaller
     than Blender's smallest is rendered larger, to the right and below. sample_offset_px: by how much the renderer's
-    rays miss the pixel's centre, to the right and up; the shift compensates it.
+    rays miss the pixel's centre, to the right and up; the shift compensates it. sensor_width_mm: decides the lens'
+    length, and thereby what is out of focus. blurred: whether that is shown as it is.
     """
     width_px = max(intrinsics.width_px, SMALLEST_PX)
     height_px = max(intrinsics.height_px, SMALLEST_PX)
@@ -59,15 +64,15 @@ def set_intrinsics(
     data = camera_of(camera)
     data.type = "PERSP"
     data.sensor_fit = "HORIZONTAL"
-    data.sensor_width = SENSOR_WIDTH_MM
+    data.sensor_width = sensor_width_mm
     data.lens_unit = "MILLIMETERS"
-    data.lens = intrinsics.fx_px * SENSOR_WIDTH_MM / width_px
+    data.lens = intrinsics.fx_px * sensor_width_mm / width_px
     data.shift_x = ((width_px - 1) / 2 - intrinsics.cx_px - sample_offset_px) / width_px
     data.shift_y = (intrinsics.cy_px - (height_px - 1) / 2 - sample_offset_px) * aspect / width_px
     data.clip_start = near_m
     data.clip_end = far_m
     assert data.dof is not None
-    data.dof.use_dof = False
+    data.dof.use_dof = blurred
 
 
 def place_camera(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64]) -> None:
@@ -82,6 +87,16 @@ def key_trajectory(
 ) -> None:
     """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, at consecutive scene frames.
 
+    The scene's range becomes theirs.
+    """
+    key_poses(scene, camera, c2w, np.arange(first_frame, first_frame + len(c2w)))
+    scene.frame_start = first_frame
+    scene.frame_end = first_frame + len(c2w) - 1
+
+
+def key_poses(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.float64], frames: NDArray[Any]) -> None:
+    """Key the poses (N, 4, 4), camera-to-world with OpenCV axes, metres, at scene frames (N,).
+
     Quaternion signs are continuous, so that Blender interpolates between two keys along the shorter arc.
     """
     blender_c2w = blender_from_opencv_c2w(c2w)
@@ -89,16 +104,13 @@ def key_trajectory(
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(blender_c2w[:, :3, :3]))
     camera.animation_data_clear()
     action = new_action(camera, f"{camera.name} trajectory")
-    frames = np.arange(first_frame, first_frame + len(c2w))
     for path, values in (("location", location_m), ("rotation_quaternion", quat_wxyz)):
         for index, column in enumerate(values.T):
             curve = action.fcurve_ensure_for_datablock(camera, path, index=index)
             _set_keys(curve, frames, column)
-    scene.frame_start = first_frame
-    scene.frame_end = first_frame + len(c2w) - 1
 
 
-def _set_keys(curve: bpy.types.FCurve, frames: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+def _set_keys(curve: bpy.types.FCurve, frames: NDArray[Any], values: NDArray[np.float64]) -> None:
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())

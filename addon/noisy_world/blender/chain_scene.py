@@ -2,32 +2,25 @@
 """Showing a chain in Blender: keyed on the timeline, after a scene's render or after an image."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import bpy
-import numpy as np
 
-from ..core.node_graphs.chain import build_chain, socket_values, step_node
-from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..core.geometry import Intrinsics
+from ..core.node_graphs.chain import build_chain, capacity_of, step_node
+from ..core.node_graphs.graph import Graph
+from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
+from .chain_values import set_values
 from .nodes import ensure_group, remove_group
-from .typed import (
-    action_of,
-    get_node,
-    get_value,
-    interface,
-    interpolation,
-    new_action,
-    new_node,
-    new_socket,
-    new_tree,
-    set_value,
-)
+from .typed import get_node, get_value, interface, new_node, new_socket, new_tree, set_value
 
 PREVIOUS = "noisy_world_previous_compositing"
 DEPTH_ADDED = "noisy_world_depth_pass_added"
 SHOWN = "noisy_world_shows"
+MOST_KEPT = 8  # descriptions of chains; chosen: a chain for each scene, and few files have more
+_descriptions: dict[str, tuple[list[Any], Graph]] = {}  # by the chain's name, with what each is of
 GROUP, SPLIT, SOURCE, OWN = "Perturbations", "Before and after", "Frame", "Own compositing"
 
 
@@ -39,80 +32,33 @@ def make_chain(
     *,
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
     At scene frame k the chain then shows what the generator writes as frame index_of(k), by default k, of the sequence
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
-    only its sockets are changed, which is quick. now: the current scene frame, by default the first.
+    only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
+    scene frame, by default the first. intrinsics: of the camera, if known.
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
     children = [] if old is None else _groups_in(old)
-    tree = ensure_group(build_chain(name, steps))
-    _clear_keys(tree)
-    for step in steps:
-        _set_step(tree, step, _values(step, frames, identifiers, index_of), now)
+    tree = ensure_group(_described(name, steps))
+    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics)
     if tree != old:
         _remove_unused(children)
     return tree
 
 
-def _values(
-    step: Step[ColourPerturbation],
-    frames: Sequence[int],
-    identifiers: Identifiers,
-    index_of: Callable[[int], int] | None,
-) -> Iterator[tuple[int, Any]]:
-    """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
-    by_severity: dict[float | None, dict[str, Any]] = {}
-    for k in frames if step.levels is not None or index_of is not None else frames[:1]:
-        index = k if index_of is None else index_of(k)
-        severity = step.severity_of(step.context(FrameContext(index, identifiers)))
-        if severity not in by_severity:
-            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index)[0]
-        values = by_severity[severity]
-        yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
-
-
-def _set_step(
-    tree: bpy.types.NodeTree,
-    step: Step[ColourPerturbation],
-    values: Iterator[tuple[int, dict[str, Any]]],
-    now: int | None,
-) -> None:
-    node = tree.nodes[step_node(step)]
-    each = list(values)
-    for name in dict.fromkeys(name for _, sockets in each for name in sockets):
-        socket = node.inputs[name]
-        # At frames where a step does nothing, its parameters keep their values.
-        known = [(k, sockets[name]) for k, sockets in each if name in sockets]
-        past = [value for k, value in known if now is not None and k <= now]
-        value = past[-1] if past else known[0][1]
-        # Only values that change are assigned: each assignment makes Blender update everything that uses the group.
-        if get_value(socket) != (np.float32(value) if isinstance(value, float) else value):
-            set_value(socket, value)
-        if len({value for _, value in known}) > 1:
-            _key(tree, socket, known)
-
-
-def _clear_keys(tree: bpy.types.NodeTree) -> None:
-    action = None if tree.animation_data is None else tree.animation_data.action
-    tree.animation_data_clear()
-    if action is not None and action.users == 0:
-        bpy.data.actions.remove(action)
-
-
-def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
-    """Key a socket with constant interpolation: each value holds until the next key."""
-    if tree.animation_data is None or tree.animation_data.action is None:
-        new_action(tree, f"{tree.name} severity")
-    path = socket.path_from_id("default_value")
-    curve = action_of(tree).fcurve_ensure_for_datablock(tree, path)
-    points = curve.keyframe_points
-    points.add(len(values))
-    points.foreach_set("co", np.array(values, dtype=np.float32).ravel())
-    points.foreach_set("interpolation", np.full(len(values), interpolation("CONSTANT"), dtype=np.int32))
-    curve.update()
+def _described(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+    """Describe a chain; the last description holds as long as the steps have the same groups, whatever their values."""
+    made_from = [(step.perturbation, step_node(step), capacity_of(step)) for step in steps]
+    known = _descriptions.get(name)
+    if known is None or known[0] != made_from:
+        while len(_descriptions) >= MOST_KEPT:
+            del _descriptions[next(iter(_descriptions))]
+        known = _descriptions[name] = made_from, build_chain(name, steps)
+    return known[1]
 
 
 def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
@@ -160,7 +106,7 @@ def show_chain(
     tree.nodes.active = group
     tree.links.new(before, group.inputs["Image"])
     tree.links.new(group.outputs["Image"], end.inputs["Image"])
-    _set_split(tree, split)
+    set_split(tree, split)
     previous = own_compositing(scene)
     scene.compositing_node_group = tree
     scene[PREVIOUS] = previous
@@ -194,8 +140,8 @@ def _behind(tree: bpy.types.NodeTree, own: bpy.types.NodeTree, image: bpy.types.
     return next((socket for socket in node.outputs if socket.type == "RGBA"), image)
 
 
-def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
-    """Set the share of the picture, from the left, that shows the chain's input."""
+def set_split(tree: bpy.types.NodeTree, split: float) -> None:
+    """Set the share of the picture, from the left, that shows the chain's input, in what `show_chain` made."""
     node, group = tree.nodes.get(SPLIT), tree.nodes[GROUP]
     end = next(item for item in tree.nodes if item.bl_idname == "NodeGroupOutput")
     end.location = (300 if split <= 0 else 500, 0)
@@ -209,18 +155,16 @@ def _set_split(tree: bpy.types.NodeTree, split: float) -> None:
         node.name, node.location, node.select = SPLIT, (300, 0), False
         set_value(node.inputs["Rotation"], math.pi / 2)
         first, second = (socket for socket in node.inputs if socket.type == "RGBA")
-        tree.links.new(_linked_to(group.inputs["Image"]), first)
+        if (before := _linked_to(group.inputs["Image"])) is not None:
+            tree.links.new(before, first)
         tree.links.new(group.outputs["Image"], second)
         tree.links.new(node.outputs["Image"], end.inputs["Image"])
     set_value(node.inputs["Position"], (split, 0.5))
 
 
-def _linked_to(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+def _linked_to(socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket | None:
     links = socket.links
-    assert links
-    source = links[0].from_socket
-    assert source is not None
-    return source
+    return links[0].from_socket if links else None
 
 
 def _set_depth_pass(scene: bpy.types.Scene, *, needed: bool) -> None:
@@ -249,6 +193,8 @@ def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     tree = scene.compositing_node_group
     if tree is None or SHOWN not in tree or not {SOURCE, GROUP} <= {node.name for node in tree.nodes}:
         return None
+    if not any(node.bl_idname == "NodeGroupOutput" for node in tree.nodes):
+        return None  # a user has removed it
     of_another = getattr(tree.nodes[SOURCE], "scene", scene) != scene
     return None if of_another else get_node(tree, GROUP, bpy.types.CompositorNodeGroup).node_tree
 
@@ -276,22 +222,26 @@ def refresh_chain(
     index_of: Callable[[int], int] | None = None,
     reference_width_px: int | None = None,
     split: float = 0.0,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
-    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers.
+    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
+    the camera.
     """
     chain = shown_chain(scene)
     name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
-    chain = make_chain(name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current)
+    chain = make_chain(
+        name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current, intrinsics=intrinsics
+    )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)
         return chain
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
-    _set_split(tree, split)
+    set_split(tree, split)
     return chain
 
 

@@ -13,8 +13,10 @@ from .typed import override
 SCENE = "Noisy World still"
 
 
-def render_stills(scene: bpy.types.Scene, frames: Sequence[int]) -> list[RenderedFrame]:
+def render_stills(scene: bpy.types.Scene, frames: Sequence[int], *, empty: bool = False) -> list[RenderedFrame]:
     """Render colour and depth of scene frames through the scene's camera, with Cycles and one sample.
+
+    empty: whether nothing is seen where there is no surface, as in a mesh's dataset; by default the world is.
 
     Render options are changed only in a copy of the scene, which shares its objects and is removed afterwards. Raises
     StorageError where no scratch file can be written.
@@ -23,6 +25,8 @@ def render_stills(scene: bpy.types.Scene, frames: Sequence[int]) -> list[Rendere
     stand_in.name = SCENE
     try:
         _configure(stand_in)
+        if empty:
+            stand_in.world = None
         size_px = stand_in.render.resolution_x, stand_in.render.resolution_y
         renderer = FrameRenderer(stand_in, size_px, rgb=True, depth=True, encoded_colours=False)
         try:

@@ -150,7 +150,7 @@ def size_px(image: bpy.types.Image) -> tuple[int, int]:
     return wide, high
 
 
-def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header) -> bpy.types.UILayout:
+def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header | bpy.types.Operator) -> bpy.types.UILayout:
     """Return the layout that a panel, a menu or a header draws into."""
     assert item.layout is not None
     return item.layout

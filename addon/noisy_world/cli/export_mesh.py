@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`export`: write a mesh as PLY in Replica's layout: an embedded room, or any PLY that Noisy World reads.
+"""`export`: write a mesh as PLY in Replica's layout: an embedded room, or any mesh file that Noisy World reads.
 
-Where faces have colours, each vertex is written once for each colour that meets there; a texture has no place in the
-layout. Many readers cannot read quads and other polygons; --triangulate is for those.
+Where faces have colours, each vertex is written once for each colour that meets there. Textures have no place in the
+layout: they are written beside the file and named in it as MeshLab does. Many readers cannot read quads and other
+polygons; --triangulate is for those.
 """
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
 from .arguments import path
 from .ending import ended
@@ -22,9 +25,11 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS
 
     parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
-    known = f"a PLY file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
+    known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
     parser.add_argument("mesh", metavar="MESH", type=path, help=known)
     parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
+    up = "the axis of the file that points up, where that is not what the file declares; y is turned to Z up"
+    parser.add_argument("--up", choices=("y", "z"), help=up)
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
     return parser.parse_args(arguments)
 
@@ -33,21 +38,25 @@ def write(options: argparse.Namespace) -> int:
     """Write the mesh, and print what was written."""
     from ..core.errors import InputError
     from ..core.scenes.embedded import is_embedded
-    from ..core.scenes.ply import read_ply
     from ..core.scenes.ply_file import read_header
+    from ..core.scenes.ply_textured import write_textured_ply
     from ..core.scenes.ply_writer import write_ply
     from ..core.scenes.room import build_room
+    from ..sources.mesh_reading import read_mesh
 
     name = str(options.mesh)
-    mesh = build_room(_one_room(name)) if is_embedded(name) else read_ply(options.mesh)
-    if mesh.texture is not None and mesh.rgb is None and mesh.corner_rgb is None:
-        problem = f"its colours are in the texture {mesh.texture.names[0]}, for which Replica's layout has no place"
-        raise InputError(options.mesh, problem, remedy="transfer them to its vertices first, in MeshLab for instance")
-    write_ply(options.out, mesh, triangulate=options.triangulate)
+    if options.up is not None and is_embedded(name):
+        raise InputError("--up", "goes with the file of a mesh", remedy="leave it out")
+    mesh = build_room(_one_room(name)) if is_embedded(name) else read_mesh(options.mesh, options.up)
+    pictures: Sequence[Path] = ()
+    if mesh.texture is None:
+        write_ply(options.out, mesh, triangulate=options.triangulate)
+    else:
+        pictures = write_textured_ply(options.out, mesh, mesh.texture, triangulate=options.triangulate)
     for note in mesh.notes:
         print(note)
-    if mesh.texture is not None:
-        print("the texture is left out: the other colours are written")
+    if pictures:
+        print(f"wrote {', '.join(map(str, pictures))}: its textures, which Replica's layout has not")
     vertices = read_header(options.out).elements["vertex"].rows
     faces = int((mesh.face_sizes - 2).sum()) if options.triangulate else len(mesh.face_starts)
     print(f"wrote {options.out}: {vertices} vertices, {faces} faces")

@@ -9,17 +9,18 @@ def versions_of(plan: Plan) -> dict[str, str]:
 
     Raises MissingDependencyError where that cannot run here.
     """
-    render, versions = plan.preset.spec.render, {}
-    if plan.renders_anything and render.engine == "embree":
-        from ..rays.embree import embree_version
+    device, versions = plan.preset.spec.render.device, dict[str, str]()
+    for engine in plan.engines:
+        if engine == "embree":
+            from ..rays.embree import embree_version
 
-        versions = embree_version()
-    elif plan.renders_anything and render.engine != "embree":
-        from ..blender.session import renderer_versions
+            versions |= embree_version()
+        else:
+            from ..blender.session import renderer_versions
 
-        return renderer_versions(render.engine, render.device)
-    if plan.composites:
+            versions |= renderer_versions(engine, device if engine == "cycles" else "cpu")
+    if plan.composites or any(scene.source.gives.imported for scene in plan.scenes):
         from ..blender.session import blender_version
 
-        versions = versions | blender_version()
+        versions |= blender_version()
     return versions

@@ -12,15 +12,21 @@ from pathlib import Path
 
 from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
-from ..core.presets.preset import Preset, SceneSpec, TrajectorySpec
+from ..core.presets.preset import Preset
+from ..core.presets.scene_keys import SceneSpec, TrajectorySpec
 from ..core.presets.selection import selected
 from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name, room_seeds
 from ..core.scenes.replica import replica_names
 from ..core.schema import Place
+from .blend import blend_scene
 from .mesh_files import filled, found_path, mesh_scene
 from .recording import read_recording
 from .replica import ReplicaScene, check_replica, replica_scene
+from .video import read_video_source
 from .wildcards import matched_parts
+
+KINDS = {"mesh": "meshes", "sequence": "sequences", "video": "videos", "blend": "files"}
+"""The keys that name a scene's file or folder, with the word for several."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,8 @@ def _candidates(preset: Preset, index: int, spec: SceneSpec) -> list[_Candidate]
         return _of_replica(preset, place, spec, spec.replica)
     if spec.mesh is not None and is_embedded(spec.mesh):
         return _embedded(preset, place, spec, spec.mesh)
-    kind, kinds = ("mesh", "meshes") if spec.sequence is None else ("sequence", "sequences")
-    pattern = spec.mesh if spec.sequence is None else spec.sequence
-    assert pattern is not None
+    kind = next(name for name in KINDS if getattr(spec, name) is not None)
+    kinds, pattern = KINDS[kind], getattr(spec, kind)
     if not glob.has_magic(pattern) or path_in(preset.folder, pattern, place.at(kind)).exists():
         path = path_in(preset.folder, pattern, place.at(kind))
         return [_candidate(preset, place, spec, spec.name or path.stem, pattern)]
@@ -68,7 +73,9 @@ def _candidates(preset: Preset, index: int, spec: SceneSpec) -> list[_Candidate]
     if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
         found = [text for text in found if not (folder / text).is_file()]
     if not found:
-        raise place.at(kind).error(f"no {'file' if kind == 'mesh' else 'folder'} matches {pattern!r} {_beside(preset)}")
+        raise place.at(kind).error(
+            f"no {'folder' if kind == 'sequence' else 'file'} matches {pattern!r} {_beside(preset)}"
+        )
     _check_one_name(spec, place, len(found), kinds)
     scenes = []
     for text in found:
@@ -82,12 +89,18 @@ def _candidate(
     preset: Preset, place: Place, spec: SceneSpec, name: str, path: str | Path, *, parts: tuple[str, ...] = ()
 ) -> _Candidate:
     """Return a scene of a file or folder; a text is relative to the preset's folder, and may not be there."""
-    kind = "mesh" if spec.sequence is None else "sequence"
+    kind = next(item for item in KINDS if getattr(spec, item) is not None)
 
     def find() -> Source:
         whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
+        if kind == "video":
+            return read_video_source(whole, place)
         if kind == "sequence":
-            return read_recording(whole, place, spec.rate_hz)
+            return read_recording(
+                whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register
+            )
+        if kind == "blend":
+            return blend_scene(preset, place, spec, whole, parts=parts)
         return mesh_scene(preset, place, spec, name, whole, parts=parts)
 
     return _Candidate(name, place, find)

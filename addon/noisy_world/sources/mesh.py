@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.storage import sha256_of_file
-from ..core.errors import InputError, NoisyWorldError
+from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
+from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
-from ..core.presets.preset import HandheldSpec, TrajectorySpec
+from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
 from ..core.scenes.mesh import Mesh
-from ..core.scenes.ply import read_ply, texture_files
+from ..core.scenes.mesh_files import imported_format
 from ..core.scenes.room import build_room
 from ..core.scenes.selfcheck import reprojection_problem
+from ..core.scenes.turning import Up
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory_file
 from ..core.trajectories.handheld import handheld_path, walk_problem
@@ -30,6 +32,9 @@ from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
+from .beginning import Beginning, check_beginning
+from .mesh_reading import files_of_mesh, read_mesh
+from .mesh_reading import forget_meshes as forget_read_meshes
 from .rendering import RenderSession, open_session
 
 
@@ -39,7 +44,7 @@ class MeshSource:
 
     name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
     known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
-    room it is.
+    room it is. up: the axis of the mesh's file that points up; None is what the file declares.
     """
 
     name: str
@@ -50,6 +55,7 @@ class MeshSource:
     known_path: Trajectory | None
     seed: int
     room: int = 0
+    up: Up | None = None
 
     @property
     def location(self) -> str:
@@ -59,7 +65,12 @@ class MeshSource:
     @property
     def gives(self) -> Gives:
         """Rendered frames from any pose."""
-        return Gives(rendered=True, any_pose=True)
+        return self._gives
+
+    @cached_property
+    def _gives(self) -> Gives:
+        imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
+        return Gives(rendered=True, any_pose=True, imported=imported)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -99,6 +110,11 @@ class MeshSource:
         assert self.spec.handheld is not None, "a preset has either file or handheld"
         return self.spec.handheld
 
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
+        return PINHOLE
+
     def trajectory(self) -> Trajectory:
         """Return the path that was read, or generate one through the mesh."""
         return self.known_path if self.known_path is not None else self._made_path
@@ -108,7 +124,7 @@ class MeshSource:
         spec = self._handheld
         try:
             path = handheld_path(
-                load_mesh(self.mesh_path, self.room),
+                load_mesh(self.mesh_path, self.room, self.up),
                 seed=self.seed if spec.seed is None else spec.seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
@@ -123,22 +139,24 @@ class MeshSource:
     @property
     def mesh(self) -> Callable[[], Mesh]:
         """Returns the mesh: it is read, or built."""
-        return partial(load_mesh, self.mesh_path, self.room)
+        return partial(load_mesh, self.mesh_path, self.room, self.up)
 
     def hashes(self) -> dict[str, Any]:
-        """Return the names and hashes of the mesh, of its textures if it has any, and of the path's file."""
-        textures = [] if self.mesh_path is None else texture_files(self.mesh_path)
-        digests = "".join(sha256_of_file(file) or "" for file in textures)
-        texture_hashes = {
-            "mesh_textures": ", ".join(file.name for file in textures),
-            "mesh_textures_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+        """Return the names and hashes of the mesh, of the files beside it that it needs, and of the path's file."""
+        beside = [] if self.mesh_path is None else files_of_mesh(self.mesh_path)
+        digests = "".join(sha256_of_file(file) or "" for file in beside)
+        what = "mesh_files" if self.gives.imported else "mesh_textures"
+        beside_hashes = {
+            what: ", ".join(file.name for file in beside),
+            f"{what}_sha256": hashlib.sha256(digests.encode()).hexdigest(),
         }
         return {
             "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
             "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
             "trajectory": "handheld" if self.path_file is None else self.path_file.name,
-            "trajectory_sha256": None if self.path_file is None else _sha256_of_path(self.path_file),
-            **(texture_hashes if textures else {}),
+            "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
+            **(beside_hashes if beside else {}),
+            **({} if self.up is None else {"mesh_up": self.up}),
         }
 
     @contextmanager
@@ -147,7 +165,7 @@ class MeshSource:
         with contextlib.ExitStack() as closing:
             yield PreparedMesh(self, camera, note, closing)
 
-    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> "Beginning | None":
+    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
         """Return what a path of the mesh must not begin with, None where no frame is looked at."""
         if not frames:
             return None
@@ -158,14 +176,6 @@ class MeshSource:
         remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
         error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
         return Beginning(tuple(map(paths.moment, frames)), error)
-
-
-@dataclass(frozen=True)
-class Beginning:
-    """The first moments of a path, at least one, and the error if none of them sees anything."""
-
-    moments: tuple[Moment, ...]
-    error: InputError
 
 
 class PreparedMesh:
@@ -197,7 +207,7 @@ class PreparedMesh:
     def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
         self._closing.close()
         self._unchecked.clear()
-        mesh = load_mesh(self._source.mesh_path, self._source.room)
+        mesh = load_mesh(self._source.mesh_path, self._source.room, self._source.up)
         for text in (*mesh.notes, *self._source.trajectory().notes):
             self._tell(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
@@ -244,7 +254,7 @@ class OpenMesh:
         """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
         frame = self._session.frame(moment)
         if self._beginning is not None:
-            self._check_beginning(self._beginning, moment, frame)
+            check_beginning(self._beginning, moment, frame, self._session.frame)
         if self._first and frame.depth_m is not None:
             self._check(moment, frame.depth_m)
         self._first, self._beginning = False, None
@@ -252,18 +262,6 @@ class OpenMesh:
             self._unchecked.clear()
             forget_meshes()
         return frame
-
-    def _check_beginning(self, beginning: Beginning, moment: Moment, frame: SourceFrame) -> None:
-        """Raise the error where none of the first frames sees anything.
-
-        Frames that another process writes, or none, are rendered for this alone, so that each process of a run comes
-        to the same end, before it has handed out a frame.
-        """
-        first, *others = beginning.moments
-        if _sees_something(frame if moment.index == first.index else self._session.frame(first)):
-            return
-        if not any(_sees_something(self._session.frame(other)) for other in others):
-            raise beginning.error
 
     def _check(self, moment: Moment, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
@@ -277,21 +275,13 @@ class OpenMesh:
                 self._note(f"{where}: {problem}")
 
 
-def _sees_something(frame: SourceFrame) -> bool:
-    """Tell whether a frame shows anything: void has neither colour nor depth."""
-    return any(image is not None and bool(image.any()) for image in (frame.rgb, frame.depth_m))
-
-
-def load_mesh(path: Path | None, room: int = 0) -> Mesh:
+def load_mesh(path: Path | None, room: int = 0, up: Up | None = None) -> Mesh:
     """Read a mesh, or build an embedded room where there is no path; the last ones are cached.
 
-    Raises InputError.
+    up: the axis of the file that points up; None is what it declares, or Z. Raises InputError, and
+    MissingDependencyError where it takes Blender's importers and there are none.
     """
-    if path is None:
-        return _room(room)
-    if not path.is_file():
-        return read_ply(path)
-    return _read(path, tuple(file.stat().st_mtime_ns for file in (path, *texture_files(path))))
+    return _room(room) if path is None else read_mesh(path, up)
 
 
 @lru_cache(maxsize=1)
@@ -299,12 +289,7 @@ def _room(seed: int) -> Mesh:
     return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
 
 
-@lru_cache(maxsize=1)
-def _read(path: Path, _changed_ns: tuple[int, ...]) -> Mesh:
-    return read_ply(path)
-
-
-def _sha256_of_path(path: Path) -> str | None:
+def sha256_of_path(path: Path) -> str | None:
     """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
     if path.is_file():
         return sha256_of_file(path)
@@ -315,7 +300,7 @@ def _sha256_of_path(path: Path) -> str | None:
 def forget_meshes() -> None:
     """Keep no mesh in memory."""
     _room.cache_clear()
-    _read.cache_clear()
+    forget_read_meshes()
 
 
 def read_path(path: Path, spec: TrajectorySpec, place: Place, camera: Intrinsics) -> tuple[Trajectory, TrajectorySpec]:

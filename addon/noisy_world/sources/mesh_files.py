@@ -4,8 +4,9 @@
 from pathlib import Path
 
 from ..core.home import path_in
-from ..core.presets.preset import Preset, SceneSpec
-from ..core.scenes.ply import check_ply
+from ..core.presets.preset import Preset
+from ..core.presets.scene_keys import SceneSpec, TrajectorySpec
+from ..core.scenes.mesh_files import check_mesh
 from ..core.schema import Place, shown
 from .mesh import MeshSource, read_path
 
@@ -28,16 +29,18 @@ def mesh_scene(
     """
     assert spec.trajectory is not None
     if mesh_path is not None:
-        check_ply(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
+        check_mesh(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
     seed, where = preset.spec.seed, place.at("trajectory")
     if path_file is None and spec.trajectory.file is None:
-        return MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed, room)
-    path = path_file or _path_file(preset, where, spec.trajectory.file or "", parts)
+        return MeshSource(name, place, mesh_path, spec.trajectory, None, None, seed, room, spec.up)
+    path = path_file or path_file_of(preset, where, spec.trajectory, parts)
     chosen, read_as = read_path(path, spec.trajectory, where, preset.spec.mesh_camera.intrinsics)
-    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room)
+    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, spec.up)
 
 
-def _path_file(preset: Preset, place: Place, text: str, parts: tuple[str, ...]) -> Path:
+def path_file_of(preset: Preset, place: Place, spec: TrajectorySpec, parts: tuple[str, ...]) -> Path:
+    """Return the file of poses that a trajectory names. parts: what the entry's wildcards matched."""
+    text = spec.file or ""
     return found_path(preset, place, filled(text, parts, place) if "*" in text else text, folder=None)
 
 

@@ -4,7 +4,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ..core.presets.preset import Preset, SceneSpec
+from ..core.presets.preset import Preset
+from ..core.presets.scene_keys import SceneSpec
 from ..core.scenes.replica import ReplicaFile, replica_mesh, replica_path
 
 DOWNLOADS = (

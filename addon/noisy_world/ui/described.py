@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender properties from the fields of dataclasses, in Blender's wording, and the listeners to their changes."""
 
+import math
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,6 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import bpy
 
+from ..core.labels import american, parameter_label, title
 from ..core.schema import KeyInfo
 
 type Listener = Callable[[bpy.types.Scene, str], None]
@@ -18,9 +20,23 @@ LISTENERS: list[Listener] = []
 _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
 LARGEST_INT = 2**31 - 1  # of Blender's integer properties, which have 32 bits
 _LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are inclusive; chosen
-_SUBTYPES = {"px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE"}
-_SPOKEN_UNITS = {"deg": "°", "frames": "frames", "Hz": "Hz", "m/s": "m/s"}
-_NAMES = {"std": "Spread", "min_m": "Nearest", "max_m": "Farthest", "f_number": "F-Stop"}  # what presets call otherwise
+_SUBTYPES = {
+    "px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE", "deg": "ANGLE", "s": "TIME_ABSOLUTE",
+}  # fmt: skip
+_SPOKEN_UNITS = {"frames": "frames", "Hz": "fps"}
+_SOFT: dict[str, tuple[float, float]] = {
+    "width": (16, 4096), "height": (16, 4096), "fx": (50, 4000), "fy": (50, 4000), "cx": (0, 4096), "cy": (0, 4096),
+    "near_m": (0.001, 1), "far_m": (1, 1000), "rotation_deg": (0, 20), "translation_m": (0, 0.2),
+    "frames": (2, 2000), "rate_hz": (1, 120), "speed_m_s": (0.05, 3), "clearance_m": (0, 1), "every": (1, 20),
+    "samples": (1, 256), "depth_scale_per_m": (100, 10_000),
+    "focus_m": (0.1, 10), "f_number": (1, 32), "focal_length_mm": (10, 200), "sensor_width_mm": (4, 50),
+    "max_radius_px": (1, 30), "alias_sigma_px": (0, 3), "flow_px": (0, 50), "creep_px": (0, 10), "fall_px": (0, 100),
+    "run_px": (0, 10), "angle_deg": (-90, 90), "max_angle_deg": (0, 90), "smoothness": (1, 4), "airlight": (0, 1),
+    "min_m": (0, 2), "max_m": (0.5, 20), "offset": (-30, 30), "blur_sigma_px": (0.1, 20), "blending_ratio": (0, 1),
+}  # fmt: skip
+"""Where a slider of a field ends, chosen: what is of use; the keyboard reaches the whole range."""
+_INT_SUBTYPES: dict[str, dict[str, Any]] = {"px": {"subtype": "PIXEL"}, "frames": {"subtype": "TIME"}}
+_IN_UNITS = ("default", "min", "max", "soft_min", "soft_max")
 _CHOICES = {
     "auto": ("Automatic", "As the file's content and format say"),
     "replica": ("Replica", "16 numbers a line, a 4 x 4 pose"),
@@ -41,14 +57,14 @@ _CHOICES = {
     "robot": ("Robot", "The camera looks along x: x forward, y left, z up"),
     "cycles": ("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
     "eevee": ("EEVEE", "GL: on the graphics card or, where there is none, in software"),
-    "workbench": ("Workbench", "GL without materials: vertex colours as they are"),
+    "workbench": ("Workbench", "GL without materials: vertex colors as they are"),
     "embree": ("Embree", "One ray a pixel, without Blender; needs the Python package embreex"),
     "compositor": ("Compositor", "Blender's compositor: the node groups that the preview shows"),
     "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
     "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
     "png": ("PNG", "Without loss"),
-    "rgb": ("Colour", "Red, green and blue"),
-    "grey": ("Grey", "One channel, as systems for visual odometry read it"),
+    "rgb": ("Color", "Red, green and blue"),
+    "grey": ("Gray", "One channel, as systems for visual odometry read it"),
     "void": ("Void", "No depth"),
     "farthest": ("Farthest", "The farthest depth that 16 bits hold"),
     "static": ("Static", "The same for all frames"),
@@ -57,27 +73,6 @@ _CHOICES = {
     "drop": ("Drop", "Leave the frame out"),
 }
 """Label and tooltip of every value that a field chooses from."""
-
-_SMALL_WORDS = ("by", "of", "to", "and")
-
-
-def title(text: str) -> str:
-    """Return a label as Blender writes them: "fog by depth" -> "Fog by Depth"."""
-    words = text.replace("_", " ").split()
-    return " ".join(
-        word if (place and word in _SMALL_WORDS) or not word[0].islower() else word[0].upper() + word[1:]
-        for place, word in enumerate(words)
-    )
-
-
-def parameter_label(name: str) -> str:
-    """Return a parameter's name in words, abbreviations expanded, without its unit, which the slider shows."""
-    if name in _NAMES:
-        return _NAMES[name]
-    for suffix in ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s"):
-        name = name.removesuffix(suffix)
-    return title(name)
-
 
 # --- properties from dataclasses ---
 
@@ -92,6 +87,7 @@ def described(
 ) -> Any:
     """Return a property for a dataclass's field, with the field's meaning as tooltip, its range, unit and default.
 
+    An angle is in radians there, as Blender's are. Presets hold no keyframes, so it cannot be animated.
     label: replaces the field's name. update: the name that listeners are called with, or a function that calls them.
     other: arguments that override the field's.
     """
@@ -102,9 +98,11 @@ def described(
     if info.unit in _SPOKEN_UNITS:
         label += f" ({_SPOKEN_UNITS[info.unit]})"
     told = tell(update or name) if isinstance(update, str) else update
-    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": told}
+    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": told, "options": set()}
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
+    if "description" in other:
+        other["description"] = sentence(other["description"])
     if items := _items(hint, info):
         chosen: dict[str, Any] = {"items": items}
         return bpy.props.EnumProperty(**(chosen | common | other))
@@ -112,13 +110,15 @@ def described(
         return bpy.props.BoolProperty(**(common | other))
     if hint is str:
         return bpy.props.StringProperty(**(common | other))
+    if name in _SOFT:
+        common["soft_min"], common["soft_max"] = _SOFT[name]
     return _number(hint, info, common | other)
 
 
 def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
     """Return the choices of a field, with label and tooltip; [] for a field without choices."""
     if info.choices is not None:
-        return [(value, choice.label, choice.meaning) for value, choice in info.choices.items()]
+        return [(value, american(choice.label), american(choice.meaning)) for value, choice in info.choices.items()]
     if get_origin(hint) is Literal:
         return [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
     return []
@@ -131,11 +131,18 @@ def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
         common.setdefault("min", hint(info.above) + (1 if hint is int else _LEAST_ABOVE))
     if info.maximum is not None:
         common.setdefault("max", min(hint(info.maximum), LARGEST_INT) if hint is int else info.maximum)
+    for soft, wider, hard in (("soft_min", max, "min"), ("soft_max", min, "max")):
+        if soft in common:
+            common[soft] = hint(wider(common[soft], common.get(hard, common[soft])))
     if hint is int:
-        return bpy.props.IntProperty(**({"subtype": "PIXEL"} if info.unit == "px" else {}), **common)
+        return bpy.props.IntProperty(**_INT_SUBTYPES.get(info.unit, {}), **common)
+    if info.unit == "deg":
+        common |= {name: math.radians(common[name]) for name in _IN_UNITS if name in common}
     factor = (common.get("min"), common.get("max")) == (0.0, 1.0) and not info.unit
     common.setdefault("subtype", "FACTOR" if factor else _SUBTYPES.get(info.unit, "NONE"))
-    precise: dict[str, Any] = {"precision": 3, "step": 1}
+    precise: dict[str, Any] = {"precision": 3, "step": 100 if info.unit == "deg" else 1}
+    if info.unit == "m/s":
+        precise["unit"] = "VELOCITY"
     return bpy.props.FloatProperty(**(precise | common))
 
 
@@ -146,8 +153,8 @@ def _plain(hint: Any) -> Any:
 
 
 def sentence(text: str) -> str:
-    """Return a text as a tooltip: with a capital first letter and no full stop at the end."""
-    return text[:1].upper() + text[1:].rstrip(".")
+    """Return a text as a tooltip: with a capital first letter, no full stop at the end, in Blender's spelling."""
+    return american(text[:1].upper() + text[1:].rstrip("."))
 
 
 def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:

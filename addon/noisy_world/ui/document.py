@@ -1,30 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Converting the panel's content into a preset's document, which generate.py reads, and back."""
 
-from dataclasses import fields
+import math
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
-from ..core.home import path_in, with_home
+from ..core.home import with_home
+from ..core.perturbing.execution import chosen_poses, split_motion
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
-from ..core.perturbing.reading import parse_settings, parse_steps
-from ..core.perturbing.steps import Setting, Step, steps_of_kind
+from ..core.perturbing.reading import parse_steps
+from ..core.perturbing.steps import Step, steps_of_kind
 from ..core.presets.output import OutputSpec
-from ..core.presets.preset import Preset, PresetSpec, check_document, read_preset
-from ..core.presets.selection import OnlySpec
-from ..core.scenes.embedded import is_embedded, room_mesh, room_name, room_seeds
+from ..core.presets.preset import Preset, check_document
+from ..core.scenes.embedded import room_mesh
 from ..core.schema import Place, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
-from .described import LARGEST_INT, tell, told_once
-from .properties import OVERRIDE, parameters_of, perturbation_of, set_value, value_of
-from .step_list import put_step, take_step
+from . import scene_copy, this_scene
+from .keyed import curve_ends, curve_of, levels_of
+from .properties import OVERRIDE, parameters_of, perturbation_of
+from .typed_numbers import value_of
 
 CLEAN = "clean"
 HEADING = "# Made in Blender's sidebar by Noisy World; headless/generate.py makes the same dataset from it."
@@ -55,12 +59,16 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     Paths are absolute, or relative to `folder` if they are inside it.
     """
     perturb = perturb_of(panel)
+    given = given_of(panel)
     modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        "camera": {key: value_of(panel, name) for name, key in CAMERA.items()},
-        "render": {"engine": panel.engine, "samples": panel.samples, "backend": panel.backend},
+        **({"camera": {key: value_of(panel, name) for name, key in CAMERA.items()}} if given.lens else {}),
+        "render": {
+            **({"engine": panel.engine, "samples": panel.samples} if given.render else {}),
+            "backend": panel.backend,
+        },
         "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
         "output": {
             "layout": panel.layout,
@@ -83,11 +91,29 @@ def format_of(panel: Any) -> OutputFormat:
 
 def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the panel's scene as a preset has it."""
+    if this_scene.is_shown(panel):
+        shown = this_scene.entry(panel, lambda path: _path(path, folder))
+        path = {} if this_scene.rides(panel) else {"trajectory": _trajectory(panel, folder)}
+        return {"name": panel.scene_name, **shown, **path}
     return {
         "name": panel.scene_name,
         "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
         "trajectory": _trajectory(panel, folder),
     }
+
+
+@dataclass(frozen=True)
+class Given:
+    """Whether the panel gives the intrinsics, and engine and samples; if not, the scene itself does."""
+
+    lens: bool
+    render: bool
+
+
+def given_of(panel: Any) -> Given:
+    """Return what the panel gives itself."""
+    own = this_scene.is_shown(panel)
+    return Given(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
 
 
 def absolute(path: str) -> str:
@@ -111,7 +137,7 @@ def _path(path: str, folder: Path | None) -> str:
 
 
 def _trajectory(panel: Any, folder: Path | None) -> dict[str, Any]:
-    if panel.trajectory_source == "HANDHELD":
+    if panel.trajectory_source != "FILE":
         made: dict[str, Any] = {"handheld": {key: value_of(panel, name) for name, key in HANDHELD.items()}}
     else:
         made = {"file": _path(panel.trajectory_path, folder)}
@@ -127,15 +153,15 @@ def perturb_of(panel: Any) -> list[dict[str, Any]]:
             raise unknown_name(Place(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
         if step.enabled:
             listed.append({step.perturbation: values_of(step)})
-    return _own_motion(panel) + listed
+    return own_motion(panel) + listed
 
 
-def _own_motion(panel: Any) -> list[dict[str, Any]]:
+def own_motion(panel: Any) -> list[dict[str, Any]]:
     """Return what the panel's own fields do to the path."""
     steps: list[dict[str, Any]] = []
     if panel.speed_factor > 1:
         steps.append({"faster_motion": {"factor": panel.speed_factor}})
-    if panel.deviation_rotation_deg or panel.deviation_translation_m:
+    if panel.deviation_rotation or panel.deviation_translation_m:
         steps.append({"motion_deviation": {key: value_of(panel, name) for name, key in DEVIATION.items()}})
     return steps
 
@@ -156,9 +182,7 @@ def values_of(step: Any) -> dict[str, Any]:
     given = [name for name in defaults if value_of(group, name) != defaults[name]]
     values: dict[str, Any] = {}
     if perturbation.severities and (step.use_severity or step.mode == "dynamic"):
-        values["severity"] = value_of(step, "severity")
-        if step.mode == "dynamic":
-            values["mode"] = "dynamic"
+        values |= _severity_of(step)
         by_severity = {name for name in perturbation.severities if not getattr(group, OVERRIDE + name)}
         given = [
             name for name in defaults if name not in by_severity and (name in perturbation.severities or name in given)
@@ -171,6 +195,29 @@ def values_of(step: Any) -> dict[str, Any]:
     return values
 
 
+def _severity_of(step: Any) -> dict[str, Any]:
+    """Return an entry's severity as a preset has it: one, drawn for each frame, or of each frame as it is keyed."""
+    levels = levels_of(step, _keyed_frames(step))
+    if levels is not None:
+        return {"mode": "keyed", "levels": levels} if len(levels) > 1 else {"severity": levels[0]}
+    values = {"severity": value_of(step, "severity")}
+    return values | {"mode": "dynamic"} if step.mode == "dynamic" else values
+
+
+def _keyed_frames(step: Any) -> NDArray[np.int64] | None:
+    """Return the scene frames that the sequence shows, as far as an entry's severity is keyed; None for all from 0."""
+    curve = curve_of(step)
+    ends = None if curve is None else curve_ends(curve)
+    if ends is None:
+        return None
+    scene = step.id_data
+    _, choosing = split_motion(motion_of(scene.noisy_world))
+    count = max(1 + math.ceil(ends[1]) * max(1, scene.noisy_world.speed_factor), scene.frame_end + 1)
+    shown = chosen_poses(choosing, count, identifiers_of(scene.noisy_world))
+    frames = this_scene.scene_frames(scene, count)
+    return np.asarray(frames if shown is None else frames[shown], np.int64)
+
+
 def steps_of(panel: Any) -> tuple[Step, ...]:
     """Return what the panel does to a scene, in propagation order. Raises InputError naming what is wrong."""
     return parse_steps(perturb_of(panel), Place(PANEL, "perturbations"), registry())
@@ -178,12 +225,14 @@ def steps_of(panel: Any) -> tuple[Step, ...]:
 
 def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
     """Return the steps that act on the path, in propagation order, even if other steps are wrong."""
-    perturb = _own_motion(panel) + listed_motion(panel)
+    perturb = own_motion(panel) + listed_motion(panel)
     return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
 
 
 def intrinsics_of(panel: Any) -> Intrinsics:
-    """Return the panel's camera."""
+    """Return the panel's camera; that of the scene where it holds. Raises InputError where the scene has none."""
+    if not given_of(panel).lens:
+        return this_scene.intrinsics_of_scene(panel.id_data)
     return Intrinsics(*(value_of(panel, name) for name in INTRINSICS))
 
 
@@ -200,8 +249,15 @@ def preset_of(panel: Any, path: Path | None = None) -> Preset:
     return check_document(to_document(panel, path and path.parent), path or Path(PANEL))
 
 
-def save_preset(panel: Any, path: Path) -> None:
-    """Write the preset that the panel describes. Raises NoisyWorldError; an existing file is then kept."""
+def save_preset(panel: Any, path: Path) -> str:
+    """Write the preset that the panel describes; return what was done beside that, "" for nothing.
+
+    Raises NoisyWorldError; an existing file is then kept.
+    """
+    said = ""
+    if this_scene.is_shown(panel):
+        this_scene.check(panel.id_data)
+        said = scene_copy.ensure(panel.id_data, path.with_suffix(".blend"))
     preset = preset_of(panel, path)
     make_plan(preset)  # raises for a preset that cannot be generated, which is then not saved
     text = yaml_text(preset.document)
@@ -210,179 +266,4 @@ def save_preset(panel: Any, path: Path) -> None:
     write_atomic(path, f"{HEADING}\n{text}".encode(), path.parent)
     panel.preset_path = str(path)
     panel.preset_settings = "\n".join(item["name"] for item in preset.document["settings"])
-
-
-# --- a document into the panel ---
-
-
-def open_preset(panel: Any, path: Path, setting: str = "") -> None:
-    """Load a preset's file into the panel: its scene and one of its settings, by default the first that is not clean.
-
-    Raises InputError where it cannot be read, or has content that the panel cannot show; the panel is then unchanged.
-    """
-    _take(panel, read_preset(path), setting)
-    panel.preset_path = str(path)
-
-
-def from_document(document: dict[str, Any], panel: Any, *, path: Path, setting: str = "") -> None:
-    """Load a preset's document into the panel as open_preset does, as if it were read from the file `path`."""
-    _take(panel, check_document(document, path), setting)
-
-
-def add_perturbations(panel: Any, path: Path, setting: str = "") -> tuple[list[Step], list[Step]]:
-    """Put the perturbations of one of a preset's settings into the panel, and change nothing else in it.
-
-    One that is in the panel already is set as the preset has it; the others are added. setting: by default the first
-    that is not clean. Returns those that were added, and those that were set. Raises InputError where the file cannot
-    be read or its perturbations cannot be shown; the panel is then unchanged.
-    """
-    _, chosen = _settings_of(read_preset(path), setting)
-    added: list[Step] = []
-    changed: list[Step] = []
-    with told_once():
-        for step in chosen.steps:
-            if step.perturbation.name in OWN_FIELDS:
-                before = _own_motion(panel)
-                _take_own_motion(panel, step)
-                was_there = any(step.perturbation.name in item for item in before)
-            else:
-                was_there = put_step(panel, step)
-            (changed if was_there else added).append(step)
-        tell("steps")(panel, bpy.context)
-    return added, changed
-
-
-def _take(panel: Any, preset: Preset, wanted: str) -> None:
-    spec = preset.spec
-    _refuse_unshown(preset)
-    found, chosen = _settings_of(preset, wanted)
-    if chosen.stream != chosen.name:
-        problem = f"{chosen.name}: draws by the stream {chosen.stream}: the panel cannot show that"
-        raise preset.place("settings").error(problem, "run it with generate.py")
-    with told_once():
-        _take_scene(panel, preset)
-        _take_rest(panel, spec, chosen)
-        _take_steps(panel, chosen)
-        panel.preset_settings = "\n".join(item.name for item in found)
-
-
-def _settings_of(preset: Preset, wanted: str) -> tuple[tuple[Setting, ...], Setting]:
-    """Return a preset's settings, and that which is wanted: "" is the first that is not clean."""
-    place = preset.place("settings")
-    found = parse_settings(preset.spec.settings, preset.setting_places, registry(), preset.spec.render.backend)
-    chosen = next((item for item in found if item.name == wanted or (not wanted and item.steps)), None)
-    if chosen is None and wanted:
-        raise unknown_name(place, "setting", wanted, [item.name for item in found])
-    chosen = chosen or found[0]
-    for step in chosen.steps:
-        if step.levels is not None and step.severity is None:
-            raise place.error(f"{chosen.name}: levels cannot be shown in the panel", "use severity")
-    return found, chosen
-
-
-def _refuse_unshown(preset: Preset) -> None:
-    """Refuse content that the panel cannot show, as it would be lost when the preset is saved again."""
-    spec = preset.spec
-    scene = spec.scenes[0]
-    trajectory = scene.trajectory
-    asked = {
-        "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
-        "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
-        "scenes.0.replica": scene.replica is not None and "is looked for under data",
-        "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
-        "scenes.0.mesh": _unshowable(scene.mesh or ""),
-        "scenes.0.trajectory.start": trajectory is not None and trajectory.start != 0 and "chooses a part of the path",
-        "scenes.0.trajectory.stop": trajectory is not None and trajectory.stop is not None and "chooses a part",
-        "scenes.0.trajectory.resample_hz": trajectory is not None and trajectory.resample_hz is not None
-        and "resamples the path",
-        "scenes.0.trajectory.handheld.seed": trajectory is not None and trajectory.handheld is not None
-        and trajectory.handheld.seed is not None and "is another seed than the preset's",
-        "scenes.0.trajectory.handheld.revisit": trajectory is not None and trajectory.handheld is not None
-        and trajectory.handheld.revisit and "is true",
-        "rig": spec.rig is not None and "places sensors on a robot",
-        "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
-        "output.licence": spec.output.licence is not None and "states a licence",
-        "render.allow_empty": spec.render.allow_empty and "is true",
-        "render.processors": spec.render.processors != "same" and f"is {spec.render.processors}",
-        "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
-    }  # fmt: skip
-    for path, problem in asked.items():
-        if problem:
-            raise preset.place(path).error(f"{problem}: the panel cannot show that", "run it with generate.py")
-
-
-def _unshowable(mesh: str) -> str:
-    """Return why the panel cannot show a mesh, or ""."""
-    if not is_embedded(mesh):
-        return "stands for several files" if "*" in mesh else ""
-    try:
-        return "stands for several rooms" if len(room_seeds(mesh)) > 1 else ""
-    except ValueError as error:
-        return str(error)
-
-
-def _take_scene(panel: Any, preset: Preset) -> None:
-    (scene,) = preset.spec.scenes
-    assert scene.mesh is not None
-    assert scene.trajectory is not None
-    panel.mesh_source = "ROOM" if is_embedded(scene.mesh) else "FILE"
-    if is_embedded(scene.mesh):
-        (panel.room_seed,) = room_seeds(scene.mesh)
-    else:
-        panel.mesh_path = str(path_in(preset.folder, scene.mesh, preset.place("scenes.0.mesh")))
-    panel.scene_name = scene.name or (
-        room_name(scene.mesh, panel.room_seed) if is_embedded(scene.mesh) else Path(scene.mesh).stem
-    )
-    handheld = scene.trajectory.handheld
-    panel.trajectory_source = "FILE" if handheld is None else "HANDHELD"
-    if handheld is None:
-        assert scene.trajectory.file is not None
-        file = path_in(preset.folder, scene.trajectory.file, preset.place("scenes.0.trajectory"))
-        panel.trajectory_path = str(file)
-        for name, field in TRAJECTORY.items():
-            set_value(panel, name, getattr(scene.trajectory, field))
-    else:
-        for name, field in HANDHELD.items():
-            set_value(panel, name, getattr(handheld, field))
-    panel.every = scene.trajectory.every
-
-
-def _take_rest(panel: Any, spec: PresetSpec, setting: Setting) -> None:
-    panel.seed = spec.seed
-    for name, field in CAMERA.items():
-        set_value(panel, name, getattr(spec.mesh_camera, field))
-    panel.engine, panel.samples = spec.render.engine, spec.render.samples
-    panel.backend = setting.backend
-    output = spec.output.format
-    panel.layout = output.layout.name
-    panel.image, panel.colour = output.image, output.colour
-    set_value(panel, "depth_scale_per_m", output.depth_scale_per_m)
-    panel.depth_beyond = output.depth_beyond
-    panel.use_rgb = "rgb" in spec.output.modalities
-    panel.use_depth = "depth" in spec.output.modalities
-    panel.overview = spec.output.overview
-    if setting.name != CLEAN:
-        panel.setting_name = setting.name
-
-
-def _take_own_motion(panel: Any, step: Step) -> None:
-    """Set the panel's own fields from a step of one of OWN_FIELDS."""
-    if step.perturbation.name == "faster_motion":
-        panel.speed_factor = step.parameters(None).factor
-        return
-    for name, field in DEVIATION.items():
-        set_value(panel, name, getattr(step.parameters(None), field))
-
-
-def _take_steps(panel: Any, setting: Setting) -> None:
-    for name in DEVIATION:
-        set_value(panel, name, 0.0)
-    panel.speed_factor = 1
-    panel.steps.clear()
-    panel.active_step = 0
-    for step in setting.steps:
-        if step.perturbation.name in OWN_FIELDS:
-            _take_own_motion(panel, step)
-        else:
-            take_step(panel.steps.add(), step)
-    tell("steps")(panel, bpy.context)
+    return said

@@ -9,6 +9,7 @@ import bpy
 from ..blender.typed import override
 from ..core.errors import NoisyWorldError
 from .runs import SceneRun
+from .wording import spoken
 
 if TYPE_CHECKING:
     _Mixin = bpy.types.Operator  # what Following is mixed into
@@ -40,7 +41,7 @@ class Following(_Mixin):
         try:
             self._run = self.begin(context.scene)
         except NoisyWorldError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, spoken(str(error)))
             return False
         return True
 
@@ -82,14 +83,14 @@ class Following(_Mixin):
         state = self._run.background
         try:
             if state.phase == "failed":
-                self.report({"ERROR"}, state.error)
+                self.report({"ERROR"}, spoken(state.error, self._run.preset))
                 return {"CANCELLED"}
             if state.phase == "stopped":
                 self.report({"WARNING"}, self._run.stopped)
                 return {"CANCELLED"}
             self.report({"INFO"}, self.take(self._run))
         except NoisyWorldError as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, spoken(str(error)))
             return {"CANCELLED"}
         finally:
             self._leave(context)

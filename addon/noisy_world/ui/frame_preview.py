@@ -3,7 +3,7 @@
 
 import time
 from collections import OrderedDict
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import bpy
@@ -11,7 +11,6 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.still import render_stills
 from ..blender.typed import override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
@@ -25,21 +24,33 @@ from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import left_out
+from . import left_out, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
+from .stills import path_frames, rendered
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
-PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World colour", "DEPTH": "Noisy World depth"}
+PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
+_drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
 _took_s: dict[int, float] = {}  # by scene: how long its pictures took when last drawn
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A frame's colour (H, W, 3) before and after, as its file holds it, and a caption."""
+
+    index: int
+    before: NDArray[np.uint8]
+    after: NDArray[np.uint8]
+    about: str
 
 
 # --- what a frame looks like ---
@@ -49,7 +60,7 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        (known[frame],) = render_stills(scene, [frame])
+        known[frame] = rendered(scene, frame)
     known.move_to_end(frame)
     while len(known) > STILLS_KEPT:
         known.popitem(last=False)
@@ -59,6 +70,12 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
 def forget(scene: bpy.types.Scene) -> None:
     """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
     _stills.pop(scene.session_uid, None)
+    forget_drawn(scene)
+
+
+def forget_drawn(scene: bpy.types.Scene) -> None:
+    """Drop a scene's perturbed colour, so that it is perturbed again."""
+    _drawn.pop(scene.session_uid, None)
 
 
 def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
@@ -68,9 +85,11 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
     """
     panel = panel_of(scene)
     setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
-    count = len(clean_stamps_s(scene))
-    sequence = lay_out(setting, panel.scene_name, count, identifiers_of(panel))
-    return sequence, max(0, min(sequence.frame_at(scene.frame_current), len(sequence.source_frames) - 1))
+    frames = path_frames(scene)
+    sequence = lay_out(setting, panel.scene_name, len(frames), identifiers_of(panel))
+    now = scene.frame_current
+    source = int(np.abs(frames - now).argmin()) if this_scene.is_shown(panel) else now
+    return sequence, max(0, min(sequence.frame_at(source), len(sequence.source_frames) - 1))
 
 
 def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
@@ -80,11 +99,21 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
     rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
     cannot be written.
     """
+    known = _drawn.get(scene.session_uid)
+    if known is None or known.index != index:
+        known = _drawn[scene.session_uid] = _perturbed(scene, index)
+    edge = round(panel_of(scene).preview_split * known.after.shape[1])
+    if not edge:
+        return known.after, known.about
+    return np.concatenate([known.before[:, :edge], known.after[:, edge:]], axis=1), known.about
+
+
+def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     clean = _clean(scene, _shown(sequence, index).rgb_source)
     stored = panel_of(scene).colour
-    picture = before = _as_stored(clean.rgb, stored)
+    after = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
         height, width = before.shape[:2]
@@ -92,11 +121,8 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
         with colour_of([only], _camera(scene), (width, height)) as colour:
             image = colour.of(clean)[only.folder, index]()
             made, notes = image.pixels(), image.notes
-        picture = before if made is None else _as_stored(made, stored)
-    edge = round(panel_of(scene).preview_split * picture.shape[1])
-    if edge and picture is not before:
-        picture = np.concatenate([before[:, :edge], picture[:, edge:]], axis=1)
-    return picture, f"Frame {index}: {_listed(notes)}"
+        after = before if made is None else _as_stored(made, stored)
+    return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
 
 
 def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
@@ -124,11 +150,11 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
     picture = colour_depth(depth_m, near_m, far_m)
-    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void grey; {lost}{_listed(notes)}"
+    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void gray; {lost}{_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
     colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
-    pair = f"Colour of frame {index}, depth of frame {shown.depth_frame}"
+    pair = f"Color of frame {index}, depth of frame {shown.depth_frame}"
     return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
 
 
@@ -239,12 +265,13 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
 
 def follow(scene: bpy.types.Scene) -> None:
     """Redraw a scene's pictures that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
-    began_s = time.perf_counter()
+    began_s, was_drawn = time.perf_counter(), scene.session_uid in _drawn
     for kind, index, areas in watching(scene):
         make_picture(scene, kind, index)
         for area in areas:
             area.tag_redraw()
-    _took_s[scene.session_uid] = time.perf_counter() - began_s
+    if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
+        _took_s[scene.session_uid] = time.perf_counter() - began_s
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
@@ -275,7 +302,7 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Drop all rendered frames: another file was opened."""
-    for kept in (_stills, _followed, _took_s):
+    for kept in (_stills, _followed, _drawn, _took_s):
         kept.clear()
 
 
@@ -323,7 +350,7 @@ and path are loaded and nothing else is shown, it is as it is written. While Pre
 
 
 class PreviewDepth(_Preview, bpy.types.Operator):
-    """Render this frame's depth and show it in an image editor, in colours, as the generator perturbs it; while \
+    """Render this frame's depth and show it in an image editor, in colors, as the generator perturbs it; while \
 Preview is on it follows the sliders"""
 
     bl_idname = "noisy_world.preview_depth"

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ..blender.typed import layout_of
+from ..core.errors import InputError
+from ..core.labels import american
 from . import left_out
 from .following import Following, redraw
 from .long_text import write
 from .operators import guarded
+from .output_place import output_folder
 from .properties import panel_of
 from .runs import BUSY, SceneRun, active_run, command_line, run_of, start, stop_all, summary
+from .wording import spoken
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
@@ -49,7 +53,7 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             return False
         panel = panel_of(context.scene)
         if not (panel.use_rgb or panel.use_depth):
-            cls.poll_message_set("Neither colour nor depth is to be written")
+            cls.poll_message_set("Neither color nor depth is to be written")
             return False
         return True
 
@@ -59,6 +63,7 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             return {"CANCELLED"}
         if text := left_out.sentence(context.scene):
             self.report({"WARNING"}, text)
+        self._say()
         return self.waited(context)
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
@@ -66,7 +71,15 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
         if not self.asked and left_out.left_out(context.scene):
             operators().generate_without("INVOKE_DEFAULT", overwrite=self.overwrite)
             return {"CANCELLED"}  # that operator starts this one again
-        return self.followed(context) if self.started(context) else {"CANCELLED"}
+        if not self.started(context):
+            return {"CANCELLED"}
+        self._say()
+        return self.followed(context)
+
+    def _say(self) -> None:
+        """Report what was done before the run."""
+        if self._run is not None and self._run.said:
+            self.report({"INFO"}, american(self._run.said))
 
     def begin(self, scene: bpy.types.Scene) -> SceneRun:
         """Start the generator."""
@@ -105,15 +118,42 @@ class _AskedGenerate(_Mixin):
 
 
 class NoisyWorldGenerateWithout(_AskedGenerate, bpy.types.Operator):
-    """Make the dataset that the panel describes, without what the scene shows beside it"""
+    """Make the dataset that the panel describes, without what the scene shows beside it; or of this scene itself"""
 
     bl_idname = "noisy_world.generate_without"
-    bl_label = "Generate Without These"
+    bl_label = "What Shall the Dataset Show?"
     bl_options = {"REGISTER"}
+
+    shows: bpy.props.EnumProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Shows",
+        description="What the dataset shows",
+        items=[
+            ("PANEL", "Without These", "What the panel names under Scene, and nothing else of this file"),
+            ("SCENE", "This Scene", "This scene as it is set up, through its own camera"),
+        ],
+        options={"SKIP_SAVE"},
+    )
 
     overwrite: bpy.props.BoolProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
         name="Replace Dataset", options={"SKIP_SAVE", "HIDDEN"}
     )
+
+    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
+        """Ask first."""
+        return context.window_manager.invoke_props_dialog(self, title=self.bl_label, confirm_text="Generate")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the question."""
+        layout = layout_of(self)
+        write(layout, context, left_out.sentence(context.scene), "ERROR")
+        layout.row().prop(self, "shows", expand=True)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Generate."""
+        if self.shows == "SCENE":
+            panel_of(context.scene).mesh_source = "SCENE"
+            panel_of(context.scene).trajectory_source = "CAMERA"
+        return super().execute(context)
 
 
 class NoisyWorldGenerateAnew(_AskedGenerate, bpy.types.Operator):
@@ -174,6 +214,32 @@ class NoisyWorldCopyCommand(bpy.types.Operator):
         return guarded(self, work)
 
 
+class NoisyWorldOpenOutput(bpy.types.Operator):
+    """Open the dataset's folder in the file manager"""
+
+    bl_idname = "noisy_world.open_output"
+    bl_label = "Open Output Folder"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether there is one."""
+        if context.scene is None:
+            return False
+        try:
+            there = output_folder(panel_of(context.scene)).is_dir()
+        except InputError as error:
+            cls.poll_message_set(spoken(str(error)))
+            return False
+        if not there:
+            cls.poll_message_set("The folder is not there yet: press Generate")
+        return there
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Open it."""
+        return {*bpy.ops.wm.path_open(filepath=str(output_folder(panel_of(context.scene))))}
+
+
 def operators() -> Any:
     """Return the add-on's operators, which the stubs do not know."""
     return bpy.ops.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  those above
@@ -192,6 +258,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         draw_progress(column, run)
         if run.scene_uid != context.scene.session_uid:
             column.label(text="Another scene's dataset", icon="SCENE_DATA")
+    column.operator(NoisyWorldOpenOutput.bl_idname, icon="FILE_FOLDER")
     column.operator(NoisyWorldCopyCommand.bl_idname, icon="COPYDOWN")
     own = run_of(context.scene)
     if own is None:
@@ -201,8 +268,10 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, summary(own), icons.get(own.background.phase, "INFO"))
         if own.background.phase == "failed" and "--overwrite" in own.background.error:
             layout.operator(NoisyWorldGenerateAnew.bl_idname, icon="TRASH")
+    if own.said:
+        write(layout, context, own.said[:1].upper() + own.said[1:], "FILE_BLEND")
     for note in own.background.notes:
-        write(layout, context, note[:1].upper() + note[1:], "DOT")
+        write(layout, context, spoken(note[:1].upper() + note[1:]), "DOT")
 
 
 def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:
@@ -226,6 +295,7 @@ CLASSES = (
     NoisyWorldGenerateAnew,
     NoisyWorldGenerateCancel,
     NoisyWorldCopyCommand,
+    NoisyWorldOpenOutput,
 )
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 DRAWS: Any = draw_in_status_bar  # the stubs give such functions no header

@@ -14,9 +14,10 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import own_compositing
-from . import world
+from . import this_scene, world
 from .described import LISTENERS
 from .long_text import write
+from .own_objects import own_object
 from .properties import panel_of
 
 if TYPE_CHECKING:
@@ -52,7 +53,9 @@ _changed: set[int] = set()  # scenes, since they were last looked through
 
 def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return what a render of the scene shows or is made with, and the dataset is not: names, most telling first."""
-    ours = world.own_object(scene, "mesh")
+    if this_scene.is_shown(panel_of(scene)):
+        return ()
+    ours = own_object(scene, "mesh")
     loaded = ours is not None and world.is_from_panel(scene, ours)
     shown = {item: None for item in _shown(scene) if not (loaded and item == ours)}
     names = [item.name for item in sorted(shown, key=lambda item: RENDERED.index(item.type))]
@@ -61,7 +64,7 @@ def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     names += _cameras(scene)
     if own_compositing(scene) is not None and scene.render.use_compositing:
         names.append("the compositing")
-    if _is_pictured(scene.world):
+    if is_pictured(scene.world):
         names.append("the world")
     return tuple(names)
 
@@ -95,7 +98,7 @@ def _is_instance(item: bpy.types.Object) -> bool:
 
 def _cameras(scene: bpy.types.Scene) -> Iterator[str]:
     """Yield the cameras that a render looks through and the dataset does not, or what the dataset does not take."""
-    ours = world.own_object(scene, "camera")
+    ours = own_object(scene, "camera")
     cameras = [scene.camera, *(marker.camera for marker in scene.timeline_markers)]
     for camera in dict.fromkeys(item for item in cameras if item is not None):
         if camera != ours:
@@ -112,7 +115,7 @@ def _is_animated(item: bpy.types.Object) -> bool:
     return keyed or len(item.constraints) > 0 or (item.parent is not None and _is_animated(item.parent))
 
 
-def _is_pictured(item: bpy.types.World | None) -> bool:
+def is_pictured(item: bpy.types.World | None) -> bool:
     """Tell whether a world is more than one colour."""
     tree = None if item is None else item.node_tree
     return tree is not None and any(node.bl_idname not in PLAIN_WORLD for node in tree.nodes)
@@ -127,7 +130,9 @@ def shows_dataset(scene: bpy.types.Scene) -> bool:
 
 
 def _shows_loaded(scene: bpy.types.Scene) -> bool:
-    mesh, camera = world.own_object(scene, "mesh"), world.own_object(scene, "camera")
+    if this_scene.is_shown(panel_of(scene)):
+        return True
+    mesh, camera = own_object(scene, "mesh"), own_object(scene, "camera")
     looks = camera is not None and scene.camera == camera and world.poses(scene) > 0
     return looks and mesh is not None and mesh in _shown(scene)
 
@@ -146,8 +151,8 @@ def sentence(scene: bpy.types.Scene, names: tuple[str, ...] | None = None) -> st
     panel = panel_of(scene)
     if panel.mesh_source == "ROOM":
         room = f"embedded room {panel.room_seed}" if panel.room_seed else "the embedded room"
-        return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; load a PLY under Scene"
-    mesh = Path(panel.mesh_path).name or "the PLY file under Scene"
+        return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; choose another under Scene"
+    mesh = Path(panel.mesh_path).name or "the mesh file under Scene"
     return f"Not in the dataset: {enumerated(names)}. The dataset shows {mesh}"
 
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import bpy
 
+from ..core.labels import american
+
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
 
@@ -19,5 +21,5 @@ def write(
     letters = max(16, int((width / scale - 60 - taken) / 6.2))
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, letters)):
+    for number, line in enumerate(textwrap.wrap(american(text), letters)):
         column.label(text=line, icon=icon if number == 0 else "BLANK1")

@@ -2,18 +2,21 @@
 """The panel's buttons: each reads the properties, calls a function and reports."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import bpy
 
 from ..core.errors import NoisyWorldError
+from ..core.labels import american, title
 from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
 from . import world
-from .described import tell, title
+from .described import tell
 from .document import OWN_FIELDS
+from .own_objects import own_object
 from .properties import active_step, panel_of
-from .step_list import add_step, may_move
+from .step_list import add_step, may_move, move_entry, remove_entry
+from .wording import spoken
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import OperatorTypeFlagItems
@@ -24,7 +27,7 @@ else:
 
 UNDOABLE: "set[OperatorTypeFlagItems]" = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
-FILES = {"mesh": "PLY", "trajectory": "trajectory"}
+FILES = {"mesh": "mesh", "trajectory": "trajectory"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
@@ -35,13 +38,13 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     try:
         told = work()
     except NoisyWorldError as error:
-        operator.report({"ERROR"}, str(error))
+        operator.report({"ERROR"}, spoken(str(error)))
         return CANCELLED
     finally:
         if window is not None:
             window.cursor_set("DEFAULT")
     if told:
-        operator.report({"INFO"}, told)
+        operator.report({"INFO"}, american(told))
     return DONE
 
 
@@ -83,27 +86,65 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
     bl_options = UNDOABLE
     needed = ("mesh",)
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether there is a mesh to load."""
+        if not super().poll(context):
+            return False
+        if panel_of(context.scene).mesh_source == "SCENE":
+            cls.poll_message_set("This scene is there already")
+            return False
+        return True
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Load it, and let a Solid view show its colours."""
+        """Load it."""
 
         def work() -> str:
-            loaded, notes = world.load_scene(context.scene)
-            show_colours(context, textured=world.is_textured(loaded))
+            _, notes = world.load_scene(context.scene)
             return "; ".join((", ".join(world.summary(context.scene)), *notes))
 
         return guarded(self, work)
 
 
-def show_colours(context: bpy.types.Context, *, textured: bool) -> None:
-    """Make the 3D view in use show the colours of vertices or of the texture unchanged, if it is in Solid shading."""
-    space = context.space_data
-    if space is not None and space.type == "VIEW_3D" and space.shading.type == "SOLID":
-        space.shading.color_type = "TEXTURE" if textured else "VERTEX"
-        space.shading.light = "FLAT"
+class NoisyWorldShowColors(OnScene, bpy.types.Operator):
+    """Let this view show the mesh's own colors in Solid shading, unlit"""
+
+    bl_idname = "noisy_world.show_colors"
+    bl_label = "Show Mesh Colors"
+    bl_options = UNDOABLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether this is a view in Solid shading that shows other colors."""
+        if not super().poll(context):
+            return False
+        if not hides_colors(context):
+            cls.poll_message_set("This view shows the mesh's own colors already, or is not in Solid shading")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Show them."""
+        shading = context.space_data.shading
+        shading.color_type, shading.light = _color_type(context.scene), "FLAT"
+        return DONE
+
+
+def hides_colors(context: bpy.types.Context) -> bool:
+    """Tell whether the 3D view in use is in Solid shading and shows other colors than our mesh's own."""
+    space, wanted = context.space_data, _color_type(context.scene)
+    if wanted is None or space is None or space.type != "VIEW_3D" or space.shading.type != "SOLID":
+        return False
+    return (space.shading.color_type, space.shading.light) != (wanted, "FLAT")
+
+
+def _color_type(scene: bpy.types.Scene) -> Literal["TEXTURE", "VERTEX"] | None:
+    mesh = own_object(scene, "mesh")
+    return None if mesh is None else "TEXTURE" if world.is_textured(mesh) else "VERTEX"
 
 
 class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
-    """Load or make the trajectory, key the camera along it, deviated as given, and set the timeline's range"""
+    """Load or make the trajectory, key our camera along it, deviated as given, and set the timeline's range and rate"""
 
     bl_idname = "noisy_world.load_trajectory"
     bl_label = "Load Trajectory"
@@ -115,7 +156,7 @@ class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
 
         def work() -> str:
             count, notes = world.load_path(context.scene)
-            return "; ".join((f"{count} poses", *notes))
+            return "; ".join((f"{count:,} poses", *notes))
 
         return guarded(self, work)
 
@@ -193,7 +234,7 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it."""
         panel = panel_of(context.scene)
-        panel.steps.remove(panel.active_step)
+        remove_entry(panel, panel.active_step)
         panel.active_step = max(0, min(panel.active_step, len(panel.steps) - 1))
         tell("steps")(panel, context)
         return DONE
@@ -217,7 +258,7 @@ class _MoveStep(_OnStep):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Move it."""
         panel = panel_of(context.scene)
-        panel.steps.move(panel.active_step, panel.active_step + self.by)
+        move_entry(panel, panel.active_step, panel.active_step + self.by)
         panel.active_step += self.by
         tell("steps")(panel, context)
         return DONE
@@ -243,6 +284,7 @@ class NoisyWorldMoveStepDown(_MoveStep, bpy.types.Operator):
 
 CLASSES: tuple[Any, ...] = (
     NoisyWorldLoadScene,
+    NoisyWorldShowColors,
     NoisyWorldLoadTrajectory,
     NoisyWorldSetCamera,
     NoisyWorldAddStep,

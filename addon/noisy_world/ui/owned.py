@@ -2,4 +2,4 @@
 """How what Noisy World made in a scene is told from what a user made."""
 
 OURS = "noisy_world"
-"""A custom property of our objects and collections: "mesh", "camera", "tracking", or the part of a tracked path."""
+"""A custom property of our objects and collections: "mesh", "camera", "collection", "tracking", or a part of a path."""

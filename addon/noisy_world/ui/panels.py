@@ -8,12 +8,16 @@ import bpy
 
 from ..blender.typed import layout_of
 from ..core.datasets.layouts import LAYOUTS
+from ..core.labels import title
 from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, generate, paths, preview, tracking, world
-from .described import title
+from . import asset_library, generate, header_presets, operators, paths, preview, tracking, world
 from .document import OWN_FIELDS
+from .keyed import curve_of, without_effect
+from .long_text import write
+from .own_objects import own_object
 from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
+from .typed_numbers import property_name
 
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
@@ -23,7 +27,7 @@ STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "sensor": ("Sensor", "TEXTURE"),
     "post": ("Post-Processing", "IMAGE_DATA"),
     "depth": ("Depth", "IMAGE_ZDEPTH"),
-    "pairing": ("Synchronisation", "TIME"),
+    "pairing": ("Synchronization", "TIME"),
 }
 
 
@@ -41,6 +45,12 @@ class Section(_Mixin):
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = TAB
+    presets = ""  # what of a preset the list in its header takes
+
+    def draw_header_preset(self, _: bpy.types.Context) -> None:
+        """Draw what opens that list."""
+        if self.presets:
+            header_presets.draw_in_header(layout_of(self), self.presets)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -60,6 +70,7 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
     """The mesh"""
 
     bl_label = "Scene"
+    presets = "SCENE"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
@@ -67,18 +78,25 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
         layout.prop(panel, "mesh_source")
         if panel.mesh_source == "FILE":
             layout.prop(panel, "mesh_path")
-        else:
+        elif panel.mesh_source == "ROOM":
             layout.prop(panel, "room_seed")
         layout.prop(panel, "scene_name", text="Name")
+        if panel.mesh_source == "SCENE":
+            layout.row().prop(panel, "compositing", expand=True)
+            layout.prop(panel, "depth_alpha", slider=True)
+            return
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):
             layout.label(text=", ".join(told), icon="CHECKMARK")
+            if operators.hides_colors(context):
+                layout.operator("noisy_world.show_colors", icon="SHADING_TEXTURE")
 
 
 class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
     """The path"""
 
     bl_label = "Trajectory"
+    presets = "PATH"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
@@ -88,14 +106,16 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
             layout.prop(panel, "trajectory_path")
             names = ("trajectory_format", "trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
             names += ("trajectory_stamp_unit",)
+        elif panel.trajectory_source == "CAMERA":
+            names = ()
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)
         for name in (*names, "every"):
             column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
-        if count := world.poses(context.scene):
-            layout.label(text=f"{count:,} poses keyed", icon="CHECKMARK")
+        if told := world.path_summary(context.scene):
+            layout.label(text=told, icon="CHECKMARK")
 
 
 class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
@@ -108,7 +128,7 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        column.prop(panel, "deviation_rotation_deg")
+        column.prop(panel, "deviation_rotation")
         column.prop(panel, "deviation_translation_m")
         layout.prop(panel, "speed_factor")
         paths.draw(layout, context)
@@ -118,16 +138,22 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
     """The intrinsics"""
 
     bl_label = "Camera"
+    presets = "CAMERA"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
+        if panel.mesh_source == "SCENE":
+            layout.prop(panel, "lens_source")
+            if panel.lens_source == "SCENE":
+                return
+        layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if world.own_object(context.scene, "camera") is None:
+        if panel.mesh_source != "SCENE" and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
 
@@ -141,7 +167,7 @@ def short_label(perturbation: Perturbation) -> str:
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):
-    """The perturbations in the order of propagation: motion, colour, depth, pairing"""
+    """The perturbations in the order of propagation: motion, color, depth, pairing"""
 
     def draw_item(
         self,
@@ -210,6 +236,7 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
     """What is done to the sequence"""
 
     bl_label = "Perturbations"
+    presets = "PERTURBATIONS"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the list and what is selected."""
@@ -226,6 +253,8 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
             draw_step(layout, step)
         layout.separator(factor=0.5)
         layout.prop(panel, "seed")
+        if paths := without_effect(context.scene):
+            write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
 
 
 def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
@@ -236,8 +265,12 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
     if perturbation.severities:
         column.prop(step, "use_severity")
         if step.use_severity:
-            column.prop(step, "severity", slider=True)
-            if not isinstance(perturbation, SEQUENCE_KINDS):
+            row = column.row()
+            row.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
+            row.prop(step, "severity", slider=True)
+            if (curve := curve_of(step)) is not None:
+                column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
+            elif not isinstance(perturbation, SEQUENCE_KINDS):
                 column.row().prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
         label, buttons = _split_row(column)
@@ -262,12 +295,12 @@ def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturb
     """Draw a parameter: its own value, or the severity's with the toggle that overrides it."""
     group = parameters_of(step)
     if name not in perturbation.severities or not step.use_severity:
-        layout.prop(group, name)
+        layout.prop(group, property_name(name))
         return
     label, row = _split_row(layout)
-    label.label(text=group.bl_rna.properties[name].name)
+    label.label(text=group.bl_rna.properties[property_name(name)].name)
     if getattr(group, OVERRIDE + name):
-        row.prop(group, name, text="")
+        row.prop(group, property_name(name), text="")
     else:
         row.label(text=_severity_value(step, perturbation, name))
     row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
@@ -302,13 +335,18 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
     """How frames are rendered and written"""
 
     bl_label = "Render and Output"
+    presets = "OUTPUT"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        for name in ("engine", "samples", "backend"):
+        own = panel.mesh_source == "SCENE"
+        if own:
+            column.prop(panel, "render_source")
+        for name in ("engine", "samples") if not own or panel.render_source == "GIVEN" else ():
             column.prop(panel, name)
+        column.prop(panel, "backend")
         column = layout.column(align=True)
         column.prop(panel, "layout")
         row = column.row(align=True)

@@ -15,10 +15,11 @@ from ..blender.scene import get_origin
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
-from . import drawn_tracks
+from . import drawn_tracks, this_scene
 from .document import identifiers_of, listed_motion, motion_of
 from .long_text import write
 from .properties import panel_of
+from .wording import spoken
 
 CLEAN_C2W = "noisy_world_clean_c2w"
 """A camera's custom property: its clean poses (N, 4, 4), camera-to-world, OpenCV axes, metres, as N x 16 floats."""
@@ -53,6 +54,7 @@ def _camera_of(scene: bpy.types.Scene) -> bpy.types.Object | None:
     """Return the camera that has a clean path: the scene's active one or, if that has none, another of the scene."""
     if scene.camera is not None and CLEAN_C2W in scene.camera:
         return scene.camera
+    # Of a scene of one's own, the camera that we key is never the scene's.
     return next((item for item in scene.objects if item.type == "CAMERA" and CLEAN_C2W in item), None)
 
 
@@ -64,6 +66,8 @@ def path_of(scene: bpy.types.Scene) -> Any | None:
 
 def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
     """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene frames."""
+    if this_scene.rides(panel_of(scene)):
+        return this_scene.stamps_of(scene)
     camera = _camera_of(scene)
     if camera is not None and CLEAN_STAMPS_S in camera:
         return np.array(camera[CLEAN_STAMPS_S], dtype=np.float64)
@@ -140,7 +144,7 @@ def _batches(scene: bpy.types.Scene) -> Drawn | None:
         _drawn.pop(scene.session_uid, None)
         return None
     panel = panel_of(scene)
-    fields = (panel.deviation_rotation_deg, panel.deviation_translation_m, panel.speed_factor)
+    fields = (panel.deviation_rotation, panel.deviation_translation_m, panel.speed_factor)
     motion = (*fields, json.dumps(listed_motion(panel)))
     origin_m = get_origin(scene)
     made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(panel), tuple(origin_m))
@@ -211,7 +215,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     try:
         second = drawn_poses(scene, c2w)
     except NoisyWorldError as error:
-        write(layout, context, str(error), "ERROR")
+        write(layout, context, spoken(str(error)), "ERROR")
         return
     if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The section of presets in the tab: those shipped, and the user's own in Blender's folder of presets."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,45 +10,19 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..blender.typed import layout_of
 from ..core.errors import InputError
 from ..core.home import with_home
+from ..core.labels import title
 from ..core.perturbing.steps import Step
-from .described import title
-from .document import add_perturbations, open_preset, save_preset
+from .document import save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import Section
+from .preset_files import is_own, listed, own_folder, own_path, preset_label, shipped_folder
 from .properties import panel_of
+from .taking import add_perturbations, open_preset, take_part
 
-FOLDER = "presets/noisy_world"
-
-
-def shipped_folder() -> Path:
-    """Return the folder of the presets shipped: in the installed extension, or in a checkout."""
-    package = Path(__file__).resolve().parents[1]
-    inside = package / "presets"
-    return inside if inside.is_dir() else package.parents[1] / "presets"
-
-
-def own_folder() -> Path:
-    """Return the folder of the user's own presets, which may not exist yet."""
-    return Path(bpy.utils.user_resource("SCRIPTS", path=FOLDER))
-
-
-def own_path(name: str) -> Path:
-    """Return the file of the user's own preset of this name. Raises InputError for a name that no file can have."""
-    name = name.strip()
-    if not re.fullmatch(r"[^\W.][\w .()-]*", name):
-        raise InputError("Name", f"{name!r} cannot name a file", remedy="use letters, digits, spaces and dashes")
-    return own_folder() / f"{name}.yaml"
-
-
-def is_own(path: str) -> bool:
-    """Tell whether a file is one of the user's own presets."""
-    return bool(path) and Path(path).parent == own_folder()
-
-
-def listed(folder: Path) -> list[Path]:
-    """Return the presets of a folder, sorted by name; [] where there is no folder."""
-    return sorted((path for path in folder.glob("*.yaml")), key=lambda path: path.stem.lower())
-
+TAKEN: dict[str, str] = {
+    "SCENE": "the mesh", "PATH": "the path", "CAMERA": "the camera", "OUTPUT": "how frames are rendered and written",
+}  # fmt: skip
+"""What is taken with each part of a preset, beside everything and its perturbations."""
 
 # --- operators ---
 
@@ -67,6 +40,10 @@ def _part(default: str) -> Any:
             ),
             ("ALL", "Everything", "Replace scene, path, camera, perturbations and output"),
             ("PERTURBATIONS", "Only Perturbations", "Add its perturbations to the list, and change nothing else"),
+            ("SCENE", "Only Scene", "Take its mesh and the scene's name, and change nothing else"),
+            ("PATH", "Only Trajectory", "Take its path, and change nothing else"),
+            ("CAMERA", "Only Camera", "Take its camera, and change nothing else"),
+            ("OUTPUT", "Only Render and Output", "Take how frames are rendered and written, and change nothing else"),
         ],
         default=default,
         options={"SKIP_SAVE"},
@@ -93,6 +70,8 @@ class NoisyWorldUsePreset(OnScene, bpy.types.Operator):
         """Say what an entry of a menu does."""
         if takes_perturbations(Path(properties.filepath), properties.part):
             return "Add this to the list of perturbations, or set it where it is there already; nothing else changes"
+        if properties.part in TAKEN:
+            return f"Take {TAKEN[properties.part]} from this preset; nothing else changes"
         return cls.__doc__ or ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -106,9 +85,12 @@ def takes_perturbations(path: Path, part: str) -> bool:
     return part == "PERTURBATIONS" or (part == "AUTO" and single)
 
 
-def _open(context: bpy.types.Context, path: Path, part: str, setting: str = "") -> str:
+def _open(context: bpy.types.Context, path: Path, part: Any, setting: str = "") -> str:
     """Take a preset into the panel; return what was done."""
     panel, path = panel_of(context.scene), _in_home(path)
+    if part in TAKEN:
+        take_part(panel, path, part)
+        return f"{preset_label(path)}: {TAKEN[part]} from it; everything else is as it was"
     if not takes_perturbations(path, part):
         open_preset(panel, path, setting)
         return f"{preset_label(path)}: scene, path, camera, perturbations and output are the preset's"
@@ -177,8 +159,8 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
 
 def _save(context: bpy.types.Context, path: Path) -> str:
     path = _in_home(path)
-    save_preset(panel_of(context.scene), path)
-    return f"saved {path}"
+    said = save_preset(panel_of(context.scene), path)
+    return f"saved {path}" + (f"; {said}" if said else "")
 
 
 def _in_home(path: Path) -> Path:
@@ -295,11 +277,6 @@ def list_presets(layout: bpy.types.UILayout, paths: list[Path], part: str) -> No
     for path in paths:
         entry = layout.operator("noisy_world.use_preset", text=preset_label(path))
         entry.filepath, entry.part = str(path), part
-
-
-def preset_label(path: Path) -> str:
-    """Return a preset's name for a menu; shipped ones are named after their perturbations."""
-    return title(path.stem) if path.is_relative_to(shipped_folder()) else path.stem
 
 
 class NOISYWORLD_MT_settings(bpy.types.Menu):

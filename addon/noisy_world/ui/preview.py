@@ -2,20 +2,27 @@
 """The preview: the panel's perturbations on the view and on the last render, following every slider."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import bpy
 import gpu
+import numpy as np
 from bpy.app.handlers import persistent
 
-from ..blender.chain_scene import hide_chain, refresh_chain
+from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_chain
+from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
-from . import frame_preview, properties, views
+from ..core.planning.sequence import Sequence
+from . import frame_preview, properties, this_scene, views
+from .document import intrinsics_of
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
+from .standard_view import UseStandardView, falsified_by, is_working_space_wrong, shown_after
+from .stills import path_frames
+from .wording import spoken
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 # Chosen by trying: slower pictures make a slider stick, so they wait for a pause.
@@ -23,11 +30,12 @@ COSTLY_S = 0.5  # pictures that take longer wait for a pause
 PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
-    "seed", "scene_name", "setting_name", "deviation_rotation_deg", "deviation_translation_m",
+    "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
+    "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
 }  # fmt: skip
 """Properties that move or change the camera, by the names that listeners get."""
-SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend"} | RENDERED_BY
+SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend", "every"} | RENDERED_BY
 """What a preview depends on."""
 
 _changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
@@ -42,12 +50,19 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
 
     Blender redraws all views on any change, so delaying the chain would only have them drawn twice.
     """
-    if not isinstance(scene, bpy.types.Scene) or what not in SHOWN_BY:
+    if not isinstance(scene, bpy.types.Scene):
+        return
+    if what != "preview_split":
+        frame_preview.forget_drawn(scene)
+    if what not in SHOWN_BY:
         return
     if what in RENDERED_BY:
         frame_preview.forget(scene)
     if what == "preview":
         _changed_s[scene.session_uid] = 0.0
+    elif panel_of(scene).preview and what == "preview_split" and _move_split(scene):
+        draw_pictures(scene)
+        return
     elif panel_of(scene).preview:
         apply(scene)
         if not frame_preview.watching(scene):
@@ -60,6 +75,15 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
         return
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=0.0)
+
+
+def _move_split(scene: bpy.types.Scene) -> bool:
+    """Move the edge between before and after in a scene's chain, and nothing else; False where it shows none."""
+    tree = scene.compositing_node_group
+    if tree is None or shown_chain(scene) is None:
+        return False
+    set_split(tree, panel_of(scene).preview_split)
+    return True
 
 
 def _follow() -> float | None:
@@ -117,7 +141,7 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
     try:
         yield
     except NoisyWorldError as error:
-        _errors[scene.session_uid] = str(error)
+        _errors[scene.session_uid] = spoken(str(error))
 
 
 def show(scene: bpy.types.Scene) -> None:
@@ -128,10 +152,19 @@ def show(scene: bpy.types.Scene) -> None:
         scene,
         sequence.setting.rgb,
         sequence.identifiers,
-        index_of=sequence.frame_at if sequence.skips else None,
-        reference_width_px=panel.width_px,
+        index_of=index_of(scene, sequence),
+        reference_width_px=intrinsics_of(panel).width_px,
         split=panel.preview_split,
+        intrinsics=intrinsics_of(panel),
     )
+
+
+def index_of(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], int] | None:
+    """Return what gives the sequence's frame that a scene frame shows; None where the numbers are equal."""
+    if not this_scene.is_shown(panel_of(scene)):
+        return sequence.frame_at if sequence.skips else None
+    frames = path_frames(scene)
+    return lambda frame: sequence.frame_at(int(np.abs(frames - frame).argmin()))
 
 
 def hide(scene: bpy.types.Scene) -> None:
@@ -160,6 +193,17 @@ def _touch_all(*_: Any) -> None:
         touch(scene, "preview")
 
 
+@persistent
+def _on_keys(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Update a scene whose own keys were changed: a severity may be keyed."""
+    action = None if scene.animation_data is None else scene.animation_data.action
+    if action is None or not panel_of(scene).preview:
+        return
+    if any(update.id is not None and update.id.original == action for update in depsgraph.updates):
+        frame_preview.forget_drawn(scene)
+        touch(scene, "preview")
+
+
 def _touch_view(scene: bpy.types.Scene) -> None:
     touch(scene, "preview")
 
@@ -168,77 +212,37 @@ def _resume() -> None:
     _touch_all()
 
 
-# --- what would falsify the preview ---
+# --- the chain, as a user changes it ---
 
 
-def falsified_by(scene: bpy.types.Scene) -> list[str]:
-    """Return what in a scene's colour management makes the preview differ from the image that is written."""
-    (display, view), found = _colour_management(scene), []
-    if display.display_device != "sRGB":
-        found.append(f"the display is {display.display_device}, not sRGB")
-    if view.view_transform != "Standard":
-        found.append(f"the view transform is {view.view_transform}, not Standard")
-    if view.look != "None":
-        found.append(f"there is a look, {view.look}")
-    if view.exposure != 0:
-        found.append(f"exposure is {view.exposure:.2f}, not 0")
-    if view.gamma != 1:
-        found.append(f"gamma is {view.gamma:.2f}, not 1")
-    if view.use_curve_mapping:
-        found.append("curves are used")
-    if view.use_white_balance:
-        found.append("white balance is used")
-    return found
+class ResetChain(OnScene, bpy.types.Operator):
+    """Make the preview's chain anew, without what was changed in it in the compositor"""
 
-
-def _colour_management(
-    scene: bpy.types.Scene,
-) -> tuple[bpy.types.ColorManagedDisplaySettings, bpy.types.ColorManagedViewSettings]:
-    assert scene.display_settings is not None
-    assert scene.view_settings is not None
-    return scene.display_settings, scene.view_settings
-
-
-def is_working_space_wrong() -> bool:
-    """Tell whether the file's working colour space is not the one that the groups convert from."""
-    return bpy.data.colorspace.working_space != "Linear Rec.709"
-
-
-class UseStandardView(OnScene, bpy.types.Operator):
-    """Show colours as they are written: the Standard view transform without look, exposure, gamma or curves"""
-
-    bl_idname = "noisy_world.use_standard_view"
-    bl_label = "Use Standard View"
+    bl_idname = "noisy_world.reset_chain"
+    bl_label = "Reset Chain"
     bl_options = UNDOABLE
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether something has to be changed."""
+        """Tell whether something was changed."""
         if not super().poll(context):
             return False
-        if not falsified_by(context.scene):
-            cls.poll_message_set("The view is Standard already")
+        if not is_chain_edited(context.scene):
+            cls.poll_message_set("The chain is as the preview made it")
             return False
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Set the view."""
-        use_standard_view(context.scene)
+        """Make it anew."""
+        hide(context.scene)
+        apply(context.scene)
         return DONE
 
 
-def use_standard_view(scene: bpy.types.Scene) -> None:
-    """Set a scene's colour management so that it shows colours as they are written."""
-    display, view = _colour_management(scene)
-    # The names come from the OpenColorIO configuration; the stubs know none.
-    names: dict[str, Any] = {"display": "sRGB", "view": "Standard", "look": "None"}
-    display.display_device = names["display"]
-    view.view_transform = names["view"]
-    view.look = names["look"]
-    view.exposure = 0.0
-    view.gamma = 1.0
-    view.use_curve_mapping = False
-    view.use_white_balance = False
+def is_chain_edited(scene: bpy.types.Scene) -> bool:
+    """Tell whether a user has changed something inside a scene's chain, which no preset holds."""
+    chain = shown_chain(scene)
+    return chain is not None and is_edited(chain)
 
 
 # --- the panel's part ---
@@ -268,9 +272,15 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         if scene.render.engine != "BLENDER_WORKBENCH":  # which has no such shading
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
+    if is_chain_edited(scene):
+        write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
+        layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)
+    if view := shown_after(scene):
+        text = f"{view} comes after the perturbations here, and before them in the dataset: Preview Frame shows that"
+        write(layout, context, text, "INFO")
     if is_working_space_wrong():
         text = f"Not what is written: the file's working space is {bpy.data.colorspace.working_space}"
         write(layout, context, text, "ERROR")
@@ -287,17 +297,20 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 # --- registration ---
 
+CLASSES = (ResetChain, UseStandardView)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 _HANDLERS = ("undo_post", "redo_post", "load_post")
 
 
 def register() -> None:
     """Register the listeners to properties, undo and the opening of files."""
-    bpy.utils.register_class(UseStandardView)
+    _register_classes()
     views.register(_touch_view)
     frame_preview.register()
     properties.LISTENERS.append(touch)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).append(_touch_all)
+    bpy.app.handlers.depsgraph_update_post.append(_on_keys)
     # Later, as Blender's data cannot be accessed while add-ons are registered.
     bpy.app.timers.register(_resume, first_interval=0.0)
 
@@ -309,6 +322,7 @@ def unregister() -> None:
             bpy.app.timers.unregister(timer)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).remove(_touch_all)
+    bpy.app.handlers.depsgraph_update_post.remove(_on_keys)
     if touch in properties.LISTENERS:
         properties.LISTENERS.remove(touch)
     for scene in bpy.data.scenes:
@@ -317,6 +331,6 @@ def unregister() -> None:
     views.give_back_all()
     frame_preview.unregister()
     views.unregister()
-    bpy.utils.unregister_class(UseStandardView)
+    _unregister_classes()
     for cache in (_changed_s, _errors):
         cache.clear()

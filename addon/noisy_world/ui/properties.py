@@ -1,59 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel's content as properties of a scene, derived from the dataclasses that presets are checked against."""
 
-import json
 from collections.abc import Callable
 from dataclasses import fields
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
-import numpy as np
 
 from ..core.errors import NoisyWorldError
+from ..core.labels import parameter_label, title
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
     REPLICA_CAMERA,
     CameraSpec,
-    HandheldSpec,
     PresetSpec,
     RenderSpec,
-    SceneSpec,
     SettingSpec,
-    TrajectorySpec,
 )
+from ..core.presets.scene_keys import HandheldSpec, SceneSpec, TrajectorySpec
 from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, described, parameter_label, tell, title, told_once
+from .described import LARGEST_INT, LISTENERS, described, tell, told_once
+from .tooltips import seen
+from .typed_numbers import property_name, set_value
 
 OUTPUT = OutputSpec().format  # the format of a new scene
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import PropertyFlagItems
 
+# Presets hold no keyframes, so what they hold cannot be animated; but for a severity, which they hold frame by frame.
+_flag = partial(bpy.props.BoolProperty, options=set())
+_enum = partial(bpy.props.EnumProperty, options=set())
+_whole = partial(bpy.props.IntProperty, options=set())
+_text = partial(bpy.props.StringProperty, options=set())
 OVERRIDE = "override_"  # + a parameter's name: whether its value overrides the severity's
-
-
-# --- numbers: Blender's are float32, a preset has them as typed ---
-
-
-def value_of(group: Any, name: str) -> Any:
-    """Return a property's value as typed: the stored number, or the shortest decimal that gives this float32."""
-    value = getattr(group, name)
-    if not isinstance(value, float):
-        return value
-    remembered = json.loads(group.exact).get(name) if getattr(group, "exact", "") else None
-    if remembered is not None and np.float32(remembered) == np.float32(value):
-        return remembered
-    return float(str(np.float32(value)))
-
-
-def set_value(group: Any, name: str, value: Any) -> None:
-    """Set a property; a number that float32 does not hold exactly is stored beside it."""
-    setattr(group, name, value)
-    if isinstance(value, float) and float(str(np.float32(value))) != value:
-        group.exact = json.dumps((json.loads(group.exact) if group.exact else {}) | {name: value})
 
 
 # --- perturbations ---
@@ -63,18 +47,27 @@ def _parameters_class(perturbation: Perturbation) -> type:
     """Return the property group of a perturbation's parameters, and of which of them override the severity's."""
     members: dict[str, Any] = {}
     for item in fields(perturbation.parameters):
-        label = parameter_label(item.name)
-        members[item.name] = described(perturbation.parameters, item.name, label=label, update="steps")
+        more: dict[str, Any] = {"description": text} if (text := seen(perturbation.name, item.name)) else {}
         if item.name in perturbation.severities:
-            members[OVERRIDE + item.name] = bpy.props.BoolProperty(
+            more |= _soft_range(perturbation, item.name)
+        members[property_name(item.name)] = described(perturbation.parameters, item.name, update="steps", **more)
+        if item.name in perturbation.severities:
+            members[OVERRIDE + item.name] = _flag(
                 name=f"Override {parameter_label(item.name)}",
                 description="Set this parameter by hand instead of taking the severity's value",
                 update=_take_severity(perturbation, item.name),
                 default=False,
             )
     name = "NoisyWorld" + "".join(word.capitalize() for word in perturbation.name.split("_")) + "Parameters"
-    members["exact"] = bpy.props.StringProperty(options={"HIDDEN"})
+    members["exact"] = _text(options={"HIDDEN"})
     return type(name, (bpy.types.PropertyGroup,), {"__annotations__": members, "__module__": __name__})
+
+
+def _soft_range(perturbation: Perturbation, parameter: str) -> dict[str, float]:
+    """Return where a slider ends: at nothing, and at half as much again as at the strongest severity."""
+    table = perturbation.severities[parameter]
+    low, high = min(table), max(table)
+    return {"soft_min": min(0.0, 1.5 * low), "soft_max": float(f"{max(1.5 * high, 0.5 * high):.2g}")}
 
 
 def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any, bpy.types.Context], None]:
@@ -85,7 +78,7 @@ def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any,
         step = group.path_from_id().rpartition(".")[0]
         severity = group.id_data.path_resolve(step).severity
         if getattr(group, OVERRIDE + parameter) and severity >= SEVERITIES[0]:
-            setattr(group, parameter, getattr(perturbation.at_severity(severity), parameter))
+            set_value(group, parameter, getattr(perturbation.at_severity(severity), parameter))
         told(group, context)
 
     return update
@@ -105,13 +98,14 @@ def _snap_severity(step: Any, context: bpy.types.Context) -> None:
 def _step_members() -> dict[str, Any]:
     lowest, highest = SEVERITIES[0], SEVERITIES[-1]
     members: dict[str, Any] = {
-        "perturbation": bpy.props.StringProperty(
-            name="Perturbation", description="Its name, as in presets", update=tell("steps")
+        "perturbation": _text(name="Perturbation", description="Its name, as in presets", update=tell("steps")),
+        "enabled": _flag(
+            name="Enabled",
+            description="Whether this perturbation acts",
+            default=True,
+            update=tell("steps"),
         ),
-        "enabled": bpy.props.BoolProperty(
-            name="Enabled", description="Whether this perturbation acts", default=True, update=tell("steps")
-        ),
-        "use_severity": bpy.props.BoolProperty(
+        "use_severity": _flag(
             name="By Severity",
             description="Take the parameters from the severity's table; off: set all of them by hand",
             default=True,
@@ -127,7 +121,7 @@ def _step_members() -> dict[str, Any]:
             precision=1,
             update=_snap_severity,
         ),
-        "mode": bpy.props.EnumProperty(
+        "mode": _enum(
             name="Mode",
             description="Whether the severity changes from frame to frame",
             items=[
@@ -136,7 +130,7 @@ def _step_members() -> dict[str, Any]:
             ],
             update=_snap_severity,
         ),
-        "temporal": bpy.props.EnumProperty(
+        "temporal": _enum(
             name="Pattern",
             description="How a random pattern changes from frame to frame",
             items=[
@@ -146,7 +140,7 @@ def _step_members() -> dict[str, Any]:
             ],
             update=tell("steps"),
         ),
-        "exact": bpy.props.StringProperty(options={"HIDDEN"}),
+        "exact": _text(options={"HIDDEN"}),
     }
     for name, cls in PARAMETERS.items():
         if name in ("name", *members):
@@ -197,38 +191,80 @@ def _take_layout(panel: Any, context: bpy.types.Context) -> None:
         tell("layout")(panel, context)
 
 
+def _take_mesh_source(panel: Any, context: bpy.types.Context) -> None:
+    """Let the path be one that goes with the mesh's source: a scene has a camera, a mesh has none."""
+    with told_once():
+        if panel.mesh_source == "SCENE" and panel.trajectory_source == "HANDHELD":
+            panel.trajectory_source = "CAMERA"
+        elif panel.mesh_source != "SCENE" and panel.trajectory_source == "CAMERA":
+            panel.trajectory_source = "HANDHELD"
+        tell("mesh_source")(panel, context)
+
+
 def _panel_members() -> dict[str, Any]:
     replica = REPLICA_CAMERA
-    enum, text, flag = bpy.props.EnumProperty, bpy.props.StringProperty, bpy.props.BoolProperty
     path_options: set[PropertyFlagItems] = {"PATH_SUPPORTS_BLEND_RELATIVE"}
     camera = {"width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy"}
     members: dict[str, Any] = {
-        "mesh_source": enum(
+        "mesh_source": _enum(
             name="Mesh",
             description="Where the mesh comes from",
             items=[
                 ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
-                ("FILE", "PLY File", "A mesh with vertex colours, as in Replica"),
+                ("FILE", "Mesh File", "A mesh with its colors or textures, unlit"),
+                ("SCENE", "This Scene", "What this file's scene renders: its objects, lights, world and settings"),
             ],
-            update=tell("mesh_source"),
+            update=_take_mesh_source,
+        ),
+        "compositing": _enum(
+            name="Compositing",
+            description="What becomes of the scene's own compositing in the dataset",
+            items=[
+                ("off", "Off", "Frames are as rendered, before the compositing"),
+                ("keep", "Keep", "Frames are as the compositing makes them"),
+            ],
+            update=tell("compositing"),
+        ),
+        "depth_alpha": described(
+            SceneSpec, "depth_alpha", label="Depth Alpha", update="depth_alpha",
+            description="Higher: depth sees through surfaces that are less transparent",
+        ),
+        "lens_source": _enum(
+            name="Intrinsics",
+            description="Where the camera's intrinsics come from",
+            items=[
+                ("SCENE", "Scene Camera", "Its lens, sensor and clipping, and the scene's resolution"),
+                ("GIVEN", "As Given", "The numbers below"),
+            ],
+            update=tell("lens_source"),
+        ),
+        "render_source": _enum(
+            name="Render",
+            description="Where engine and samples come from",
+            items=[
+                ("SCENE", "As Set Up", "The scene's own engine and samples"),
+                ("GIVEN", "As Given", "The engine and samples below"),
+            ],
+            update=tell("render_source"),
         ),
         "mesh_path": described(
-            SceneSpec, "mesh", label="PLY File", update="mesh_path", subtype="FILE_PATH", options=path_options,
-            description="Mesh with vertex colours: PLY, ASCII or binary",
+            SceneSpec, "mesh", label="Mesh File", update="mesh_path", subtype="FILE_PATH", options=path_options,
+            description="Mesh with colors or textures: PLY, glTF, OBJ, USD, FBX or STL",
         ),
-        "room_seed": bpy.props.IntProperty(
+        "room_seed": _whole(
             name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")
         ),
         "scene_name": described(
             SceneSpec, "name", label="Scene Name", update="scene_name", default="room",
             description="The scene's folder in the dataset",
         ),
-        "trajectory_source": enum(
+        "trajectory_source": _enum(
             name="Trajectory",
             description="Where the path comes from",
             items=[
                 ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
                 ("FILE", "File", "A file of poses, or a folder of one pose a file; its format is told by content"),
+                ("CAMERA", "Scene Camera", "The scene's own camera, with all that moves it"),
             ],
             update=tell("trajectory_source"),
         ),
@@ -238,28 +274,28 @@ def _panel_members() -> dict[str, Any]:
         ),
         "trajectory_format": described(TrajectorySpec, "format", update="trajectory_format"),
         "trajectory_stamp_unit": described(TrajectorySpec, "stamp_unit", update="trajectory_stamp_unit"),
-        "trajectory_rate_hz": described(TrajectorySpec, "rate_hz", label="Rate", update="trajectory_rate_hz"),
+        "trajectory_rate_hz": described(TrajectorySpec, "rate_hz", label="Frame Rate", update="trajectory_rate_hz"),
         "trajectory_pose": described(TrajectorySpec, "pose", update="trajectory_pose"),
         "trajectory_axes": described(TrajectorySpec, "axes", update="trajectory_axes"),
         "handheld_frames": described(HandheldSpec, "frames", label="Length", update="handheld_frames", default=40),
-        "handheld_rate_hz": described(HandheldSpec, "rate_hz", update="handheld_rate_hz"),
+        "handheld_rate_hz": described(HandheldSpec, "rate_hz", label="Frame Rate", update="handheld_rate_hz"),
         "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
         "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
         "every": described(
             TrajectorySpec, "every", label="Every Nth Pose", update="every",
             description="Use every pose, every second one, every third, and so on",
         ),
-        "deviation_rotation_deg": described(
-            MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation_deg", default=0.0,
-            description="Standard deviation of a random rotation of each pose, about each of the camera's axes",
+        "deviation_rotation": described(
+            MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation", default=0.0,
+            description=seen("motion_deviation", "rotation_deg"),
         ),
         "deviation_translation_m": described(
             MotionDeviation, "translation_m", label="Translation", update="deviation_translation_m", default=0.0,
-            precision=4, description="Standard deviation of a random shift of each pose, along the world's axes",
+            precision=4, description=seen("motion_deviation", "translation_m"),
         ),
         "speed_factor": described(
             FasterMotion, "factor", label="Speed Factor", update="speed_factor", default=1,
-            description="Times the speed along the path: the frames between are left out",
+            description=seen("faster_motion", "factor"),
         ),
         **{
             name: described(
@@ -271,7 +307,7 @@ def _panel_members() -> dict[str, Any]:
         "near_m": described(CameraSpec, "near_m", update="near_m", precision=4),
         "far_m": described(CameraSpec, "far_m", update="far_m"),
         "steps": bpy.props.CollectionProperty(type=NoisyWorldStep, name="Perturbations"),
-        "active_step": bpy.props.IntProperty(
+        "active_step": _whole(
             name="Active Perturbation", description="The perturbation whose parameters are shown", min=0
         ),
         "seed": described(PresetSpec, "seed", update="seed", max=LARGEST_INT),
@@ -282,12 +318,12 @@ def _panel_members() -> dict[str, Any]:
             OutputSpec, "layout", description="The layout of the files", update=_take_layout
         ),
         "image": described(
-            OutputSpec, "image", label="Colour Images", update="image", default=OUTPUT.image,
-            description="Format of colour: JPEG at quality 98 without chroma subsampling, or PNG",
+            OutputSpec, "image", label="Color Images", update="image", default=OUTPUT.image,
+            description="Format of color: JPEG at quality 98 without chroma subsampling, or PNG",
         ),
         "colour": described(
             OutputSpec, "colour", label="Channels", update="colour", default=OUTPUT.colour,
-            description="What colour images hold: red, green and blue, or one channel of grey",
+            description="What color images hold: red, green and blue, or one channel of gray",
         ),
         "depth_scale_per_m": described(
             OutputSpec, "depth_scale_per_m", label="Depth Scale", update="depth_scale_per_m", precision=1,
@@ -295,9 +331,9 @@ def _panel_members() -> dict[str, Any]:
         ),
         "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
-        "use_rgb": flag(name="Colour", description="Render and write colour", default=True, update=tell("use_rgb")),
-        "use_depth": flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),
-        "output_folder": text(
+        "use_rgb": _flag(name="Color", description="Render and write color", default=True, update=tell("use_rgb")),
+        "use_depth": _flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),
+        "output_folder": _text(
             name="Output",
             description="Folder of the dataset",
             default="//noisy_world",
@@ -308,12 +344,13 @@ def _panel_members() -> dict[str, Any]:
         "setting_name": described(
             SettingSpec, "name", label="Setting Name", update="setting_name", default="perturbed"
         ),
-        "preview": flag(
+        "preview": _flag(
             name="Preview",
-            description="Show the perturbations of colour live in the viewport and on the render",
+            description="Show the perturbations of color live in the viewport and on the render",
             update=tell("preview"),
         ),
         "preview_split": bpy.props.FloatProperty(
+            options=set(),
             name="Before / After",
             description="Share of the frame, from the left, that is shown as it was before",
             subtype="FACTOR",
@@ -322,9 +359,9 @@ def _panel_members() -> dict[str, Any]:
             default=0.0,
             update=tell("preview_split"),
         ),
-        "preset_path": text(name="Preset", description="The preset that was opened or saved", subtype="FILE_PATH"),
-        "preset_settings": text(options={"HIDDEN"}),
-        "exact": text(options={"HIDDEN"}),
+        "preset_path": _text(name="Preset", description="The preset that was opened or saved", subtype="FILE_PATH"),
+        "preset_settings": _text(options={"HIDDEN"}),
+        "exact": _text(options={"HIDDEN"}),
     }  # fmt: skip
     return members
 

@@ -15,12 +15,16 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.home import path_in, with_home
-from ..core.presets.preset import Preset, PresetSpec, SceneSpec, read_preset
+from ..core.home import path_in
+from ..core.presets.preset import Preset, PresetSpec, read_preset
+from ..core.presets.scene_keys import SceneSpec
 from ..core.scenes.embedded import is_embedded
+from . import scene_copy, this_scene
 from .background_run import BackgroundRun
-from .document import preset_of, to_document
+from .document import PANEL, preset_of, to_document
+from .output_place import output_folder
 from .properties import panel_of
+from .wording import spoken
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
 NOT_TRACKED = "Stopped; the paths that were drawn before stay"
@@ -32,6 +36,7 @@ class SceneRun:
     """A scene's run, its dataset and its temporary folder, which holds the preset or what the tracker found.
 
     stopped: what is said when it was stopped. sequences: the names of those that are tracked, SETTING/SCENE.
+    preset: the file that the generator was given, which its messages name. said: what was done before, "" for nothing.
     """
 
     scene_uid: int
@@ -40,6 +45,8 @@ class SceneRun:
     folder: Path
     stopped: str = STOPPED
     sequences: tuple[str, ...] = ()
+    preset: str = PANEL
+    said: str = ""
 
     def tidy(self) -> None:
         """Remove the temporary folder: the dataset's manifest holds the preset, and the scene the paths."""
@@ -85,23 +92,14 @@ def _command(script: Path, *words: str) -> list[str]:
     return [sys.executable, str(script), *words]
 
 
-def output_folder(panel: Any) -> Path:
-    """Return the dataset's folder. Raises InputError where the panel names none."""
-    text = panel.output_folder.strip()
-    if not text:
-        raise InputError("Output", "no folder is named", remedy="choose one")
-    if text.startswith("//") and not bpy.data.filepath:
-        raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
-    try:
-        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
-    except LookupError as error:
-        raise InputError("Output", str(error)) from error
-
-
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     """Start the generator on a scene's panel. Raises NoisyWorldError where its dataset cannot be made."""
     panel = panel_of(scene)
     out = output_folder(panel)
+    said = ""
+    if this_scene.is_shown(panel):
+        this_scene.check(scene)
+        said = scene_copy.ensure(scene)
     preset_of(panel)  # raises at once what would otherwise be reported only by the started Blender
     folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
     try:
@@ -114,7 +112,7 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder)
+    run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder, preset=str(preset), said=said)
     return run
 
 
@@ -157,10 +155,12 @@ def _placed(preset: Preset) -> PresetSpec:
 
     def placed(scene: SceneSpec) -> SceneSpec:
         path = scene.trajectory
-        return replace(scene, mesh=whole(scene.mesh), trajectory=path and replace(path, file=whole(path.file)))
+        file = path and replace(path, file=whole(path.file))
+        return replace(scene, mesh=whole(scene.mesh), blend=whole(scene.blend), trajectory=file)
 
     scenes = tuple(placed(scene) for scene in preset.spec.scenes)
-    return replace(preset.spec, scenes=scenes, camera=preset.spec.mesh_camera, data=None)
+    own = any(scene.blend is not None for scene in scenes)
+    return replace(preset.spec, scenes=scenes, camera=preset.spec.camera if own else preset.spec.mesh_camera, data=None)
 
 
 def temporary_preset(panel: Any, folder: Path) -> Path:
@@ -224,4 +224,4 @@ def summary(run: SceneRun) -> str:
         case "stopped":
             return run.stopped
         case _:
-            return state.error
+            return spoken(state.error, run.preset)

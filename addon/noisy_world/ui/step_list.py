@@ -6,15 +6,18 @@ from typing import Any
 from ..core.perturbing.steps import Step
 from ..perturbations import registry
 from .described import told_once
-from .properties import OVERRIDE, parameters_of, set_value
+from .keyed import key_severity, reorder
+from .properties import OVERRIDE, parameters_of
+from .this_scene import scene_frames
+from .typed_numbers import set_value
 
 
-def take_step(item: Any, step: Step) -> None:
-    """Fill an entry of the list from a preset's step."""
+def take_step(item: Any, step: Step, *, speed_factor: int = 1) -> None:
+    """Fill an entry of the list from a preset's step. speed_factor: of the path, for what is keyed along it."""
     item.perturbation = step.perturbation.name
     group = parameters_of(item)
-    item.mode = "static" if step.levels is None else "dynamic"
-    item.use_severity = step.severity is not None or not step.perturbation.severities
+    item.mode = "static" if step.levels is None or step.keyed else "dynamic"
+    item.use_severity = step.severity is not None or step.keyed or not step.perturbation.severities
     if step.severity is not None:
         set_value(item, "severity", step.severity)
     if step.perturbation.temporals:
@@ -23,6 +26,10 @@ def take_step(item: Any, step: Step) -> None:
         if name in step.perturbation.severities:
             setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
         set_value(group, name, value)
+    if step.keyed and step.levels is not None:
+        item.severity = step.levels[0]
+        frames = scene_frames(item.id_data, len(step.levels) * speed_factor)[::speed_factor]
+        key_severity(item, step.levels, frames)
 
 
 def put_step(panel: Any, step: Step) -> bool:
@@ -33,12 +40,12 @@ def put_step(panel: Any, step: Step) -> bool:
     same = [index for index, item in enumerate(panel.steps) if item.perturbation == step.perturbation.name]
     place = same[step.occurrence] if step.occurrence < len(same) else None
     if place is not None:
-        panel.steps.remove(place)
+        remove_entry(panel, place)
     made = add_step(panel, step.perturbation.name)
     if place is not None:
-        panel.steps.move(made, place)
+        move_entry(panel, made, place)
         panel.active_step = made = place
-    take_step(panel.steps[made], step)
+    take_step(panel.steps[made], step, speed_factor=panel.speed_factor)
     return place is not None
 
 
@@ -52,9 +59,32 @@ def add_step(panel: Any, name: str) -> int:
     places = list(registry())
     order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
     place = sum(other <= order[-1] for other in order[:-1])
-    panel.steps.move(len(order) - 1, place)
+    move_entry(panel, len(order) - 1, place)
     panel.active_step = place
     return place
+
+
+def move_entry(panel: Any, here: int, there: int) -> None:
+    """Move an entry of the list, with its keys."""
+    if here == there:
+        return
+    order = list(range(len(panel.steps)))
+    order.insert(there, order.pop(here))
+    panel.steps.move(here, there)
+    reorder(panel.id_data, [order.index(index) for index in range(len(order))])
+
+
+def remove_entry(panel: Any, index: int) -> None:
+    """Remove an entry of the list, with its keys."""
+    count = len(panel.steps)
+    panel.steps.remove(index)
+    reorder(panel.id_data, [None if k == index else k - (k > index) for k in range(count)])
+
+
+def clear_entries(panel: Any) -> None:
+    """Empty the list, with its keys."""
+    panel.steps.clear()
+    reorder(panel.id_data, [])
 
 
 def may_move(panel: Any, by: int) -> bool:

@@ -13,9 +13,11 @@ from .following import Following
 from .generate import draw_progress
 from .long_text import write
 from .operators import UNDOABLE, OnScene
+from .output_place import output_folder
 from .properties import panel_of
-from .runs import BUSY, SceneRun, active_run, output_folder, start_tracking, summary, tracking_of
+from .runs import BUSY, SceneRun, active_run, start_tracking, summary, tracking_of
 from .tracked import read_tracked
+from .wording import spoken
 
 BUTTON_PX = 24  # of a button that is a symbol, beside a text
 
@@ -90,11 +92,11 @@ def _problem(scene: bpy.types.Scene | None) -> str:
         return BUSY
     panel = panel_of(scene)
     if not (panel.use_rgb and panel.use_depth):
-        return "The embedded system needs colour and depth"
+        return "The embedded system needs color and depth"
     try:
         sequences_of(panel, output_folder(panel))
     except InputError as error:
-        return str(error)
+        return spoken(str(error))
     return ""
 
 

@@ -2,7 +2,6 @@
 """The scene, the path and the camera that the panel describes, in the user's file: only our objects are replaced."""
 
 import json
-import zlib
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,39 +10,39 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blender.camera import add_camera, key_trajectory, set_intrinsics
+from ..blender.camera import add_camera, key_poses, set_intrinsics
 from ..blender.scene import add_mesh, rgba_of, set_origin
-from ..blender.typed import camera_of, fcurves_of, mesh_of
+from ..blender.typed import camera_of, mesh_of
 from ..core.errors import InputError, NoisyWorldError
 from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
+from . import scene_copy, this_scene
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
+from .own_objects import camera_alone, images_of, keys_state, mark, own_object, put_into, select, take_out_mesh, tied
 from .owned import OURS
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
-from .properties import panel_of, value_of
+from .properties import panel_of
+from .typed_numbers import value_of
 
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 LOADED_FROM = "noisy_world_loaded_from"  # of ours: what of the panel decided the mesh or the path, as JSON
 LEFT_AS = "noisy_world_left_as"  # of ours: how we left the mesh or the lens, to see whether it was changed since
 KEYS_LEFT_AS = "noisy_world_keys_left_as"  # of our camera: how we left its keys
 DISPLAY_COLOURS = "Display"
+FASTEST_FPS = 32767  # that Blender knows
+RATE_TOLERANCE = 1e-3  # of a rate, which stamps with six decimals do not hold exactly; chosen
 FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
 PATH_PROPERTIES = (
-    "deviation_rotation_deg", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
+    "deviation_rotation", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
 )  # fmt: skip
 
 
 def is_editable(scene: bpy.types.Scene | None) -> bool:
     """Tell whether a scene is this file's own: what is linked from another is left alone."""
     return scene is not None and scene.library is None and scene.is_editable
-
-
-def own_object(scene: bpy.types.Scene, kind: str) -> bpy.types.Object | None:
-    """Return our object of a scene: the "mesh" or the "camera"."""
-    return next((item for item in scene.objects if item.get(OURS) == kind and item.library is None), None)
 
 
 # --- mesh ---
@@ -56,33 +55,25 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     """
     panel = panel_of(scene)
     mesh = load_mesh(_mesh_path(panel), panel.room_seed)
-    while (old := own_object(scene, "mesh")) is not None:
-        _remove_mesh(old)
+    take_out_mesh(scene)
     set_origin(scene, _origin_m(mesh))
     loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
-    loaded[OURS] = "mesh"
+    mark(loaded, "mesh")
+    put_into(scene, loaded)
     # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
     loaded.visible_shadow = False
     _add_display_colours(mesh_of(loaded), mesh)
-    for image in _images(loaded):
+    for image in images_of(loaded):
         image.pack()  # its pixels are the file's own, and would not be saved with it otherwise
     loaded[LOADED_FROM] = _decided_by(panel, "mesh")
     loaded[LEFT_AS] = _mesh_state(loaded)
+    select(scene, loaded)
     return loaded, mesh.notes
 
 
 def is_textured(item: bpy.types.Object) -> bool:
     """Tell whether a mesh of ours shows a texture."""
-    return bool(_images(item))
-
-
-def _images(item: bpy.types.Object) -> list[bpy.types.Image]:
-    """Return the images that the materials of a mesh of ours show."""
-    materials = [] if not isinstance(item.data, bpy.types.Mesh) else item.data.materials
-    trees = [material.node_tree for material in materials if material is not None]
-    nodes = [node for tree in trees if tree is not None for node in tree.nodes]
-    textures = [node for node in nodes if isinstance(node, bpy.types.ShaderNodeTexImage)]
-    return [node.image for node in textures if node.image is not None]
+    return bool(images_of(item))
 
 
 def _mesh_path(panel: Any) -> Path | None:
@@ -92,7 +83,7 @@ def _mesh_path(panel: Any) -> Path | None:
     try:
         split_home(panel.mesh_path)
     except LookupError as error:
-        raise InputError("PLY File", str(error)) from error
+        raise InputError("Mesh File", str(error)) from error
     return Path(absolute(panel.mesh_path))
 
 
@@ -114,45 +105,72 @@ def _add_display_colours(data: bpy.types.Mesh, mesh: Mesh) -> None:
     data.color_attributes.render_color_index = rendered
 
 
-def _remove_mesh(item: bpy.types.Object) -> None:
-    data = item.data
-    images = _images(item)
-    bpy.data.objects.remove(item)
-    if not isinstance(data, bpy.types.Mesh) or data.users:
-        return
-    materials = [material for material in data.materials if material is not None]
-    bpy.data.meshes.remove(data)
-    for material in materials:
-        if not material.users:
-            bpy.data.materials.remove(material)
-    for image in images:
-        if not image.users:
-            bpy.data.images.remove(image)
-
-
 # --- path ---
 
 
 def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
-    """Load or make the panel's trajectory and key the camera along it; return the number of poses, and notes.
+    """Load or make the panel's trajectory, key the camera along it and set the timeline to it.
 
-    Raises NoisyWorldError.
+    Returns the number of poses, and notes: first what of the timeline has changed. Where the dataset shows the scene
+    itself, its camera, its range and its rate stay, and a camera of ours shows the path. Raises NoisyWorldError.
     """
+    if this_scene.is_shown(panel_of(scene)):
+        return _load_own_path(scene)
     nominal = find_scenes(preset_of(panel_of(scene)))[0].source.trajectory()
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
     camera[LOADED_FROM] = _decided_by(panel_of(scene), "camera")
     key_camera(scene)
+    select(scene, camera)
+    changed = set_timeline(scene, nominal.stamps_s)
+    return len(nominal), (*([changed] if changed else []), *nominal.notes)
+
+
+def _load_own_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
+    """Sample the scene's own camera, or read the file's path, and key our camera along it."""
+    panel = panel_of(scene)
+    if this_scene.rides(panel):
+        nominal = this_scene.sampled_path(scene)
+    else:
+        scene_copy.ensure(scene)
+        nominal = find_scenes(preset_of(panel))[0].source.trajectory()
+    set_origin(scene, np.zeros(3))
+    camera = camera_alone(scene) or _new_camera(scene)
+    put_into(scene, camera)
+    _take_lens(scene, camera)
+    camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
+    camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
+    camera[LOADED_FROM] = _decided_by(panel, "camera")
+    key_camera(scene)
     return len(nominal), nominal.notes
 
 
+def _new_camera(scene: bpy.types.Scene) -> bpy.types.Object:
+    before = scene.camera
+    camera = add_camera(scene, "Noisy World Camera")
+    scene.camera = before
+    mark(camera, "camera")
+    return camera
+
+
+def _take_lens(scene: bpy.types.Scene, camera: bpy.types.Object) -> None:
+    """Let our camera see as the scene's own does."""
+    own = scene.camera
+    if own is None or own == camera or not isinstance(own.data, bpy.types.Camera):
+        return
+    before, camera.data = camera.data, own.data.copy()
+    camera_of(camera).animation_data_clear()
+    if isinstance(before, bpy.types.Camera) and not before.users:
+        bpy.data.cameras.remove(before)
+
+
 def key_camera(scene: bpy.types.Scene) -> None:
-    """Key the camera along its path, deviated as the panel says, and set the timeline's range and step.
+    """Key the camera along its path, deviated as the panel says, and set the timeline's step.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract; the keys are then kept.
     """
-    camera = own_object(scene, "camera")
+    camera = camera_alone(scene)
     if camera is None or CLEAN_C2W not in camera:
         return
     c2w = np.array(camera[CLEAN_C2W], dtype=np.float64).reshape(-1, 4, 4)
@@ -160,12 +178,14 @@ def key_camera(scene: bpy.types.Scene) -> None:
     keyed = c2w if deviated is None else deviated
     step = _frame_step(chosen_frames(scene, len(keyed)), len(keyed))
     before = camera.animation_data.action if camera.animation_data else None
-    key_trajectory(scene, camera, keyed)
+    stamps_s = np.array(camera.get(CLEAN_STAMPS_S, ()), dtype=np.float64)
+    key_poses(scene, camera, keyed, this_scene.scene_frames(scene, len(keyed), stamps_s))
     if before is not None and not before.users:
         bpy.data.actions.remove(before)
     camera[KEYED_BY] = json.dumps(listed_motion(panel_of(scene)))
-    scene.frame_step = step  # rendered, an animation holds the frames of the sequence
-    camera[KEYS_LEFT_AS] = _keys_state(camera)
+    if not this_scene.is_shown(panel_of(scene)):
+        scene.frame_step = step  # rendered, an animation holds the frames of the sequence
+    camera[KEYS_LEFT_AS] = keys_state(camera)
 
 
 def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
@@ -176,15 +196,55 @@ def _frame_step(chosen: NDArray[np.int64] | None, count: int) -> int:
     return step if step > 0 and np.array_equal(chosen, np.arange(0, count, step)) else 1
 
 
+def set_timeline(scene: bpy.types.Scene, stamps_s: NDArray[np.float64]) -> str:
+    """Give the timeline the range and the rate of a path, at its first frame; say what has changed, "" if nothing has.
+
+    stamps_s: (N,), of the poses, which are at the scene frames from 0.
+    """
+    before = _timeline(scene)
+    scene.frame_start, scene.frame_end = 0, len(stamps_s) - 1
+    if len(stamps_s) > 1:
+        _set_rate(scene, rate_of(stamps_s))
+    scene.frame_set(0)
+    after = _timeline(scene)
+    changed = [f"{after[name]} (was {before[name]})" for name in after if after[name] != before[name]]
+    return f"timeline: {', '.join(changed)}" if changed else ""
+
+
+def rate_of(stamps_s: NDArray[np.float64]) -> float:
+    """Return the frames a second of stamps (N,), N > 1: their median rate."""
+    return float(1.0 / np.median(np.diff(stamps_s)))
+
+
+def _set_rate(scene: bpy.types.Scene, rate_hz: float) -> None:
+    whole = min(max(1, round(rate_hz)), FASTEST_FPS)
+    scene.render.fps = whole
+    scene.render.fps_base = 1.0 if abs(rate_hz - whole) < RATE_TOLERANCE * rate_hz else whole / rate_hz
+
+
+def _timeline(scene: bpy.types.Scene) -> dict[str, str]:
+    return {
+        "range": f"frames {scene.frame_start} to {scene.frame_end}",
+        "rate": f"{frames_per_s(scene):.4g} fps",
+        "frame": f"at frame {scene.frame_current}",
+    }
+
+
+def frames_per_s(scene: bpy.types.Scene) -> float:
+    """Return a scene's frame rate."""
+    return scene.render.fps / scene.render.fps_base
+
+
 # --- camera ---
 
 
 def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
     """Give the scene our camera with the panel's intrinsics, and make it the scene's."""
-    camera = own_object(scene, "camera")
+    camera = camera_alone(scene)
     if camera is None:
         camera = add_camera(scene, "Noisy World Camera")
-        camera[OURS] = "camera"
+        mark(camera, "camera")
+    put_into(scene, camera)
     scene.camera = camera
     apply_intrinsics(scene)
     return camera
@@ -192,8 +252,8 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 
 def apply_intrinsics(scene: bpy.types.Scene) -> None:
     """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
-    camera = own_object(scene, "camera")
-    if camera is None:
+    camera = camera_alone(scene)
+    if camera is None or this_scene.is_shown(panel_of(scene)):
         return
     panel = panel_of(scene)
     near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
@@ -215,12 +275,15 @@ def is_changed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
         return not isinstance(item.data, bpy.types.Mesh) or item.get(LEFT_AS) != _mesh_state(item)
     if not isinstance(item.data, bpy.types.Camera):
         return True
-    keyed = KEYS_LEFT_AS in item and item[KEYS_LEFT_AS] != _keys_state(item)
+    keyed = KEYS_LEFT_AS in item and item[KEYS_LEFT_AS] != keys_state(item)
     return keyed or item.get(LEFT_AS) != _lens_state(scene, item)
 
 
 def _decided_by(panel: Any, kind: str) -> str:
     """Return what of the panel decides the mesh, or the camera's path, as JSON."""
+    if this_scene.is_shown(panel):
+        path = this_scene.motion_state(panel.id_data) if this_scene.rides(panel) else scene_of(panel)["trajectory"]
+        return json.dumps([kind, path])
     described = scene_of(panel)
     if kind == "mesh":
         return json.dumps(described["mesh"])
@@ -234,7 +297,7 @@ def _mesh_state(item: bpy.types.Object) -> str:
     pose = [round(value, 6) for row in item.matrix_basis for value in row]
     materials = [material.name for material in data.materials if material is not None]
     counted = [len(item.modifiers), len(data.vertices), len(data.polygons)]
-    return json.dumps([item.animation_data is None, _tied(item), pose, counted, materials])
+    return json.dumps([item.animation_data is None, tied(item), pose, counted, materials])
 
 
 def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
@@ -245,23 +308,6 @@ def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
     lens += [data.clip_start, data.clip_end, data.dof.use_dof, data.animation_data is None]
     image = [render.resolution_x, render.resolution_y, render.pixel_aspect_x, render.pixel_aspect_y]
     return json.dumps([lens, image])
-
-
-def _keys_state(item: bpy.types.Object) -> str:
-    """Return what decides where our camera goes: its keys as a checksum, and what else could move it."""
-    data, checksum = item.animation_data, 0
-    if data is None:
-        return ""
-    for curve in fcurves_of(data):
-        values = np.empty(2 * len(curve.keyframe_points), np.float32)
-        curve.keyframe_points.foreach_get("co", values)
-        name = f"{curve.data_path} {curve.array_index} {curve.mute} {len(curve.modifiers)}"
-        checksum = zlib.crc32(values.tobytes(), zlib.crc32(name.encode(), checksum))
-    return json.dumps([_tied(item), len(data.drivers), len(data.nla_tracks), checksum])
-
-
-def _tied(item: bpy.types.Object) -> list[int]:
-    return [len(item.constraints), int(item.parent is not None)]
 
 
 # --- following ---
@@ -297,9 +343,9 @@ def unregister() -> None:
 
 
 def summary(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return what is loaded, as sentences for the panel."""
+    """Return what is loaded, as sentences for the panel; nothing where the panel names another mesh by now."""
     item = own_object(scene, "mesh")
-    if item is None or not isinstance(item.data, bpy.types.Mesh):
+    if item is None or not isinstance(item.data, bpy.types.Mesh) or not is_from_panel(scene, item):
         return ()
     return f"{len(item.data.vertices):,} vertices", f"{len(item.data.polygons):,} faces"
 
@@ -308,3 +354,13 @@ def poses(scene: bpy.types.Scene) -> int:
     """Return how many poses our camera is keyed along; 0 without a camera."""
     camera: Any = own_object(scene, "camera")
     return 0 if camera is None else len(camera.get(CLEAN_C2W, ())) // 16
+
+
+def path_summary(scene: bpy.types.Scene) -> str:
+    """Return what our camera is keyed along, for the panel; "" where the panel names another path by now."""
+    camera = own_object(scene, "camera")
+    if camera is None or not poses(scene) or not is_from_panel(scene, camera):
+        return ""
+    stamps_s = np.array(camera.get(CLEAN_STAMPS_S, ()), dtype=np.float64)
+    rate = f", {rate_of(stamps_s):.4g} fps" if len(stamps_s) > 1 else ""
+    return f"{poses(scene):,} poses keyed{rate}"

@@ -29,7 +29,8 @@ def steps_of(*items):
 def sockets_by_parameter(name):
     """The group's inputs by the words of their parameter's name, without its unit."""
     inputs = {item.name.lower(): item for item in build_group(COLOUR[name]).inputs}
-    units = ("_px", "_deg", "_mm", "_m")
+    units = ("_mm_h", "_m_s", "_px", "_deg", "_mrad", "_mm", "_ms", "_hz", "_m")
+    inputs["f number"] = inputs.get("f-stop")  # Blender's word for it
     found = {}
     for item in fields(COLOUR[name].parameters):
         suffix = next((unit for unit in units if item.name.endswith(unit)), "")
@@ -156,7 +157,7 @@ def test_sockets_say_what_a_step_does_to_a_frame():
     assert (values["Enabled"], values["Redraw"], values["Drift"]) == (False, True, False)
     assert "Thickness" not in values
     (turned,) = steps_of({"motion_blur": {"max_angle_deg": 90.0}})
-    assert socket_values(turned, 0, WHERE)[0]["Max angle"] == pytest.approx(math.pi / 2)
+    assert socket_values(turned, 0, WHERE)[0]["Max Angle"] == pytest.approx(math.pi / 2)
     (still,) = steps_of({"contrast": {"severity": 1}})
     assert "Seed" not in socket_values(still, 0, WHERE)[0]
 

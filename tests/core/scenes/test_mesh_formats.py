@@ -8,6 +8,7 @@ import pytest
 from cases import cases
 
 from noisy_world.core.errors import InputError
+from noisy_world.core.scenes.mesh_files import check_mesh, imported_format
 from noisy_world.core.scenes.ply import check_ply
 
 GLB = struct.pack("<4sIIII", b"glTF", 2, 36, 16, 0x4E4F534A) + b'{"asset":{"version":"2.0"}}'
@@ -31,30 +32,37 @@ SUFFIXES = {
 }  # fmt: skip
 
 
-def refusal(path, data):
+def refusal(path, data, check=check_ply):
     path.write_bytes(data)
     with pytest.raises(InputError) as caught:
-        check_ply(path)
+        check(path)
     text = str(caught.value)
     assert "\n" not in text
     return text.removeprefix(f"{path}: ")
 
 
 @cases("name", list(IMPORTED))
-def test_what_blender_imports_comes_later(tmp_path, name):
-    later = ", which comes with Blender's importers in a later version; export it as PLY"
+def test_what_blender_imports_is_told_by_its_content_or_else_by_its_name(tmp_path, name):
+    written = "; 'noisy-world export' writes it as PLY"
     for data in IMPORTED[name]:
-        assert refusal(tmp_path / "mesh.ply", data) == f"not a PLY file, but {name}{later}"
+        assert refusal(tmp_path / "mesh.ply", data) == f"not a PLY file, but {name}{written}"
+        assert imported_format(tmp_path / "mesh.ply").name == name
     for suffix in SUFFIXES[name]:
-        assert refusal(tmp_path / f"mesh.{suffix}", b"\x01\x02") == f"not a PLY file, but {name} by its name{later}"
+        path = tmp_path / f"mesh.{suffix}"
+        path.write_bytes(b"\x01\x02")
+        assert imported_format(path).name == name
 
 
 @cases("name", list(OTHER))
 def test_what_blender_does_not_import_either(tmp_path, name):
     for data in OTHER[name]:
         assert refusal(tmp_path / "mesh.ply", data) == f"not a PLY file, but {name}; export it as PLY"
+        assert (
+            refusal(tmp_path / "mesh.ply", data, check_mesh)
+            == f"is {name}, which is not read; export it as PLY or glTF"
+        )
     for suffix in SUFFIXES[name]:
-        assert refusal(tmp_path / f"mesh.{suffix}", b"") == f"not a PLY file, but {name} by its name; export it as PLY"
+        assert refusal(tmp_path / f"mesh.{suffix}", b"") == f"not a PLY file, but {name}; export it as PLY"
 
 
 @cases(
@@ -74,10 +82,13 @@ def test_what_blender_does_not_import_either(tmp_path, name):
 )
 def test_anything_else(tmp_path, data):
     assert refusal(tmp_path / "mesh.ply", data) == "not a PLY file; the first line of a PLY file reads 'ply'"
+    known = "no mesh file that is known: PLY, glTF, FBX, USD, STL, OBJ; export it as one of these"
+    assert refusal(tmp_path / "mesh.ply", data, check_mesh) == known
 
 
 def test_content_counts_more_than_the_name(tmp_path):
-    assert refusal(tmp_path / "mesh.obj", GLB).startswith("not a PLY file, but glTF, which comes")
+    (tmp_path / "mesh.obj").write_bytes(GLB)
+    assert imported_format(tmp_path / "mesh.obj").name == "glTF"
 
 
 def test_a_ply_under_another_name_is_read(tmp_path):

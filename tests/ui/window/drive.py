@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an artist does with the add-on, done in a Blender's window: run by a Blender program with simulated events.
 
-    blender --enable-event-simulate -P tests/ui/window/drive.py -- FOLDER [ADD-ON'S FOLDER]
+    blender --enable-event-simulate -P tests/ui/window/drive.py -- FOLDER [ADD-ON'S FOLDER [PART ...]]
 
 FOLDER holds mesh.ply, a small room, and trajectory.txt, five poses in it. Writes pictures, the preset, the dataset and
-result.json there. The add-on is the extension that is installed, or the package in the other folder.
+result.json there. The add-on is the extension that is installed, or the package in the other folder. Without names
+of parts, all are done.
 """
 
+import math
 import sys
 import time
 from pathlib import Path
@@ -15,8 +17,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import bpy
 import driver as at
+import numpy as np
 
-FOLDER, *SOURCE = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :])
+FOLDER, *SOURCE = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
+PARTS = sys.argv[sys.argv.index("--") + 3 :]
 FRAMES = 5
 VISIBLE = 10.0  # of 255; noise of severity 1 differs by 23 from one pixel of a frame to the next
 REMARKS: list[str] = []
@@ -38,7 +42,8 @@ def steps() -> at.Steps:
     yield lambda: not bpy.data.objects
     yield from at.open_sidebar("Noisy World")
     yield from photograph("panel_top")
-    for part in (load_room, load_path, add_perturbations, preview, look_at_nodes, save, generate, track):
+    every = (load_room, load_path, add_perturbations, preview, look_at_nodes, save, generate, track, this_scene)
+    for part in [part for part in every if not PARTS or part.__name__ in PARTS]:
         start_s = time.monotonic()
         yield from part()
         remark(f"{part.__name__}: {time.monotonic() - start_s:.0f} s")
@@ -88,8 +93,8 @@ def load_path() -> at.Steps:
     yield from at.push("noisy_world.load_trajectory")
     yield lambda: bpy.context.scene.camera is not None
     assert bpy.context.scene.frame_end == FRAMES - 1, bpy.context.scene.frame_end
-    yield from at.fill_in("noisy_world.deviation_rotation_deg", "3")
-    yield lambda: settings().deviation_rotation_deg == 3.0
+    yield from at.fill_in("noisy_world.deviation_rotation", "3")
+    yield lambda: abs(settings().deviation_rotation - math.radians(3.0)) < 1e-7
     yield from at.fill_in("noisy_world.deviation_translation_m", "0.1")
     yield lambda: abs(settings().deviation_translation_m - 0.1) < 1e-6
     yield from at.go(*at.middle(at.region("WINDOW")))
@@ -242,6 +247,68 @@ def track() -> at.Steps:
     yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("Z", ctrl=True)
     yield lambda: len(shown()) == 2
+
+
+def this_scene() -> at.Steps:
+    """Make an artist's scene, never saved, and generate it, seen by its own camera and deviated."""
+    bpy.ops.wm.read_homefile(use_splash=False, use_empty=False)
+    yield 1.0
+    make_hall(bpy.context.scene)
+    at.STATE["found"] = False
+    yield from at.open_sidebar("Noisy World")
+    yield from at.choose("noisy_world.mesh_source", "T")
+    yield lambda: settings().trajectory_source == "CAMERA"
+    item = settings()
+    item.scene_name, item.image, item.output_folder = "hall", "png", str(FOLDER / "own")
+    for name in ("fog_depth", "motion_blur"):
+        bpy.ops.noisy_world.add_step(perturbation=name)
+    yield from at.fill_in("noisy_world.deviation_translation_m", "0.05")
+    yield lambda: abs(settings().deviation_translation_m - 0.05) < 1e-6
+    yield from at.push("noisy_world.load_trajectory")
+    yield lambda: "Noisy World Camera" in bpy.data.objects
+    assert bpy.context.scene.camera.name == "Mine"
+    bpy.context.scene.frame_set(3)
+    yield from at.push("noisy_world.preview_frame")
+    yield lambda: "Noisy World Color" in bpy.data.images
+    picture = bpy.data.images["Noisy World Color"]
+    pixels = np.empty(picture.size[0] * picture.size[1] * 4, np.float32)
+    picture.pixels.foreach_get(pixels)
+    np.save(FOLDER / "own_preview.npy", pixels.reshape(picture.size[1], picture.size[0], 4)[::-1, :, :3])
+    yield from photograph("this_scene")
+    assert bpy.ops.noisy_world.save_preset(filepath=str(FOLDER / "own.yaml")) == {"FINISHED"}
+    assert (FOLDER / "own.blend").is_file()  # the copy of a file that was never saved
+    name = next(name for name in sys.modules if name.endswith("noisy_world.ui.generate"))
+    generating = sys.modules[name]
+    at.STATE["found"] = False
+    yield from at.push("noisy_world.generate(")
+    yield lambda: generating.run_of(bpy.context.scene).background.phase in ("finished", "failed")
+    remark(generating.summary(generating.run_of(bpy.context.scene)))
+    assert generating.run_of(bpy.context.scene).background.phase == "finished", REMARKS
+
+
+def make_hall(scene: bpy.types.Scene) -> None:
+    """Put a textured floor, a cube that moves and a camera on a turning parent into the startup file's scene."""
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    floor, cube = bpy.context.object, bpy.data.objects["Cube"]
+    texture = bpy.data.images.new("Grid", 64, 64)
+    texture.generated_type = "UV_GRID"
+    texture.pack()
+    material = bpy.data.materials.new("Floor")
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = texture
+    material.node_tree.links.new(node.outputs[0], material.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    floor.data.materials.append(material)
+    rig = bpy.data.objects.new("Rig", None)
+    scene.collection.objects.link(rig)
+    camera = bpy.data.objects["Camera"]
+    camera.name, camera.parent = "Mine", rig
+    for frame, x, turn in ((1, 0.0, 0.0), (5, 1.0, 0.4)):
+        cube.location, rig.rotation_euler.z = (x, 0, 1), turn
+        cube.keyframe_insert("location", frame=frame)
+        rig.keyframe_insert("rotation_euler", frame=frame)
+    scene.render.engine, scene.cycles.samples = "CYCLES", 4
+    scene.frame_start, scene.frame_end = 1, 5
+    scene.render.resolution_x, scene.render.resolution_y = 160, 90
 
 
 at.run(steps(), FOLDER / "result.json")

@@ -14,6 +14,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from analytic import look_at
@@ -25,7 +26,7 @@ MODULE = "bl_ext.user_default.noisy_world"
 FRAMES = 5
 PICTURES = (
     "panel_top", "paths", "menu", "perturbations", "preview", "chain", "nodes", "generating", "stopped", "generated",
-    "tracked",
+    "tracked", "this_scene",
 )  # fmt: skip
 
 
@@ -138,6 +139,19 @@ def test_the_copied_command_goes_on_with_the_panels_dataset(used):
     assert told.returncode == 0, told.stdout + told.stderr
     assert f"0 frames rendered, {2 * FRAMES} kept" in told.stdout, told.stdout
     assert content(used / "dataset") == before
+
+
+def test_an_artists_own_scene_is_what_was_previewed_and_what_its_preset_gives(used):
+    """From a file that was never saved: Generate, the preview of frame 2, and the saved preset without a window."""
+    (script,) = (used / "profile").rglob("noisy_world/headless/generate.py")
+    told = blender(used, "-b", "-P", script, "--", used / "own.yaml", "--out", used / "own_headless")
+    assert told.returncode == 0, told.stdout + told.stderr
+    made = content(used / "own")
+    assert made == content(used / "own_headless")
+    assert len([name for name in made if "perturbed/hall/results/frame" in name]) == FRAMES
+    written = cv2.imread(str(used / "own/perturbed/hall/results/frame000002.png"))[..., ::-1]
+    previewed = np.load(used / "own_preview.npy") * 255.0
+    assert np.abs(written - previewed).max() <= 1.01
 
 
 def test_enabling_and_reloading_leave_nothing(archive, tmp_path):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
 from .file_digests import read_digests
@@ -38,7 +39,8 @@ class StoredFrame:
     """A frame on disk, whose images are read on request.
 
     size_px: width and height that its images have to have. rgb_sha256, depth_sha256: of the files when they were
-    written, where that is known; files with another are refused.
+    written, where that is known; files with another are refused. depth_size_px: of depth, where it is another.
+    void_steps: what depth images hold where there is no depth, besides 0.
     """
 
     rgb_file: Path
@@ -47,6 +49,8 @@ class StoredFrame:
     size_px: SizePx
     rgb_sha256: str | None = None
     depth_sha256: str | None = None
+    depth_size_px: SizePx | None = None
+    void_steps: tuple[int, ...] = ()
 
     @property
     def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
@@ -59,7 +63,9 @@ class StoredFrame:
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
-        steps = read_steps(self.depth_file, self.size_px, self.depth_sha256)
+        steps = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
+        if self.void_steps:
+            steps[np.isin(steps, self.void_steps)] = 0
         return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
 
     @cached_property
@@ -72,7 +78,8 @@ class StoredFrame:
         """Return the file of an image that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
         header, digest = check_whole(file, sha256)
-        check_size_px(file, header, self.size_px)
+        own_size_px = None if modality == "rgb" else self.depth_size_px
+        check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
         return WholeFile(file, digest)
 
 
@@ -83,13 +90,15 @@ class StoredSequence:
     trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
     depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
     stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
-    camera_path the file that says them; None where none does. notes: sentences that the user should see.
+    camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
+    what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
+    assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
     """
 
     folder: Path
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
-    trajectory_path: Path
+    trajectory_path: Path | None
     trajectory: Trajectory
     stamps: FrameStamps
     depth_scale_per_m: float
@@ -98,6 +107,9 @@ class StoredSequence:
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
     counted_hz: float | None = None
+    void_steps: tuple[int, ...] = ()
+    optics: Optics = PINHOLE
+    assumed: str = ""
 
     @cached_property
     def size_px(self) -> SizePx:
@@ -118,10 +130,12 @@ class StoredSequence:
     @cached_property
     def known_camera(self) -> Intrinsics | None:
         """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
-        if self.camera is None or self.camera_path is None:
+        if self.camera is None or (self.camera_path is None and not self.assumed):
             return None
         told = (self.camera.width_px, self.camera.height_px)
         if told != self.size_px:
+            if self.camera_path is None:
+                return None  # images of another size than the dataset's: its documented camera is none of theirs
             problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {spoken(self.size_px)} pixels"
             raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
         return self.camera
@@ -141,7 +155,7 @@ class StoredSequence:
         for file in self.depth_files:
             header = read_header(file)
             check_depth(file, header)
-            check_size_px(file, header, self.size_px)
+            check_size_px(file, header, self.depth_size_px, self.depth_size_px != self.size_px)
         return tuple(f"{count} of {len(self.rgb_files)} colour images {told}" for told, count in sorted(found.items()))
 
     def check_images(self) -> None:
@@ -151,7 +165,22 @@ class StoredSequence:
     def frame(self, index: int) -> StoredFrame:
         """Return a frame."""
         rgb, depth = self.rgb_files[index], self.depth_files[index]
-        return StoredFrame(rgb, depth, self.depth_scale_per_m, self.size_px, self._digest(rgb), self._digest(depth))
+        return StoredFrame(
+            rgb,
+            depth,
+            self.depth_scale_per_m,
+            self.size_px,
+            self._digest(rgb),
+            self._digest(depth),
+            self.depth_size_px,
+            self.void_steps,
+        )
+
+    @property
+    def depth_size_px(self) -> SizePx:
+        """Width and height that its depth images have to have, in pixels."""
+        seen = None if self.optics.depth is None else self.optics.depth.intrinsics
+        return self.size_px if seen is None else (seen.width_px, seen.height_px)
 
     @cached_property
     def _digests(self) -> dict[str, str]:
@@ -163,6 +192,11 @@ class StoredSequence:
         return self._digests.get(file.relative_to(self.folder).as_posix())
 
 
+def size_of(path: Path) -> SizePx:
+    """Return the width and height of an image in pixels. Raises InputError where it is none."""
+    return read_header(path).size_px
+
+
 def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
     """Yield what the user should know of a colour image. known: the SHA-256 of its file is."""
     if header.channels == 1:
@@ -172,10 +206,7 @@ def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
     if header.channels == 4:
         yield "are CMYK: OpenCV converts them to RGB"
     if header.kind == "jpg" and not known and strict_decoder() is None:
-        yield (
-            "are JPEG, whose damage inside is seen with a package alone: pip install 'noisy-world[strict]', "
-            "or what is lost is filled in"
-        )
+        yield "are JPEG: damage inside them is filled in, unless pip install 'noisy-world[strict]' has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:

@@ -109,28 +109,32 @@ def _parse_step(perturbation: Perturbation, values: object, place: Place, same: 
     severity, levels = (
         _parse_severity(values, place, by_parameters=bool(given)) if own[:1] == ["severity"] else (None, None)
     )
+    mode = values.get("mode", "static")
     if levels is not None and isinstance(perturbation, SEQUENCE_KINDS):
         raise place.at("mode").error(
-            "is dynamic, but it acts on the whole sequence at one severity", "give severity alone"
+            f"is {mode}, but it acts on the whole sequence at one severity", "give severity alone"
         )
     temporal = values.get("temporal", perturbation.temporals[0] if perturbation.temporals else "fresh")
     if perturbation.temporals and temporal not in perturbation.temporals:
         choices = ", ".join(perturbation.temporals)
         raise place.at("temporal").error(f"is {describe(temporal)}, but has to be one of {choices}")
-    return Step(perturbation, same, severity, levels, temporal, given)
+    keyed = levels is not None and mode == "keyed"
+    return Step(perturbation, same, severity, levels, temporal, given, keyed=keyed)
 
 
 def _parse_severity(
     values: Mapping[str, Any], place: Place, *, by_parameters: bool
 ) -> tuple[float | None, tuple[float, ...] | None]:
     mode = values.get("mode", "static")
-    if mode not in ("static", "dynamic"):
-        raise place.at("mode").error(f"is {describe(mode)}, but has to be static or dynamic")
+    if mode not in ("static", "dynamic", "keyed"):
+        raise place.at("mode").error(f"is {describe(mode)}, but has to be static, dynamic or keyed")
+    if mode == "keyed" and "levels" not in values:
+        raise place.at("mode").error("is keyed, which goes with levels", "list the severity of each frame there")
     default = None if by_parameters and mode == "static" else DEFAULT_SEVERITY
     severity = _level(values["severity"], place.at("severity")) if "severity" in values else default
     if mode == "static":
         if "levels" in values:
-            raise place.at("levels").error("goes with mode: dynamic", "set the mode, or severity instead")
+            raise place.at("levels").error("goes with mode: dynamic or keyed", "set the mode, or severity instead")
         return severity, None
     if "levels" in values:
         if "severity" in values:

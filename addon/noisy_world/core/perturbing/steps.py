@@ -29,8 +29,9 @@ class Step[Kind: Perturbation]:
     """One perturbation of a setting.
 
     occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
-    given. levels: the severities that each frame's is drawn from in dynamic mode. given: parameters that override the
-    severity's. stream: the name under which colour and depth draw their random patterns; None is the setting's.
+    given. levels: the severities that each frame's is drawn from in dynamic mode; where it is keyed, those of the
+    frames one after another, of which the last one holds. given: parameters that override the severity's. stream: the
+    name under which colour and depth draw their random patterns; None is the setting's.
     """
 
     perturbation: Kind
@@ -40,6 +41,7 @@ class Step[Kind: Perturbation]:
     temporal: Temporal
     given: Mapping[str, Any]
     stream: str | None = None
+    keyed: bool = False
 
     def context(self, where: FrameContext) -> FrameContext:
         """Return this step's context for a frame. where: the frame, with the identifiers of its sequence.
@@ -56,6 +58,7 @@ class Step[Kind: Perturbation]:
             identifiers=own if self.stream is None else (*where.identifiers[:-1], self.stream, *own[-2:]),
             chosen_by=None if self.stream is None else own,
             temporal=self.temporal,
+            motion=where.motion if isinstance(kind, ColourPerturbation) and kind.uses_motion else None,
             read_rgb=where.read_rgb if isinstance(kind, DepthPerturbation) and kind.needs_rgb else None,
             read_depth_m=where.read_depth_m if isinstance(kind, ColourPerturbation) and kind.needs_depth else None,
         )
@@ -68,6 +71,8 @@ class Step[Kind: Perturbation]:
         """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame."""
         if self.levels is None:
             return self.severity
+        if self.keyed:
+            return self.levels[min(context.index, len(self.levels) - 1)]
         choosing = context if context.chosen_by is None else replace(context, identifiers=context.chosen_by)
         return self.levels[int(choosing.stream("severity").integers(len(self.levels)))]
 
@@ -137,6 +142,11 @@ class Setting:
     def needs_depth(self) -> bool:
         """Whether a step of colour depends on depth."""
         return any(step.perturbation.needs_depth for step in self.rgb)
+
+    @property
+    def uses_motion(self) -> bool:
+        """Whether a step of colour looks at the camera's motion."""
+        return any(step.perturbation.uses_motion for step in self.rgb)
 
     @property
     def needs_rgb(self) -> bool:

@@ -33,7 +33,8 @@ class Estimate:
 def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
     """Estimate the bytes of an image of a render."""
     kind = plan.format.image if modality == "rgb" else "depth"
-    return int(render.camera.width_px * render.camera.height_px * BYTES_PER_PIXEL[kind])
+    camera = render.camera if modality == "rgb" else render.depth_camera
+    return int(camera.width_px * camera.height_px * BYTES_PER_PIXEL[kind])
 
 
 def size_text(count: int) -> str:
@@ -57,8 +58,9 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
     pixels = render.camera.width_px * render.camera.height_px
     each_s = pixels * SECONDS_PER_PIXEL
     if render.scene.source.gives.rendered:
-        spec = plan.preset.spec.render
-        each_s = each_s + pixels * spec.samples * SECONDS_PER_SAMPLE if spec.in_blender else pixels * SECONDS_PER_RAY
+        told, own = plan.preset.spec.render, render.scene.source.gives.own
+        in_blender, samples = (told.in_blender, told.samples) if own is None else (True, own.samples)
+        each_s = each_s + pixels * samples * SECONDS_PER_SAMPLE if in_blender else pixels * SECONDS_PER_RAY
     seconds = np.full(max(render.frames, default=-1) + 1, each_s)
     for modality in plan.format.modalities:
         made = parts_made(render.sequences, modality)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..datasets.image_files import WholeFile
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
+from ..optics import Optics
 from ..presets.preset import EngineName
 from ..scenes.mesh import Mesh
 from ..schema import Place
@@ -60,15 +61,32 @@ class RenderedFrame:
 
 
 @dataclass(frozen=True)
+class OwnRendering:
+    """How a source renders that brings its own settings: the engine, its samples, and between which distances it sees.
+
+    What the preset gives of these stands here instead.
+    """
+
+    engine: EngineName
+    samples: int
+    near_m: float
+    far_m: float
+
+
+@dataclass(frozen=True)
 class Gives:
     """What a source can give.
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded.
+    not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
+    importers read it, whatever renders it. depth: whether it has any.
     """
 
     rendered: bool
     any_pose: bool
+    own: OwnRendering | None = None
+    imported: bool = False
+    depth: bool = True
 
 
 @dataclass(frozen=True)
@@ -143,6 +161,13 @@ class Source(Protocol):
 
         None where it has none of its own, and gives what it is asked for. Raises InputError where it cannot give that,
         or has to be told.
+        """
+        ...
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return what its cameras have beyond one pinhole. camera: of colour, as `camera` returned it.
+
+        Raises InputError where the preset asks for what cannot be done to them.
         """
         ...
 

@@ -6,108 +6,23 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..home import path_in
-from ..scenes.embedded import EMBEDDED_ROOM, ROOMS
-from ..scenes.replica import REPLICA_SCENES, replica_names
-from ..schema import Place, key, parse, unknown_name
+from ..schema import Place, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .including import included
-from .names import scene_name
-from .output import KNOWN_LAYOUTS, OutputSpec, check_output
+from .output import OutputSpec, check_output
 from .overrides import override
+from .scene_keys import SceneSpec, check_scene
 from .selection import OnlySpec, chosen_part
 from .settings import SettingSpec
 
 EngineName = Literal["cycles", "eevee", "workbench", "embree"]
 
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
-
-
-@dataclass(frozen=True)
-class HandheldSpec:
-    """A seeded path of a camera held in the hand, walking through the scene."""
-
-    frames: int = key("length of the path", unit="frames", minimum=1, maximum=1_000_000)
-    rate_hz: float = key("frames a second", unit="Hz", default=20.0, above=0, maximum=10_000)
-    seed: int | None = key("seed of the path, where it should not follow the preset's", default=None, minimum=0)
-    speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10)
-    clearance_m: float = key("distance kept from everything", unit="m", default=0.45, above=0, maximum=10)
-    revisit: bool = key(
-        "whether earlier stretches are walked again, looking the same way: loops to close", default=False
-    )
-
-
-@dataclass(frozen=True)
-class TrajectorySpec:
-    """Where the camera goes: a file, or a path made here; a bare text is a file."""
-
-    SHORTHAND: ClassVar[str] = "file"
-
-    file: str | None = key(
-        "file of poses, or folder of one pose a file, relative to the preset; * allowed; its format is told by content",
-        default=None,
-    )
-    handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
-    format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
-        "the file's format, where its content should not decide", default="auto"
-    )
-    pose: Literal["auto", "c2w", "w2c"] = key(
-        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world", default="auto"
-    )
-    axes: Literal["auto", "opencv", "opengl", "robot"] = key(
-        "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up; auto is "
-        "opencv, and opengl for transforms.json",
-        default="auto",
-    )
-    rate_hz: float = key(
-        "frames a second, where the file has no time stamps", unit="Hz", default=20.0, above=0, maximum=10_000
-    )
-    stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
-        "the unit of the file's time stamps; auto tells seconds from nanoseconds", default="auto"
-    )
-    start: int = key("first pose used", default=0, minimum=0)
-    stop: int | None = key("the pose after the last one used", default=None, minimum=1)
-    every: int = key("use every n-th pose", default=1, minimum=1)
-    resample_hz: float | None = key(
-        "interpolate the poses to this rate (slerp, shortest path)", unit="Hz", default=None, above=0, maximum=10_000
-    )
-
-
-@dataclass(frozen=True)
-class SceneSpec:
-    """A scene and the way through it, or a sequence that exists."""
-
-    mesh: str | None = key(
-        f"PLY file, relative to the preset; * allowed; or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}", default=None
-    )
-    replica: str | None = key(
-        f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
-        default=None,
-    )
-    sequence: str | None = key(
-        f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
-        default=None,
-    )
-    trajectory: TrajectorySpec | None = key(
-        "the way of the camera, or of the robot that carries it; for replica the path that the SLAM systems use",
-        default=None,
-    )
-    rate_hz: float | None = key(
-        "frames a second of a sequence that has no time stamps of its own; default 20",
-        unit="Hz",
-        default=None,
-        above=0,
-        maximum=10_000,
-    )
-    name: str | None = key(
-        "the scene's folder in the dataset; * stands for what the * of mesh or sequence matched",
-        default=None,
-        pattern=scene_name,
-    )
 
 
 @dataclass(frozen=True)
@@ -195,7 +110,7 @@ class PresetSpec:
     scenes: tuple[SceneSpec, ...] = key("the scenes")
     seed: int = key("the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1)
     camera: CameraSpec | None = key(
-        "the camera; default for meshes Replica's 1200 x 680, for a sequence its own", default=None
+        "the camera; default for meshes Replica's 1200 x 680, for a sequence or a .blend its own", default=None
     )
     rig: RigSpec | None = key("the robot that carries the sensors", default=None)
     render: RenderSpec = key("the rendering", default=RenderSpec())
@@ -317,7 +232,7 @@ def _check(spec: PresetSpec, place: Place) -> None:
     check_output(spec.output, place.at("output"))
     _check_render(spec.render, place.at("render"))
     for index, scene in enumerate(spec.scenes):
-        _check_scene(scene, place.at("scenes").at(index))
+        check_scene(scene, place.at("scenes").at(index))
     if spec.rig:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
@@ -334,32 +249,6 @@ def _check_render(spec: RenderSpec, place: Place) -> None:
     if spec.engine == "embree" and spec.samples != 1:
         problem = f"is {spec.samples}, but embree casts one ray through each pixel's centre"
         raise place.at("samples").error(problem, "leave it out, or use cycles")
-
-
-def _check_scene(spec: SceneSpec, place: Place) -> None:
-    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence)) != 1:
-        raise place.error("needs either mesh or sequence, or replica", "name one of them")
-    if spec.rate_hz is not None and spec.sequence is None:
-        raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
-    if spec.sequence is not None:
-        if spec.trajectory is not None:
-            raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")
-        return
-    if spec.replica is not None:
-        if not replica_names(spec.replica):
-            raise unknown_name(place.at("replica"), "scene of Replica", spec.replica, REPLICA_SCENES)
-        if spec.trajectory is None or (spec.trajectory.file is None and spec.trajectory.handheld is None):
-            return
-    if spec.trajectory is None:
-        raise place.at("trajectory").error("is missing", "add it: the way of the camera")
-    _check_trajectory(spec.trajectory, place.at("trajectory"))
-
-
-def _check_trajectory(spec: TrajectorySpec, place: Place) -> None:
-    if (spec.file is None) == (spec.handheld is None):
-        raise place.error("needs either file or handheld", "name one of them")
-    if spec.stop is not None and spec.stop <= spec.start:
-        raise place.at("stop").error(f"is {spec.stop}, not beyond start ({spec.start})")
 
 
 def _check_sensor(spec: SensorSpec, place: Place) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Telling what a mesh file is that is not a PLY, so that the message says more than that."""
+"""Telling what a mesh file is that is not a PLY."""
 
 import re
 import struct
@@ -18,27 +18,41 @@ class MeshFormat:
     """A format of mesh files.
 
     suffixes: of its files. begins: whether a file of this size that begins with these bytes is one. blender: whether
-    Blender imports it.
+    Blender imports it. refers: whether it refers to other files in a way that only the importer knows.
     """
 
     name: str
     suffixes: tuple[str, ...]
     begins: Callable[[bytes, int], bool]
     blender: bool = True
+    refers: bool = False
+
+
+def format_of(path: Path, start: bytes) -> MeshFormat | None:
+    """Return the format of a mesh file that is not a PLY, by what is in it or else by its name; None for another file.
+
+    start: its first bytes, as many as FORMAT_BYTES or all.
+    """
+    size = path.stat().st_size
+    content = next((item for item in _FORMATS if item.begins(start, size)), None)
+    return content or next((item for item in _FORMATS if path.suffix.lower() in item.suffixes), None)
 
 
 def not_a_ply(path: Path, start: bytes) -> InputError:
-    """Return the error of a mesh file that is not a PLY. start: its first bytes, as many as FORMAT_BYTES or all."""
-    size = path.stat().st_size
-    content = next((item for item in _FORMATS if item.begins(start, size)), None)
-    named = next((item for item in _FORMATS if path.suffix.lower() in item.suffixes), None)
-    found = content or named
+    """Return the error of a file that is not a PLY, where only a PLY is read. start: as for format_of."""
+    found = format_of(path, start)
     if found is None:
         return InputError(path, "not a PLY file", remedy="the first line of a PLY file reads 'ply'")
-    problem = f"not a PLY file, but {found.name}" + ("" if content else " by its name")
-    if found.blender:
-        problem += ", which comes with Blender's importers in a later version"
-    return InputError(path, problem, remedy="export it as PLY")
+    remedy = "'noisy-world export' writes it as PLY" if found.blender else "export it as PLY"
+    return InputError(path, f"not a PLY file, but {found.name}", remedy=remedy)
+
+
+def not_a_mesh(path: Path, found: MeshFormat | None) -> InputError:
+    """Return the error of a file that is no mesh that is read; found: the format that it has."""
+    if found is None:
+        read = ", ".join(["PLY", *(item.name for item in _FORMATS if item.blender)])
+        return InputError(path, f"no mesh file that is known: {read}", remedy="export it as one of these")
+    return InputError(path, f"is {found.name}, which is not read", remedy="export it as PLY or glTF")
 
 
 def _with_magic(*magics: bytes) -> Callable[[bytes, int], bool]:
@@ -79,7 +93,7 @@ def _is_off(start: bytes, _size: int) -> bool:
 _FORMATS = (
     MeshFormat("glTF", (".gltf", ".glb"), _is_gltf),
     MeshFormat("FBX", (".fbx",), _with_magic(b"Kaydara FBX Binary", b"; FBX ")),
-    MeshFormat("USD", (".usd", ".usda", ".usdc", ".usdz"), _with_magic(b"#usda", b"PXR-USDC")),
+    MeshFormat("USD", (".usd", ".usda", ".usdc", ".usdz"), _with_magic(b"#usda", b"PXR-USDC"), refers=True),
     MeshFormat("COLLADA (DAE)", (".dae",), _is_dae, blender=False),
     MeshFormat("OFF", (".off",), _is_off, blender=False),
     MeshFormat("STL", (".stl",), _is_stl),

@@ -24,14 +24,14 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
     fan = _fan(mesh)
     normals = _vertex_normals(mesh, fan) if normals is None else normals
     if mesh.corner_rgb is not None:
-        mesh, normals = _split_by_colour(mesh, mesh.corner_rgb, normals)
+        mesh, normals = split_by_colour(mesh, mesh.corner_rgb, normals)
         fan = _fan(mesh)
     fields = [("xyz", "<f4", 3), ("normal", "<f4", 3), ("rgb", "u1", 3)]
     vertices = np.empty(len(mesh.vertices_m), fields if mesh.rgb is not None else fields[:2])
     vertices["xyz"] = mesh.vertices_m
     vertices["normal"] = normals
     if mesh.rgb is not None:
-        vertices["rgb"] = _colour_bytes(mesh.rgb)
+        vertices["rgb"] = colour_bytes(mesh.rgb)
     corners, sizes = mesh.corner_vertices, mesh.face_sizes
     if triangulate:
         corners, sizes = fan.reshape(-1), np.full(len(fan), 3)
@@ -58,20 +58,26 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
 
 
 def _fan(mesh: Mesh) -> NDArray[np.int32]:
-    """(T, 3) int32: each polygon as the triangles of its corners (0, k, k + 1)."""
+    """(T, 3) int32: the vertices of each polygon's triangles."""
+    return mesh.corner_vertices[corners_of_triangles(mesh)]
+
+
+def corners_of_triangles(mesh: Mesh) -> NDArray[np.integer]:
+    """(T, 3): each polygon as the triangles of its corners (0, k, k + 1), by their places among all corners."""
     counts = mesh.face_sizes - 2
     first = np.repeat(mesh.face_starts, counts)
     step = np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return mesh.corner_vertices[np.stack([first, first + step + 1, first + step + 2], axis=1)]
+    return np.stack([first, first + step + 1, first + step + 2], axis=1)
 
 
-def _colour_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
+def colour_bytes(rgb: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return colours in [0, 1] as bytes."""
     return np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
 
 
-def _split_by_colour(mesh: Mesh, corner_rgb: NDArray[np.float32], normals: NDArray) -> tuple[Mesh, NDArray]:
+def split_by_colour(mesh: Mesh, corner_rgb: NDArray[np.float32], normals: NDArray) -> tuple[Mesh, NDArray]:
     """Return the mesh with a vertex for each colour that a vertex has at its corners, and the normals of these."""
-    rgb = _colour_bytes(corner_rgb).astype(np.int64)
+    rgb = colour_bytes(corner_rgb).astype(np.int64)
     keys = (mesh.corner_vertices.astype(np.int64) << 24) | (rgb[:, 0] << 16) | (rgb[:, 1] << 8) | rgb[:, 2]
     _, firsts, corners = np.unique(keys, return_index=True, return_inverse=True)
     origin = mesh.corner_vertices[firsts]

@@ -11,10 +11,10 @@ from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.scenes.embedded import MEANT, is_embedded, room_seeds
 from ...core.scenes.mesh import Mesh
-from ...core.scenes.ply import read_ply
 from ...core.scenes.room import build_room
 from ...recipes.opened import Frame
 from ...recipes.opening import open_path
+from ...sources.mesh_reading import read_mesh
 
 MAP = "map.ply"
 """The file of a run's folder that holds its map."""
@@ -35,9 +35,9 @@ class SequenceToMap:
 
 
 def read_scene(name: str) -> Mesh:
-    """Read a PLY mesh, or build an embedded room. Raises InputError for anything else."""
+    """Read a mesh of any format, or build an embedded room. Raises InputError for anything else."""
     if not is_embedded(name):
-        return read_ply(Path(name))
+        return read_mesh(Path(name))
     try:
         seeds = room_seeds(name)
     except ValueError as error:

@@ -9,8 +9,10 @@ from typing import Any
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ..json_text import parse_given_json
 from ..stored import checked_depth_scale, checked_intrinsics, read_text
+from .stated_optics import stated_optics
 
 CAM_PARAMS = "cam_params.json"
 INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
@@ -18,7 +20,7 @@ INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
 _REMEDY = "mend or remove it"
 
 
-def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
+def cam_params_text(camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> str:
     """Return the content of the file."""
     values = {
         "w": camera.width_px,
@@ -29,16 +31,20 @@ def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
         "cy": float(camera.cy_px),
         "scale": float(depth_scale_per_m),
     }
-    return json.dumps({"camera": values}, indent=2) + "\n"
+    return json.dumps({"camera": values, **optics.content()}, indent=2) + "\n"
 
 
 @dataclass(frozen=True)
 class CamParams:
-    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone."""
+    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone.
+
+    optics: what the cameras have beyond one pinhole.
+    """
 
     path: Path
     depth_scale_per_m: float
     camera: Intrinsics | None
+    optics: Optics = PINHOLE
 
 
 def read_cam_params(folder: Path) -> CamParams | None:
@@ -50,17 +56,18 @@ def read_cam_params(folder: Path) -> CamParams | None:
     for parent in (folder, folder.parent):
         path = parent / CAM_PARAMS
         if os.path.lexists(path):  # a link that leads nowhere is a mistake, and no missing file
-            return _read(path)
+            return read_cam_params_file(path)
     return None
 
 
-def _read(path: Path) -> CamParams:
+def read_cam_params_file(path: Path) -> CamParams:
+    """Return what a cam_params.json says. Raises InputError as read_cam_params does."""
     document = parse_given_json(read_text(path), path, remedy=_REMEDY)
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
     scale_per_m = checked_depth_scale(path, "camera.scale", camera["scale"], remedy=_REMEDY)
-    return CamParams(path, scale_per_m, _intrinsics(path, camera))
+    return CamParams(path, scale_per_m, _intrinsics(path, camera), stated_optics(path, document))
 
 
 def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The values of a shown chain's sockets, keyed over the timeline; what a user does inside the chain is left alone."""
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..core.geometry import Intrinsics
+from ..core.node_graphs.chain import socket_values, step_node
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..core.perturbing.steps import Step
+from .typed import action_of, fcurves_of, get_value, interpolation, new_action, set_value
+
+LEFT_AT = "noisy_world_left_at"  # of a chain: the values that we gave its sockets, by their paths, as JSON
+KEYED = "noisy_world_keyed"  # of a chain: the paths of the sockets that we keyed, as JSON
+BUILT_AS = "noisy_world_built_as"  # of a chain: its nodes and links as we made them, as JSON
+
+type IndexOf = Callable[[int], int]
+"""A scene frame -> the frame of the sequence that it shows."""
+
+
+def set_values(
+    tree: bpy.types.NodeTree,
+    steps: Sequence[Step[ColourPerturbation]],
+    frames: Sequence[int],
+    identifiers: Identifiers,
+    *,
+    index_of: IndexOf | None,
+    now: int | None,
+    intrinsics: Intrinsics | None = None,
+) -> None:
+    """Set the sockets of a chain, and key them over `frames` where they change.
+
+    A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
+    now: the current scene frame, by default the first. intrinsics: of the camera, if known.
+    """
+    if BUILT_AS not in tree:
+        tree[BUILT_AS] = _structure(tree)
+    left_at: dict[str, Any] = json.loads(tree.get(LEFT_AT, "{}"))
+    _clear_keys(tree, json.loads(tree.get(KEYED, "[]")))
+    taken = _keyed_paths(tree)
+    keyed: list[str] = []
+    for step in steps:
+        node = tree.nodes.get(step_node(step))
+        if node is None:  # a user has removed it
+            continue
+        each = list(_values(step, frames, identifiers, index_of, intrinsics))
+        for name in dict.fromkeys(name for _, sockets in each for name in sockets):
+            socket = node.inputs[name]
+            path = socket.path_from_id("default_value")
+            if socket.is_linked or path in taken:
+                continue
+            # At frames where a step does nothing, its parameters keep their values.
+            known = [(k, sockets[name]) for k, sockets in each if name in sockets]
+            past = [value for k, value in known if now is not None and k <= now]
+            value = past[-1] if past else known[0][1]
+            changes = len({value for _, value in known}) > 1
+            before = get_value(socket) if changes else left_at.get(path, get_value(socket))
+            # Each assignment makes Blender update everything that uses the group.
+            if np.float32(before) != np.float32(value):
+                set_value(socket, value)
+            left_at[path] = value
+            if changes:
+                _key(tree, socket, known)
+                keyed.append(path)
+    _remember(tree, LEFT_AT, left_at)
+    _remember(tree, KEYED, keyed)
+
+
+def _remember(tree: bpy.types.NodeTree, name: str, value: Any) -> None:
+    text = json.dumps(value)
+    if tree.get(name) != text:
+        tree[name] = text
+
+
+def _values(
+    step: Step[ColourPerturbation],
+    frames: Sequence[int],
+    identifiers: Identifiers,
+    index_of: IndexOf | None,
+    intrinsics: Intrinsics | None,
+) -> Iterator[tuple[int, Any]]:
+    """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
+    by_severity: dict[float | None, dict[str, Any]] = {}
+    for k in frames if step.levels is not None or index_of is not None else frames[:1]:
+        index = k if index_of is None else index_of(k)
+        severity = step.severity_of(step.context(FrameContext(index, identifiers)))
+        if severity not in by_severity:
+            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)[0]
+        values = by_severity[severity]
+        yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
+
+
+def _keyed_paths(tree: bpy.types.NodeTree) -> set[str]:
+    """Return the paths that are keyed or driven."""
+    data = tree.animation_data
+    if data is None:
+        return set()
+    return {curve.data_path for curve in (*fcurves_of(data), *data.drivers)}
+
+
+def _clear_keys(tree: bpy.types.NodeTree, ours: Sequence[str]) -> None:
+    """Remove the curves that we made, and the action where nothing is left in it."""
+    data = tree.animation_data
+    if data is None or data.action is None:
+        return
+    action, curves = data.action, fcurves_of(data)
+    if any(curve.data_path not in ours for curve in curves):
+        bag = action_bag(tree)
+        for curve in [curve for curve in curves if curve.data_path in ours]:
+            bag.fcurves.remove(curve)
+        return
+    tree.animation_data_clear() if not (data.drivers or data.nla_tracks) else setattr(data, "action", None)
+    if action.users == 0:
+        bpy.data.actions.remove(action)
+
+
+def action_bag(item: bpy.types.ID) -> bpy.types.ActionChannelbag:
+    """Return the curves of a data-block in its action."""
+    data = item.animation_data  # pyright: ignore[reportAttributeAccessIssue]  each subclass that is animated has it
+    strips = (strip for layer in action_of(item).layers for strip in layer.strips)
+    bags = (strip.channelbag(data.action_slot) for strip in strips if isinstance(strip, bpy.types.ActionKeyframeStrip))
+    return next(bag for bag in bags if bag is not None)
+
+
+def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
+    """Key a socket with constant interpolation: each value holds until the next key."""
+    if tree.animation_data is None or tree.animation_data.action is None:
+        new_action(tree, f"{tree.name} severity")
+    path = socket.path_from_id("default_value")
+    curve = action_of(tree).fcurve_ensure_for_datablock(tree, path)
+    points = curve.keyframe_points
+    points.add(len(values))
+    points.foreach_set("co", np.array(values, dtype=np.float32).ravel())
+    points.foreach_set("interpolation", np.full(len(values), interpolation("CONSTANT"), dtype=np.int32))
+    curve.update()
+
+
+# --- what a user did ---
+
+
+def is_edited(tree: bpy.types.NodeTree) -> bool:
+    """Tell whether a chain is other than we left it: a value, a key, a link or a node of it."""
+    left_at: dict[str, Any] = json.loads(tree.get(LEFT_AT, "{}"))
+    ours = set(json.loads(tree.get(KEYED, "[]")))
+    if tree.get(BUILT_AS, "") != _structure(tree) or _keyed_paths(tree) - ours:
+        return True
+    sockets = {socket.path_from_id("default_value"): socket for socket in _sockets(tree)}
+    return any(
+        path not in sockets or np.float32(get_value(sockets[path])) != np.float32(value)
+        for path, value in left_at.items()
+        if path not in ours
+    )
+
+
+def _sockets(tree: bpy.types.NodeTree) -> Iterator[bpy.types.NodeSocket]:
+    for node in tree.nodes:
+        if isinstance(node, bpy.types.CompositorNodeGroup):
+            yield from (socket for socket in node.inputs if hasattr(socket, "default_value"))
+
+
+def _structure(tree: bpy.types.NodeTree) -> str:
+    nodes = [[node.name, node.mute, getattr(getattr(node, "node_tree", None), "name", "")] for node in tree.nodes]
+    links = [
+        [link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier]
+        for link in tree.links
+        if link.from_node and link.from_socket and link.to_node and link.to_socket
+    ]
+    return json.dumps([nodes, sorted(links)])

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth of a scene of one's own, rendered apart from colour: one ray through each pixel's centre, whatever the engine.
+
+The scene is a copy that shows the same objects, so that setting it up costs colour's renderer nothing.
+"""
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics
+from ..core.planning.source import RenderOptions
+from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE
+from .eye import Eye
+from .own_settings import CONTROLLED, free_of_animation, rendered_layer
+from .render import FAR_PLANE_TOLERANCE
+from .render_file import RenderFile
+from .scene_files import blocks_of
+from .typed import cycles as cycles_of
+from .typed import get_value
+from .volumes import Volumes, shader_trees
+
+MOST_LOOKS = (
+    16  # of a frame with see-through surfaces; half opaque ones are all gone through then, but for 2 pixels in 1e5
+)
+
+
+TRANSPARENT = ("ShaderNodeBsdfTransparent", "ShaderNodeScript", "ShaderNodeEeveeSpecular")
+
+
+class DepthScene:
+    """A linked copy of a scene that Cycles renders with one sample for depth alone."""
+
+    def __init__(
+        self, scene: bpy.types.Scene, intrinsics: Intrinsics, options: RenderOptions, *, alpha: float, masked: bool
+    ) -> None:
+        """Copy the scene. alpha: what is less opaque does not stop depth. masked: whether anything may
+        be."""
+        self._scene = copy = scene.copy()
+        self._masked = masked
+        self._volumes = Volumes(blocks_of(scene), needed=options.rgb)
+        free_of_animation(copy, CONTROLLED)
+        render = copy.render
+        render.engine = "CYCLES"  # pyright: ignore[reportAttributeAccessIssue]  the stubs know none but EEVEE
+        render.use_compositing = False
+        render.use_motion_blur = False
+        render.use_freestyle = False
+        copy.world = None
+        self._layer = layer = rendered_layer(copy)
+        for item in copy.view_layers:
+            item.use = item == layer
+        only_depth(layer)
+        layer.samples = 0
+        layer.pass_alpha_threshold = alpha
+        cycles = cycles_of(copy)
+        cycles.samples = 1
+        cycles.use_sample_subset = False
+        cycles.use_adaptive_sampling = False
+        cycles.use_denoising = False
+        cycles.use_auto_tile = False
+        cycles.use_light_tree = False
+        cycles.max_bounces = 0
+        cycles.sampling_pattern = "TABULATED_SOBOL"
+        cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+        cycles.filter_width = CENTRE_FILTER_PX
+        offset_px = FILTER_MIDDLE * CENTRE_FILTER_PX
+        self._eye = Eye(copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True)
+        self._far_m = options.far_m
+        self._file = RenderFile(copy, (intrinsics.width_px, intrinsics.height_px))
+
+    def render(self, c2w: NDArray[np.float64], frame: float) -> NDArray[np.float32]:
+        """Return the depth (H, W) at a pose and a frame of the scene, in metres; 0 is void."""
+        set_frame(self._scene, frame)
+        self._eye.place(c2w)
+        with self._volumes.gone():
+            return without_void(self._through() if self._masked else self._once(0), self._far_m)
+
+    def _once(self, seed: int) -> NDArray[np.float32]:
+        cycles = cycles_of(self._scene)
+        if cycles.seed != seed:
+            cycles.seed = seed
+            self._scene.update_tag()  # the seed alone would not tell the renderer
+        return self._file.render(self._layer.name)["Depth.Z"]
+
+    def _through(self) -> NDArray[np.float32]:
+        """Return the first surface of each pixel that always stops a ray.
+
+        At a surface that is less opaque than the threshold, chance decides whether Cycles' ray goes on, so the farthest
+        of several looks is taken, until two show nothing new.
+        """
+        farthest, unchanged = self._once(0), 0
+        for seed in range(1, MOST_LOOKS):
+            seen = np.maximum(farthest, self._once(seed))
+            unchanged = unchanged + 1 if np.array_equal(seen, farthest) else 0
+            farthest = seen
+            if unchanged == 2:
+                break
+        return farthest
+
+    def close(self) -> None:
+        """Remove the scratch file."""
+        self._file.close()
+
+
+def set_frame(scene: bpy.types.Scene, frame: float) -> None:
+    """Let a scene's next render show a frame, between two whole ones too; the renderer evaluates it."""
+    whole = int(np.floor(frame))
+    scene.frame_current = whole
+    scene.frame_subframe = float(frame) - whole
+
+
+def without_void(z_m: NDArray[np.float32], far_m: float) -> NDArray[np.float32]:
+    """Return Z as depth: 0 where nothing was hit, which is Z 1e10 or the far plane's."""
+    return np.where(z_m < far_m * (1 - FAR_PLANE_TOLERANCE), z_m, np.float32(0))
+
+
+def only_depth(layer: bpy.types.ViewLayer) -> None:
+    """Turn off every pass of a view layer but Z."""
+    for item in layer.bl_rna.properties:
+        if item.identifier.startswith("use_pass_") and getattr(layer, item.identifier):
+            setattr(layer, item.identifier, False)
+    layer.use_pass_z = True
+
+
+def may_be_seen_through(blocks: tuple[bpy.types.ID, ...]) -> bool:
+    """Tell whether a material among the data-blocks of a scene may let a camera's ray go on straight, or some of them.
+
+    That of a volume alone does so always, and leaves nothing to chance.
+    """
+    return any(_transparent(node) for tree in shader_trees(blocks) for node in tree.nodes)
+
+
+def _transparent(node: bpy.types.Node) -> bool:
+    if node.bl_idname in TRANSPARENT:
+        return True
+    alpha = node.inputs.get("Alpha") if node.bl_idname == "ShaderNodeBsdfPrincipled" else None
+    return alpha is not None and (alpha.is_linked or get_value(alpha) < 1.0)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The camera that looks at a scene of one's own: a copy of the artist's, put where the path says."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics, blender_from_opencv_c2w
+from ..core.planning.source import RenderOptions
+from .camera import SENSOR_WIDTH_MM, add_camera, place_camera, set_intrinsics
+from .own_settings import free_of_animation
+from .typed import camera_of
+
+PLACED = ("lens", "sensor_width", "sensor_height", "sensor_fit", "shift_x", "shift_y", "clip_start", "clip_end", "type")
+
+
+class Eye:
+    """A camera of a scene that sees with given intrinsics, and otherwise as an artist's camera does."""
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        model: bpy.types.Object | None,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        *,
+        lens_given: bool,
+        sample_offset_px: float,
+        sharp: bool,
+    ) -> None:
+        """Add the camera.
+
+        model: the artist's camera; None for a plain one. lens_given: whether the intrinsics are the preset's, rather
+        than the model's own. sharp: whether everything is in focus, as for depth.
+        """
+        self._scene = scene
+        self._model = model
+        self.camera = add_camera(scene, "Noisy World camera")
+        sensor_mm, blurred = SENSOR_WIDTH_MM, False
+        if model is not None:
+            own = camera_of(model)
+            # The lens stays, as the blur out of focus depends on it; the sensor's width follows.
+            sensor_mm = own.sensor_width if lens_given else own.lens * intrinsics.width_px / intrinsics.fx_px
+            self.camera.data = own.copy()
+            free_of_animation(camera_of(self.camera), PLACED)
+            blurred = own.dof is not None and own.dof.use_dof and not sharp
+        set_intrinsics(
+            scene,
+            self.camera,
+            intrinsics,
+            near_m=options.near_m,
+            far_m=options.far_m,
+            sample_offset_px=sample_offset_px,
+            sensor_width_mm=sensor_mm,
+            blurred=blurred,
+        )
+
+    def place(self, c2w: NDArray[np.float64]) -> None:
+        """Look from a pose (4, 4), camera-to-world with OpenCV axes, metres."""
+        place_camera(self._scene, self.camera, c2w)
+        self._be_scenes()
+
+    def ride(self, c2w: NDArray[np.float64]) -> None:
+        """Look from a pose at the frame that the scene shows, and move as the artist's camera does around it."""
+        assert self._model is not None
+        graph = self._scene.view_layers[0].depsgraph
+        assert graph is not None
+        under = np.array(self._model.evaluated_get(graph).matrix_world, dtype=np.float64)
+        if self.camera.parent != self._model:
+            self.camera.parent = self._model
+            self.camera.matrix_parent_inverse = Matrix.Identity(4)
+        self.camera.matrix_basis = Matrix((np.linalg.inv(under) @ blender_from_opencv_c2w(c2w)).tolist())
+        self._be_scenes()
+
+    def _be_scenes(self) -> None:
+        if self._scene.camera != self.camera:  # setting it, even to what it is, makes Cycles take the scene over again
+            self._scene.camera = self.camera

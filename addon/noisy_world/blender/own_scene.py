@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene of one's own in Blender, rendered as its artist set it up, ready to be seen from any pose at its frames."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics
+from ..core.planning.source import RenderedFrame, RenderOptions
+from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
+from .engines import FILTER_MIDDLE
+from .eye import Eye
+from .own_settings import make_repeatable, rendered_layer
+from .render_file import RenderFile
+from .scene_camera import show_frame
+from .scene_files import blocks_of
+from .scene_look import open_file, show_scene
+from .shown_colour import ShownColour
+from .typed import camera_of
+from .typed import cycles as cycles_of
+from .volumes import Volumes
+
+COMPOSITE = "Composite"  # the layer of what the compositor makes
+
+
+@dataclass(frozen=True)
+class OwnSceneFile:
+    """Which scene of which .blend is rendered, and how.
+
+    frames: the scene's frame of each of the path's, whole or not. cameras: the object that sees each of them; None for
+    a plain camera. riding: whether the path is these cameras' own, so that motion blur shows their motion. lens_given:
+    whether the preset gives the intrinsics. sampled: whether it gives the samples. keep_compositor: whether the scene's
+    compositor is used. depth_alpha: what is less opaque does not stop depth.
+    """
+
+    path: Path
+    scene: str
+    frames: tuple[float, ...]
+    cameras: tuple[str | None, ...]
+    riding: bool
+    lens_given: bool
+    sampled: bool
+    keep_compositor: bool
+    depth_alpha: float
+
+
+class OwnSceneSession:
+    """One scene of a .blend in Blender, from its first frame to its last. It replaces Blender's file."""
+
+    def __init__(
+        self,
+        file: OwnSceneFile,
+        paths: SensorPaths,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        *,
+        scene: bpy.types.Scene | None = None,
+    ) -> None:
+        """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed."""
+        self._served = _served(paths, options)
+        self._frames = file.frames
+        if scene is None:
+            open_file(str(file.path))
+            scene = bpy.data.scenes[file.scene]
+            show_scene(scene)
+        make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
+        blocks = blocks_of(scene)
+        masked = may_be_seen_through(blocks)
+        alone = paths.depth is None and not masked and not Volumes(blocks, needed=True).any and not file.keep_compositor
+        together = options.rgb and options.depth and alone and _shows_centre(scene, file)
+        # Copied before colour's cameras and file settings are made.
+        self._depth = None
+        if options.depth and not together:
+            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked)
+        self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
+
+    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
+        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
+        return self._served == _served(paths, options)
+
+    def frame(self, moment: Moment) -> RenderedFrame:
+        """Render the frame of a moment."""
+        rgb = depth_m = None
+        if self._colour is not None:
+            rgb, depth_m = self._colour.render(moment)
+        if self._depth is not None:
+            depth_m = self._depth.render(moment.depth_c2w, self._frames[moment.index])
+        return RenderedFrame(rgb, depth_m)
+
+    def close(self) -> None:
+        """Remove the scratch files."""
+        for part in (self._colour, self._depth):
+            if part is not None:
+                part.close()
+
+    def __enter__(self) -> "OwnSceneSession":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class _Colour:
+    """The artist's scene, which gives colour and, where its own render has the centre's, depth."""
+
+    def __init__(
+        self, scene: bpy.types.Scene, file: OwnSceneFile, intrinsics: Intrinsics, options: RenderOptions, *, depth: bool
+    ) -> None:
+        """Prepare it. depth: whether it gives depth too."""
+        self._scene = scene
+        self._file = file
+        self._depth = depth
+        self._far_m = options.far_m
+        self._rides = file.riding and scene.render.use_motion_blur
+        offset_px = FILTER_MIDDLE * cycles_of(scene).filter_width if depth else 0.0
+        self._eyes = {
+            name: Eye(
+                scene,
+                None if name is None else scene.objects[name],
+                intrinsics,
+                options,
+                lens_given=file.lens_given,
+                sample_offset_px=offset_px,
+                sharp=False,
+            )
+            for name in dict.fromkeys(file.cameras)
+        }
+        layer = rendered_layer(scene)
+        layer.use_pass_combined = True
+        layer.use_pass_z = depth
+        self._layer = COMPOSITE if file.keep_compositor else layer.name
+        size_px = (intrinsics.width_px, intrinsics.height_px)
+        self._render = RenderFile(scene, size_px)
+        self._shown = ShownColour(scene, size_px, self._render.folder)
+
+    def render(self, moment: Moment) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+        """Return colour (H, W, 3), display-encoded, and depth (H, W) in metres or None."""
+        at, eye = self._file.frames[moment.index], self._eyes[self._file.cameras[moment.index]]
+        if self._rides:
+            show_frame(self._scene, at)
+            eye.ride(moment.rgb_c2w)
+        else:
+            # What is keyed of the scene itself, such as exposure, is not the renderer's to evaluate.
+            (show_frame if self._scene.animation_data is not None else set_frame)(self._scene, at)
+            eye.place(moment.rgb_c2w)
+        passes = self._render.render(self._layer)
+        rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
+        depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None
+        return self._shown.encode(rgba), depth_m
+
+    def close(self) -> None:
+        """Remove the scratch files."""
+        self._render.close()
+
+
+def _shows_centre(scene: bpy.types.Scene, file: OwnSceneFile) -> bool:
+    """Tell whether Z of the artist's own render is that of the pixel's centre, and the offset of its filter is known.
+
+    Cycles takes it from a pixel's first sample, unless lens or shutter move that, or it renders other samples only.
+    """
+    cycles = cycles_of(scene)
+    cameras = [camera_of(scene.objects[name]) for name in set(file.cameras) if name is not None]
+    return (
+        scene.render.engine == "CYCLES"
+        and cycles.pixel_filter_type == "BLACKMAN_HARRIS"
+        and not cycles.use_sample_subset
+        and not scene.render.use_motion_blur
+        and not any(camera.dof is not None and camera.dof.use_dof for camera in cameras)
+    )
+
+
+def _served(paths: SensorPaths, options: RenderOptions) -> tuple[object, ...]:
+    return paths.depth is not None, replace(options, first_frames=())

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The files that a scene of one's own is made of: libraries, images, caches, and what of them is missing."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+
+# What no pixel depends on: the tools of a person at work, text, and sound.
+IGNORED = (
+    bpy.types.Brush,
+    bpy.types.Palette,
+    bpy.types.PaintCurve,
+    bpy.types.Text,
+    bpy.types.Sound,
+    bpy.types.Screen,
+    bpy.types.WorkSpace,
+    bpy.types.WindowManager,
+)
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """What a scene is made of.
+
+    blocks: its data-blocks. files: those that are there, sorted. missing: what is not, in words.
+    """
+
+    blocks: tuple[bpy.types.ID, ...]
+    files: tuple[Path, ...]
+    missing: tuple[str, ...]
+
+
+def files_of(scene: bpy.types.Scene) -> SceneFiles:
+    """Find the files of a scene of the open file. What is packed into a .blend is none."""
+    blocks = blocks_of(scene)
+    paths = bpy.data.file_path_map()
+    files: set[Path] = set()
+    missing: list[str] = []
+    for block in blocks:
+        found = sorted(_files_of_block(block, paths.get(block, ())))
+        files.update(found)
+        missing += [f"{_named(block)} ({path})" for path in found if not path.exists() and not _is_folder(block, path)]
+        if block.is_missing and block.library is not None and _absolute(block, block.library.filepath).exists():
+            missing.append(f"{_named(block)}, which {_library_name(block)} does not have")
+    files.update(_disk_caches(blocks))
+    there = {file for path in files for file in ([path] if path.is_file() else _inside(path))}
+    return SceneFiles(blocks, tuple(sorted(there)), tuple(dict.fromkeys(missing)))
+
+
+def blocks_of(scene: bpy.types.Scene) -> tuple[bpy.types.ID, ...]:
+    """Return the data-blocks that a scene is made of, itself first, with the libraries that they come from."""
+    used_by: dict[bpy.types.ID, list[bpy.types.ID]] = {}
+    for block, users in bpy.data.user_map().items():
+        for user in users:
+            used_by.setdefault(user, []).append(block)
+    found: dict[bpy.types.ID, None] = {scene: None}
+    waiting = [scene]
+    while waiting:
+        block = waiting.pop()
+        used = [*used_by.get(block, ()), *_library_of(block)]
+        new = [item for item in used if item not in found and not isinstance(item, IGNORED)]
+        # Another scene is part of this one only as its background.
+        new = [item for item in new if not isinstance(item, bpy.types.Scene) or item == scene.background_set]
+        found |= dict.fromkeys(new)
+        waiting += new
+    return tuple(sorted(found, key=lambda item: (item != scene, item.id_type, item.name_full)))
+
+
+def _library_of(block: bpy.types.ID) -> list[bpy.types.ID]:
+    if isinstance(block, bpy.types.Library):
+        return [] if block.parent is None else [block.parent]
+    return [] if block.library is None else [block.library]
+
+
+def _files_of_block(block: bpy.types.ID, paths: Iterable[str]) -> Iterator[Path]:
+    match block:
+        case bpy.types.Scene():
+            return  # where it would write, and what its sequencer shows
+        case bpy.types.Image():
+            yield from _image_files(block)
+        case bpy.types.Library() if block.packed_file is not None:
+            return
+        case bpy.types.Volume() | bpy.types.CacheFile():
+            path = _absolute(block, block.filepath)
+            yield from _numbered_beside(path) if block.is_sequence else [path]
+        case _:
+            for text in paths:
+                if text and text != "<builtin>":
+                    yield _absolute(block, text)
+
+
+def _image_files(image: bpy.types.Image) -> Iterator[Path]:
+    if image.source in ("GENERATED", "VIEWER") or len(image.packed_files) or not image.filepath:
+        return
+    path = _absolute(image, image.filepath)
+    if image.source == "TILED":
+        assert image.tiles is not None
+        for tile in image.tiles:
+            column, row = (tile.number - 1001) % 10 + 1, (tile.number - 1001) // 10 + 1
+            name = path.name.replace("<UDIM>", str(tile.number)).replace("<UVTILE>", f"u{column}_v{row}")
+            yield path.with_name(name)
+    elif image.source == "SEQUENCE":
+        yield from _numbered_beside(path)
+    else:
+        yield path
+
+
+def _numbered_beside(path: Path) -> list[Path]:
+    """Return all files of a numbered sequence, by one of them; that one alone where it is not there."""
+    found = re.fullmatch(r"(.*?)(\d+)(\D*)", path.name, re.DOTALL)
+    if found is None or not path.parent.is_dir():
+        return [path]
+    form = re.compile(re.escape(found[1]) + r"\d+" + re.escape(found[3]))
+    return sorted(item for item in path.parent.iterdir() if form.fullmatch(item.name)) or [path]
+
+
+def _absolute(block: bpy.types.ID, text: str) -> Path:
+    return Path(bpy.path.abspath(text, library=block.library)).absolute()
+
+
+def _disk_caches(blocks: Iterable[bpy.types.ID]) -> Iterator[Path]:
+    """Yield folders of baked simulations, as far as they are there."""
+    for block in blocks:
+        if not isinstance(block, bpy.types.Object):
+            continue
+        for modifier in block.modifiers:
+            for text in _cache_folders(modifier):
+                if text:
+                    yield _absolute(block, text)
+    if bpy.data.filepath:  # where Blender puts caches on disk that were given no other place
+        path = Path(bpy.data.filepath)
+        yield path.with_name(f"blendcache_{path.stem}")
+
+
+def _cache_folders(modifier: bpy.types.Modifier) -> list[str]:
+    if isinstance(modifier, bpy.types.FluidModifier) and modifier.domain_settings is not None:
+        return [modifier.domain_settings.cache_directory]
+    if isinstance(modifier, bpy.types.NodesModifier):
+        return [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
+    return []
+
+
+def _is_folder(block: bpy.types.ID, path: Path) -> bool:
+    """Tell whether a path that is not there would be the folder of an object's simulation, which is not baked then."""
+    return isinstance(block, bpy.types.Object) and not path.suffix
+
+
+def _inside(folder: Path) -> list[Path]:
+    return [item for item in folder.rglob("*") if item.is_file()] if folder.is_dir() else []
+
+
+def _named(block: bpy.types.ID) -> str:
+    return f"{block.id_type.replace('_', ' ').capitalize()} {block.name}"
+
+
+def _library_name(block: bpy.types.ID) -> str:
+    return "its library" if block.library is None else block.library.filepath

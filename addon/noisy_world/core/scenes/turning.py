@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes whose files have another axis up: turned as Blender's importers do, or back to how they are stored."""
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from .mesh import Mesh
+
+type Up = Literal["y", "z"]
+"""The axis of a mesh's file that points up."""
+
+
+def turned(mesh: Mesh, stands: Up, asked: Up) -> Mesh:
+    """Return a mesh as it stands where another axis of its file is taken for up; Z is up then, whichever it was.
+
+    stands: the axis that was taken for up. Y up becomes (x, -z, y).
+    """
+    if stands == asked:
+        return mesh
+    x, y, z = mesh.vertices_m.T
+    return replace(mesh, vertices_m=np.stack([x, -z, y] if asked == "y" else [x, z, -y], axis=1) + 0.0)

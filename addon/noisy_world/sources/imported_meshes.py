@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes of the formats that Blender's importers read, imported in a process of its own.
+
+The importers replace or fill the file that is open, and may end the process where a file is damaged. The process is
+this Blender where there is one, else this Python with the bpy package.
+"""
+
+import contextlib
+import importlib.util
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError, MissingDependencyError
+from ..core.scenes.gltf_file import read_gltf_header
+from ..core.scenes.imported import ImportedScene, read_imported
+from ..core.scenes.joining import joined
+from ..core.scenes.mesh import Mesh
+from ..core.scenes.mesh_files import check_mesh, imported_format
+from ..core.scenes.textures import read_picture
+from ..core.scenes.turning import Up, turned
+from ..core.scratch import ScratchFolder
+
+REFUSED, MARK = 4, "@refused "  # as blender.importing.program ends and says why
+_ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A mesh that was imported, and the files beside its own that were read for it and only the importer knows."""
+
+    mesh: Mesh
+    beside: tuple[Path, ...]
+
+
+def import_mesh(path: Path, up: Up | None = None) -> Imported:
+    """Import a mesh file that is not a PLY, Z up. up: the axis of the file that does; None is what it declares.
+
+    Raises InputError where the file is missing, damaged, no mesh, packed in a way that this Blender cannot read, or
+    lacks a texture; MissingDependencyError where there is no Blender.
+    """
+    found = imported_format(path)
+    assert found is not None, "we read PLY"
+    check_mesh(path)
+    header = read_gltf_header(path) if found.name == "glTF" else None
+    scratch = ScratchFolder(_ROOM_FOR_EACH_BYTE * path.stat().st_size)
+    try:
+        order = {
+            "path": str(path.absolute()),
+            "folder": str(scratch.path),
+            "format": found.name,
+            "compression": "" if header is None else header.compression,
+            "webp": header is not None and header.webp,
+        }
+        scene = _run(path, found.name, order, scratch.path)
+        pictures: dict[int, NDArray[np.uint8]] = {}
+
+        def picture(number: int) -> NDArray[np.uint8]:
+            if number not in pictures:
+                with _named(path, scene.images[number].name):
+                    pictures[number] = read_picture(scratch.path / scene.images[number].file)[0]
+            return pictures[number]
+
+        mesh = joined(path, scene, picture)
+        return Imported(mesh if up is None else _turned(path, mesh, scene, up), tuple(map(Path, scene.beside)))
+    finally:
+        scratch.remove()
+
+
+def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:
+    if scene.up is None:
+        problem = "states its own axes, and is turned by them, so up cannot be said of it"
+        raise InputError(path, problem, remedy="leave up out, or export the mesh as glTF")
+    return turned(mesh, scene.up, up)
+
+
+def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> ImportedScene:
+    """Have another process import the file; return what it wrote. Raises InputError where it did not."""
+    asked = _asked(order)
+    said = [line for line in asked.stdout.splitlines() if line.startswith(MARK)]
+    if asked.returncode == REFUSED and said:
+        raise InputError(path, _one_sentence(json.loads(said[-1].removeprefix(MARK))))
+    scene = read_imported(folder)
+    if asked.returncode == 0 and scene is not None:
+        return scene
+    if asked.returncode < 0:
+        ended = f"was ended by {signal.Signals(-asked.returncode).name}"
+        raise InputError(path, f"Blender's importer of {name} {ended}", remedy="the file is damaged: export it again")
+    raise RuntimeError(f"importing {path} ended with status {asked.returncode}\n{asked.stdout}\n{asked.stderr}")
+
+
+def _asked(order: dict[str, object]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # noqa: S603 - this program
+        _command(json.dumps(order)),
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+
+
+def _one_sentence(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[0].removeprefix("Error: ")[:400] if lines else "Blender's importer refuses it"
+
+
+def _command(order: str) -> list[str]:
+    """Return the command of the process that imports. Raises MissingDependencyError where there is no Blender."""
+    package = Path(__file__).resolve().parents[1]
+    program = (
+        f"import sys; sys.path.append({str(package.parent)!r})\n"
+        f"from {package.name}.blender.importing.program import main\n"
+        f"sys.exit(main({order!r}))"
+    )
+    binary = sys.modules["bpy"].app.binary_path if sys.modules.get("bpy") is not None else ""
+    if binary:
+        return [binary, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", program]
+    if importlib.util.find_spec("bpy") is None:
+        raise MissingDependencyError(
+            "bpy: missing, and Blender's importers with it; install it, or export the mesh as PLY"
+        )
+    return [sys.executable, "-c", program]
+
+
+@contextlib.contextmanager
+def _named(path: Path, name: str) -> Iterator[None]:
+    """Say of an image's error which image of which mesh it is, rather than the name of a scratch file."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(path, f"its texture {name[:200]!r} {error.problem}", remedy=error.remedy) from error

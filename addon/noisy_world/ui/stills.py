@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Clean frames for previews: of the panel's mesh as it is shown, or of the scene itself as it is set up."""
+
+from typing import Any
+
+import bpy
+from numpy.typing import NDArray
+
+from ..blender.own_still import OwnStill, render_own_still
+from ..blender.still import render_stills
+from ..core.datasets.provenance import render_seed
+from ..core.errors import InputError
+from ..core.perturbing.execution import split_motion
+from ..core.planning.source import RenderedFrame
+from . import left_out, this_scene, world
+from .document import given_of, intrinsics_of, motion_of
+from .own_objects import own_object
+from .paths import clean_poses, clean_stamps_s, deviated_poses
+from .properties import panel_of
+
+
+def path_frames(scene: bpy.types.Scene) -> NDArray[Any]:
+    """Return the scene frame of each pose of the clean path, whole or not."""
+    stamps_s = clean_stamps_s(scene)
+    return this_scene.scene_frames(scene, len(stamps_s), stamps_s)
+
+
+def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
+    """Render the frame of a pose: of a mesh it is the scene frame of this number."""
+    panel = panel_of(scene)
+    if not this_scene.is_shown(panel):
+        (still,) = render_stills(scene, [frame], empty=left_out.shows_dataset(scene))
+        return still
+    return render_own_still(scene, own_still(scene, frame))
+
+
+def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
+    """Return what is rendered for a pose of the path, where the dataset shows the scene itself.
+
+    Raises InputError where the path has to be loaded first.
+    """
+    panel, given = panel_of(scene), given_of(panel_of(scene))
+    camera = own_object(scene, "camera")
+    loaded = camera is not None and world.is_from_panel(scene, camera)
+    c2w, rides = (clean_poses(scene) if loaded else None), this_scene.rides(panel)
+    moved = None if c2w is None else deviated_poses(scene, c2w)
+    if c2w is None and (not rides or has_moving_steps(scene)):
+        raise InputError("Preview Frame", "the path is not loaded, or another by now", remedy="press Load Trajectory")
+    at = float(path_frames(scene)[index])
+    if (
+        moved is not None
+        and c2w is not None
+        and this_scene.rides(panel)
+        and this_scene.has_moved(scene, at, c2w[index])
+    ):
+        problem = "the scene's camera moves otherwise than when its path was loaded"
+        raise InputError("Preview Frame", problem, remedy="press Load Trajectory")
+    keyed = c2w if moved is None else moved
+    return OwnStill(
+        frame=at,
+        c2w=None if keyed is None or (moved is None and rides) else keyed[index],
+        rides=rides,
+        intrinsics=intrinsics_of(panel),
+        clip_m=(panel.near_m, panel.far_m) if given.lens else None,
+        engine=panel.engine if given.render else None,
+        samples=panel.samples if given.render else None,
+        seed=render_seed(panel.seed),
+        keep_compositor=panel.compositing == "keep",
+        depth_alpha=panel.depth_alpha,
+    )
+
+
+def has_moving_steps(scene: bpy.types.Scene) -> bool:
+    """Tell whether a perturbation moves the poses of the path."""
+    moving, _ = split_motion(motion_of(panel_of(scene)))
+    return len(moving) > 0

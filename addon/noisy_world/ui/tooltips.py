@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What one sees when a parameter's value grows. Formulas are in the manual: docs/perturbations.md."""
+
+SEEN: dict[str, dict[str, str]] = {
+    "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
+    "contrast": {"factor": "Lower: the picture gets flatter, toward one gray; above 1 it gets harsher"},
+    "defocus_blur": {
+        "radius_px": "Higher: everything is further out of focus; points grow to larger disks",
+        "alias_sigma_px": "Higher: the disks' rims get softer",
+    },
+    "defocus_depth": {
+        "focus_m": "How far away the sharp plane is; what is nearer or farther is blurred",
+        "f_number": "Lower: a wider aperture, so less is sharp before and behind the focus",
+        "focal_length_mm": "Higher: less is sharp before and behind the focus",
+        "sensor_width_mm": "Higher: the same lens blurs fewer pixels",
+        "max_radius_px": "Higher: what is far out of focus may blur more, and takes longer",
+    },
+    "depth_edge_erosion": {
+        "rate": "Higher: more blocks are missing along the edges of things",
+        "erase_edges": "On: the edges of all things are missing too",
+    },
+    "depth_gaussian_noise": {
+        "scale": "Higher: surfaces get rougher, far ones more than near ones",
+        "bias": "On: the whole frame moves away as well",
+    },
+    "depth_random_missing": {"missing_percent": "Higher: more and larger holes without depth"},
+    "depth_range_clipping": {
+        "min_m": "Higher: more of what is near has no depth",
+        "max_m": "Lower: more of what is far has no depth",
+    },
+    "desync": {
+        "offset": "Further from 0: depth shows a moment further from the color's; its sign says before or after",
+        "mode": "Whether all frames are off by the same, or each by a draw of its own",
+        "edge": "What happens where depth would come from before the first frame or after the last",
+    },
+    "faster_motion": {"factor": "Higher: the camera moves further from frame to frame, and there are fewer frames"},
+    "fog": {
+        "thickness": "Higher: the haze gets denser, and contrast goes",
+        "smoothness": "Higher: softer, larger clouds; lower: ragged ones",
+        "uniform": "On: the same gray everywhere instead of clouds",
+        "flow_px": "Higher: with the pattern Drift, the clouds move faster",
+    },
+    "fog_depth": {
+        "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
+        "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
+    },
+    "frost": {
+        "intensity": "Lower: the picture behind the ice gets darker",
+        "influence": "Higher: the ice on the lens gets brighter",
+        "creep_px": "Higher: with the pattern Drift, the ice moves faster",
+    },
+    "gaussian_blur": {"sigma_px": "Higher: the picture gets softer, and detail goes"},
+    "gaussian_noise": {"std": "Higher: more color grain, everywhere alike"},
+    "glass_blur": {
+        "sigma_px": "Higher: softer before and after pixels change places",
+        "max_delta_px": "Higher: pixels change places over a longer way, as behind coarser glass",
+        "iterations": "Higher: more pixels change places, and it takes longer",
+    },
+    "impulse_noise": {"amount": "Higher: more pixels are pure black, white or a pure color"},
+    "jpeg_compression": {"quality": "Lower: coarser blocks of 8 pixels, and blurrier colors"},
+    "motion_blur": {
+        "radius_px": "Higher: longer streaks",
+        "sigma_px": "Higher: the streaks fade less toward their ends",
+        "max_angle_deg": "Higher: the streaks' direction varies more from frame to frame",
+        "angle_deg": "Turns the streaks",
+    },
+    "motion_deviation": {
+        "rotation_deg": "Higher: the camera shakes more; at 20 degrees it looks elsewhere in each frame",
+        "translation_m": "Higher: the camera jumps further off its path",
+    },
+    "pixelate": {"factor": "Lower: larger squares of one color"},
+    "shot_noise": {"photons": "Lower: more grain, most of it in bright places; 0 is darkness"},
+    "snow": {
+        "mean": "Higher: more flakes",
+        "std": "Higher: flakes differ more in brightness",
+        "scale": "Higher: larger flakes, and fewer",
+        "threshold": "Lower: more flakes",
+        "blur_radius_px": "Higher: longer streaks behind the flakes",
+        "blur_sigma_px": "Higher: the streaks fade less toward their ends",
+        "blending_ratio": "Lower: the picture itself gets whiter, as in thick snowfall",
+        "fall_px": "Higher: with the pattern Drift, the flakes fall faster",
+    },
+    "spatter": {
+        "mean": "Higher: more of the lens is covered",
+        "std": "Higher: drops differ more in size",
+        "sigma_px": "Higher: larger, rounder drops",
+        "threshold": "Lower: more drops",
+        "scaling": "Higher: the drops cover the picture more",
+        "complexity": "0 shows drops of water, 1 mud",
+        "run_px": "Higher: with the pattern Drift, the drops run down faster",
+    },
+    "speckle_noise": {"std": "Higher: more grain in bright places; dark ones stay clean"},
+}
+"""By perturbation and parameter."""
+
+
+def seen(perturbation: str, parameter: str) -> str:
+    """Return the tooltip of a parameter; "" of those of other packages, which have only their meaning."""
+    return SEEN.get(perturbation, {}).get(parameter, "")

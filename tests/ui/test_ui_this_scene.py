@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""This Scene in the tab: the open scene and its own camera as the dataset, previewed as they are written."""
+
+import math
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+from panel_tools import settings, straight, use_files
+
+from noisy_world.blender.chain_scene import shown_chain
+from noisy_world.ui import (
+    document,
+    frame_preview,
+    left_out,
+    own_objects,
+    preview,
+    runs,
+    scene_copy,
+    stills,
+    taking,
+    world,
+)
+from noisy_world.ui.generate import run_of
+
+pytestmark = pytest.mark.usefixtures("add_on")
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A lit room of a floor and a cube that moves, seen by a camera on a parent that turns."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 1))
+    cube = bpy.context.object
+    cube.keyframe_insert("location", frame=1)
+    cube.location.x = 1.0
+    cube.keyframe_insert("location", frame=5)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    rig = bpy.data.objects.new("Rig", None)
+    camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
+    for item in (sun, rig, camera):
+        scene.collection.objects.link(item)
+    camera.parent, camera.location, camera.rotation_euler = rig, (0, -5, 2), (math.radians(80), 0, 0)
+    rig.keyframe_insert("rotation_euler", frame=1)
+    rig.rotation_euler.z = 0.4
+    rig.keyframe_insert("rotation_euler", frame=5)
+    scene.camera = camera
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 2
+    scene.render.resolution_x, scene.render.resolution_y = 40, 30
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, 5, 2
+    item = settings()
+    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
+    item.image, item.depth_scale_per_m = "png", 1000.0
+    return scene
+
+
+def names():
+    kinds = ("scenes", "objects", "cameras", "images", "node_groups", "actions")
+    return {kind: [item.name for item in getattr(bpy.data, kind) if item.name != "Render Result"] for kind in kinds}
+
+
+def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp_path):
+    item = settings()
+    assert item.trajectory_source == "CAMERA"
+    assert left_out.left_out(hall) == ()
+    item.deviation_translation_m = 0.05
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    keys, before = own_objects.keys_state(hall.objects["Mine"]), (hall.frame_end, hall.frame_step, hall.render.fps)
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert world.path_summary(hall) == "3 poses keyed, 12 fps"
+    assert hall.camera == hall.objects["Mine"]
+    assert (own_objects.keys_state(hall.camera), (hall.frame_end, hall.frame_step, hall.render.fps)) == (keys, before)
+    hall.frame_set(5)
+    there = names()
+    picture, about = frame_preview.draw_colour(hall)
+    depth_m = stills.rendered(hall, 2).depth_m
+    assert about.startswith("Frame 2: ")
+    assert names() == there
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    run = run_of(hall)
+    copy = tmp_path / "out_scene.blend"
+    assert "has no file yet" in run.said
+    assert str(copy) in run.said
+    folder = tmp_path / "out/perturbed/hall/results"
+    written = cv2.imread(str(folder / "frame000002.png"))[..., ::-1]
+    assert np.abs(written.astype(int) - picture).max() <= 1
+    stored_m = cv2.imread(str(folder / "depth000002.png"), cv2.IMREAD_UNCHANGED) / 1000.0
+    assert np.abs(stored_m - depth_m).max() <= 0.5 / 1000 + 1e-6
+    assert scene_copy.blend_file(hall) == copy
+    item.steps[0].severity = 5.0  # of the panel, not of the scene
+    bpy.ops.object.select_all(action="SELECT")
+    assert scene_copy.ensure(hall) == ""
+    document.save_preset(item, tmp_path / "hall.yaml")
+    assert runs.saved_preset(item) == tmp_path / "hall.yaml"
+    hall.objects["Cube"].location.z = 3.0
+    bpy.context.view_layer.update()
+    assert "copy was saved" in scene_copy.ensure(hall)
+
+
+def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_path):
+    item = settings()
+    item.lens_source, item.render_source, item.compositing, item.every = "GIVEN", "GIVEN", "keep", 2
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
+    item = settings()
+    said = document.to_document(item)
+    assert said["scenes"][0] == {
+        "name": "hall", "blend": str(tmp_path / "hall.blend"), "scene": "Scene", "camera": "Mine", "frames": "1:5:4",
+        "compositor": "keep",
+    }  # fmt: skip
+    assert {"camera", "render"} <= set(said)
+    assert said["render"]["samples"] == 1
+    assert document.save_preset(item, tmp_path / "hall.yaml") == ""
+    item.mesh_source, item.compositing, item.every, item.render_source = "ROOM", "off", 1, "SCENE"
+    assert item.trajectory_source == "HANDHELD"
+    taking.open_preset(item, tmp_path / "hall.yaml")
+    assert document.to_document(item) == said
+    item.render_source = item.lens_source = "SCENE"
+    said = document.to_document(item)
+    assert "camera" not in said
+    assert said["render"] == {"backend": "compositor"}
+
+
+def test_another_files_scene_is_refused_in_a_line(hall, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
+    document.save_preset(settings(), tmp_path / "other.yaml")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
+    with pytest.raises(RuntimeError, match="not the file that is open"):
+        bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "other.yaml"))
+
+
+def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hall, tmp_path):
+    bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
+    step = settings().steps[0]
+    step.severity = 1.0
+    step.keyframe_insert("severity", frame=1)
+    step.severity = 5.0
+    step.keyframe_insert("severity", frame=5)
+    assert document.perturb_of(settings()) == [{"gaussian_noise": {"mode": "keyed", "levels": [1.0, 3.0, 5.0]}}]
+    settings().preview = True
+    preview.flush()
+    node = shown_chain(hall).nodes["Gaussian noise"]
+    for frame, index in ((1, 0), (3, 1), (5, 2)):
+        hall.frame_set(frame)
+        assert node.inputs["Frame Offset"].default_value + frame == index
+    settings().trajectory_source = "FILE"
+    settings().trajectory_path, _ = straight(tmp_path / "path.txt", 3)
+    settings().trajectory_rate_hz = 24.0
+    bpy.ops.noisy_world.load_trajectory()
+    assert stills.path_frames(hall).tolist() == [1.0, 2.0, 3.0]
+    assert hall.camera == hall.objects["Mine"]
+
+
+@pytest.mark.parametrize("wrong", ["no camera", "orthographic", "missing texture"])
+def test_what_cannot_be_rendered_elsewhere_is_said_before_anything_runs(hall, wrong):
+    if wrong == "no camera":
+        hall.camera = None
+    elif wrong == "orthographic":
+        hall.camera.data.type = "ORTHO"
+    else:
+        image = bpy.data.images.load(str(Path(__file__)), check_existing=False)
+        image.filepath = "//absent.png"
+        material = bpy.data.materials.new("Wall")
+        material.node_tree.nodes.new("ShaderNodeTexImage").image = image
+        hall.objects["Cube"].data.materials.append(material)
+    words = {"no camera": "no camera", "orthographic": "not perspective", "missing texture": r"absent\.png"}
+    with pytest.raises(RuntimeError, match=words[wrong]):
+        bpy.ops.noisy_world.generate()
+    assert run_of(hall) is None
+
+
+def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_path):
+    use_files(tmp_path)
+    bpy.data.objects.remove(bpy.data.objects["Light"])
+    bpy.ops.noisy_world.load_scene()
+    assert "Cube" in left_out.sentence(bpy.context.scene)
+    settings().mesh_source = "SCENE"
+    assert left_out.sentence(bpy.context.scene) == ""
+    assert left_out.shows_dataset(bpy.context.scene)
