@@ -4,11 +4,11 @@
 import contextlib
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_files import WholeFile
 from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
@@ -76,7 +76,7 @@ class CleanFrame:
         rgb = self.float_rgb()
         return rgb if self._between is None else self._between.colour_in_depth(rgb, self.depth_m)
 
-    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, format_: OutputFormat) -> WholeFile | None:
         """Return an existing file that holds an image exactly as a dataset would write it, or None."""
         return self._image.file_as(modality, format_)
 

@@ -19,8 +19,7 @@ from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_bytes, sha256_of_file
-from ..core.errors import InputError
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.perturbing.execution import DepthWork
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
@@ -224,11 +223,8 @@ class FrameFiles:
 
     def _existing(self, modality: Modality) -> Written | None:
         """Return the source's own file that holds the image, or one that is finished; None where there is none."""
-        if path := self._clean.file_as(modality, self._dataset.format):
-            digest = sha256_of_file(path)
-            if digest is None:
-                raise InputError(path, "is gone")
-            return Written(path, digest)
+        if whole := self._clean.file_as(modality, self._dataset.format):
+            return Written(whole.path, whole.sha256)
         found = self._finished.clean_image(modality, self._clean.source)
         return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 

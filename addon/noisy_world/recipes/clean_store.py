@@ -149,7 +149,7 @@ class StoredClean:
             raise InputError(self.path(modality), f"is {image.dtype} {image.shape}, no clean image", remedy=AGAIN)
         return image
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
         """Return None: no file here is a dataset's."""
         del modality, written
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
@@ -227,7 +228,7 @@ class RecordedFrame:
         depth_m = self.stored.depth_m
         return depth_m if self.treatment is None else self.treatment.depth_m(depth_m)
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
         """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
 
         Raises InputError where that file is damaged.
@@ -240,4 +241,4 @@ class RecordedFrame:
         else:
             # A dataset says void by 0 alone.
             same = stored.depth_scale_per_m == written.depth_scale_per_m and not stored.void_steps
-        return stored.check_whole(modality) if same else None
+        return stored.whole_file(modality) if same else None

@@ -7,6 +7,7 @@ Decoders fill in what is lost, and take a length or a size that is wrong at its 
 import io
 import os
 import stat
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -19,6 +20,14 @@ LARGEST_FILE_BYTES = 2**30  # chosen: an image within the limits of its size tha
 
 _HEADER_BYTES = 1024  # read at once: a header without Exif data takes as many at most
 _GONE = "is not there or no image"
+
+
+@dataclass(frozen=True)
+class WholeFile:
+    """A file that is whole, and its SHA-256."""
+
+    path: Path
+    sha256: str
 
 
 def damage(data: bytes) -> str:
@@ -70,17 +79,32 @@ def read_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, byte
 
     sha256: of the file when it was written, if that is known. Raises InputError where it is not whole, or another.
     """
+    data = _content(path)
+    return _checked(path, data, sha256, "" if sha256 is None else sha256_of_bytes(data))
+
+
+def check_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, str]:
+    """Return the header of the image in a file, and the SHA-256 of the file; raises InputError as `read_whole`."""
+    data = _content(path)
+    digest = sha256_of_bytes(data)
+    return _checked(path, data, sha256, digest)[0], digest
+
+
+def _content(path: Path) -> bytes:
     try:
         with _opened(path) as file:
-            data = file.read()
+            return file.read()
     except OSError as error:
         raise InputError(path, _GONE) from error
-    as_written = sha256 is not None and sha256_of_bytes(data) == sha256
+
+
+def _checked(path: Path, data: bytes, sha256: str | None, digest: str) -> tuple[ImageHeader, bytes]:
+    """Return what `whole_image` does of a file. sha256: that it has to have, if that is known. digest: that it has."""
     try:
-        found = whole_image(data, sums=not as_written)
+        found = whole_image(data, sums=digest != sha256)
     except UnfitImageError as error:
         raise InputError(path, error.problem, remedy=error.remedy) from None
-    if sha256 is not None and not as_written:
+    if sha256 not in (None, digest):
         raise InputError(path, "is not as it was written: frames.jsonl has another SHA-256 for it", remedy=_CHANGED)
     return found
 

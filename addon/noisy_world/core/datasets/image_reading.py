@@ -69,11 +69,15 @@ def check_depth(path: Path, header: ImageHeader) -> None:
         raise InputError(path, f"is {header.told}, but depth has to be a PNG of 16-bit grey")
 
 
-def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int]) -> None:
-    """Raise InputError where an image has another size than the first colour image of its sequence."""
+def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own: bool = False) -> None:
+    """Raise InputError where an image has another size than the first colour image of its sequence.
+
+    own: it is depth of a camera of its own, which has that size.
+    """
     if header.size_px != wanted:
-        problem = f"is {spoken(header.size_px)} pixels, but the first colour image is {spoken(wanted)}"
-        raise InputError(path, problem, remedy=_REGISTER)
+        whose = "its camera has" if own else "the first colour image is"
+        remedy = "take the images that belong to it" if own else _REGISTER
+        raise InputError(path, f"is {spoken(header.size_px)} pixels, but {whose} {spoken(wanted)}", remedy=remedy)
 
 
 def spoken(size_px: tuple[int, int]) -> str:

@@ -19,7 +19,7 @@ from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
 from .file_digests import read_digests
-from .image_files import read_header, read_whole
+from .image_files import WholeFile, check_whole, read_header
 from .image_header import ImageHeader
 from .image_reading import check_colour, check_depth, check_size_px, read_colour, read_steps, spoken, strict_decoder
 from .json_text import finite_number
@@ -74,12 +74,13 @@ class StoredFrame:
         header = read_header(self.rgb_file)
         return header.kind, header.plainly
 
-    def check_whole(self, modality: Literal["rgb", "depth"]) -> Path:
+    def whole_file(self, modality: Literal["rgb", "depth"]) -> WholeFile:
         """Return the file of an image that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
-        header, _ = read_whole(file, sha256)
-        check_size_px(file, header, self.size_px if modality == "rgb" else self.depth_size_px or self.size_px)
-        return file
+        header, digest = check_whole(file, sha256)
+        own_size_px = None if modality == "rgb" else self.depth_size_px
+        check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
+        return WholeFile(file, digest)
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,7 @@ class StoredSequence:
         for file in self.depth_files:
             header = read_header(file)
             check_depth(file, header)
-            check_size_px(file, header, self.depth_size_px)
+            check_size_px(file, header, self.depth_size_px, self.depth_size_px != self.size_px)
         return tuple(f"{count} of {len(self.rgb_files)} colour images {told}" for told, count in sorted(found.items()))
 
     def check_images(self) -> None:
@@ -205,10 +206,7 @@ def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
     if header.channels == 4:
         yield "are CMYK: OpenCV converts them to RGB"
     if header.kind == "jpg" and not known and strict_decoder() is None:
-        yield (
-            "are JPEG, whose damage inside is seen with a package alone: pip install 'noisy-world[strict]', "
-            "or what is lost is filled in"
-        )
+        yield "are JPEG: damage inside them is filled in, unless pip install 'noisy-world[strict]' has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:

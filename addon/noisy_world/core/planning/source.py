@@ -7,12 +7,12 @@ All other code uses a source by this protocol alone and never asks which one it 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.image_files import WholeFile
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
 from ..optics import Optics
@@ -37,8 +37,11 @@ class SourceFrame(Protocol):
         """Planar depth (H, W) in metres; 0 = void."""
         ...
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return an existing file that holds an image exactly as a dataset would write it, or None."""
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
+        """Return an existing file that holds an image exactly as a dataset would write it, or None.
+
+        Raises InputError where that file is damaged.
+        """
         ...
 
 
