@@ -219,7 +219,7 @@ def _perturbed_frames(
     optics: what its cameras have beyond one pinhole.
     """
     seen = optics.depth
-    colour = Camera(known, stored.stamps.rgb.seconds)
+    colour = Camera(known, stored.stamps.rgb.seconds, stored.trajectory)
     depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     maker = SequenceMaker(

@@ -5,6 +5,7 @@ import bpy
 
 from ..core.planning.source import RenderOptions
 from .engines import ENGINES, enable_gpu
+from .render import muted_output
 from .typed import cycles as cycles_of
 
 BLENDER_NAMES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}
@@ -84,7 +85,8 @@ def _settle_cycles(scene: bpy.types.Scene, options: RenderOptions) -> None:
 def lacks_denoiser(scene: bpy.types.Scene) -> bool:
     """Tell whether a scene is to be denoised by a Blender that is built without OpenImageDenoise."""
     cycles = cycles_of(scene)
-    return cycles.use_denoising and cycles.denoiser == ""
+    with muted_output():  # Blender warns of what it does not know
+        return cycles.use_denoising and cycles.denoiser == ""
 
 
 def _one_layer(scene: bpy.types.Scene) -> None:

@@ -16,6 +16,8 @@ from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
 from ..core.planning.source import SourceFrame
+from ..core.trajectories.motion import CameraMotion, motion_between
+from ..core.trajectories.trajectory import Trajectory
 from .spent import DECODING, Spent
 
 
@@ -84,11 +86,12 @@ class Camera:
     """What is known about the camera beside its images.
 
     intrinsics: None where unknown. stamps_s: (N,) time stamps of the images of the path's frames, colour or depth,
-    seconds; frame i of a sequence has the i-th.
+    seconds; frame i of a sequence has the i-th. path: of the camera, a pose for each source frame; None where unknown.
     """
 
     intrinsics: Intrinsics | None
     stamps_s: NDArray[np.float64]
+    path: Trajectory | None = None
 
     def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
         """Return the context of a frame of a sequence.
@@ -102,6 +105,18 @@ class Camera:
             identifiers=sequence.identifiers,
             stamp_s=float(self.stamps_s[frame]),
             intrinsics=self.intrinsics,
+            motion=self._motion(sequence, frame) if setting.uses_motion else None,
             read_rgb=clean.read_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_depth_m if setting.needs_depth else None,
         )
+
+    def _motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
+        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate."""
+        if self.path is None:
+            return None
+        before = max(frame - 1, 0)
+        rows = [int(sequence.source_frames[k]) for k in (0, before, frame)]
+        if not self.path.known[rows].all():
+            return None
+        first, earlier, now = self.path.c2w[rows]
+        return motion_between(first, earlier, now, float(self.path.stamps_s[frame] - self.path.stamps_s[before]))

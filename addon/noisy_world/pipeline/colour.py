@@ -131,5 +131,5 @@ def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int,
 
     keep_freed_memory()
     chains = {item.folder: item.setting.rgb for item in composited}
-    with Compositor(size_px, chains, size_px[0]) as compositor:
+    with Compositor(size_px, chains, size_px[0], camera.intrinsics) as compositor:
         yield Colour({**executors, CompositorColour(compositor, camera): composited})

@@ -105,7 +105,7 @@ class FrameMaker:
         key = (render.name, *(item.folder for item in lacking))
         if (colour := self._colour.of(key)) is not None:
             return colour
-        camera = Camera(render.camera, render.scene.source.stamps_s)
+        camera = Camera(render.camera, render.scene.source.stamps_s, self.paths_of(render).rgb)
         size_px = (render.camera.width_px, render.camera.height_px)
         return self._colour.keep(key, colour_of(lacking, camera, size_px))
 

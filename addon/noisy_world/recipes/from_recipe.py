@@ -211,7 +211,7 @@ class SequenceOfRecipe(OpenedSequence):
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
         self.stamps = scene.source.frame_stamps
-        colour = Camera(self.render.camera, scene.source.stamps_s)
+        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb)
         depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
         self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
 

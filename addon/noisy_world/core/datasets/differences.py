@@ -170,14 +170,17 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     before, now = there["path"], here["path"]
     if before == now:
         return None
-    where = f"{scene.place.path}.trajectory"
-    changed = first_difference(there["entry"].get("trajectory"), here["entry"].get("trajectory"), where)
+    key = "trajectory" if here["entry"].get("blend") is None or here["entry"]["trajectory"] else "frames"
+    where = f"{scene.place.path}.{key}"
+    changed = first_difference(there["entry"].get(key), here["entry"].get(key), where)
     if any_processor and changed is None and there["inputs"] == here["inputs"] and before["frames"] == now["frames"]:
         return None
     if now["frames"] >= before["frames"]:
         if before["sha256"] == path_sha256(scene.source.trajectory(), scene.source.stamps_s, before["frames"]):
             return None
-    elif changed is None or changed.startswith((f"{where}.stop ", f"{where}.handheld.frames ")):
+    elif changed is None or changed.startswith(
+        (f"{where}.stop ", f"{where}.handheld.frames ", f"{scene.place.path}.frames ")
+    ):
         cause = changed or f"{where}: the path was {before['frames']} frames long, is {now['frames']}"
         return f"{cause}; keep the path, and choose its first frames with --frames 0:{now['frames']}, or {ANOTHER_NAME}"
     name = here["inputs"].get("trajectory")
@@ -196,7 +199,8 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
             if not 0 < count < scene.frame_count:
                 continue
             before, after = source_paths(plan, render, count), source_paths(plan, render)
-            if scene.source.gives.rendered and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
+            moved = scene.source.gives.rendered and scene.source.gives.own is None  # others stay where they are
+            if moved and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
                 far = "so far from the origin, a longer path is rendered around another point"
                 return f"{scene.place.path}.trajectory: {far}, and float32's rounding shows; {ANOTHER_NAME}"
             if not _goes_on(sequence, count, before, after):

@@ -43,13 +43,15 @@ def _drawn_for[Kind: (ColourPerturbation, DepthPerturbation)](
 def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
     """Return what makes equal images of the same clean frame, whatever the sequence.
 
-    That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none.
+    That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none;
+    and the camera's motion, if it looks at that.
     """
     return tuple(
         (
             step.perturbation.name,
             tuple(asdict(step.parameters(severity)).items()),
             None if _repeats(step.perturbation) else (context.identifiers, context.index, context.temporal),
+            None if context.motion is None else context.motion.key,
         )
         for step, context, severity in active
     )
