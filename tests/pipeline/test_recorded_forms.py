@@ -197,3 +197,23 @@ def test_a_recording_without_ground_truth(layout, tmp_path):
     moving = ['settings=[{"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 1}}]}]']
     with pytest.raises(InputError, match="an existing sequence cannot be seen from elsewhere"):
         make_plan(read_preset(path, moving))
+
+
+def test_a_camera_replaces_the_datasets_own(tmp_path):
+    source = tmp_path / "rgbd_dataset_freiburg2_xyz"
+    for name, pixels in (("rgb", np.zeros((480, 640, 3), np.uint8)), ("depth", np.full((480, 640), 5000, np.uint16))):
+        image(source / f"{name}/1.png", pixels)
+        (source / f"{name}.txt").write_text(f"1.0 {name}/1.png\n")
+    (source / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n")
+    path = preset_of(tmp_path / "p", source)
+    (own,) = make_plan(read_preset(path)).renders
+    assert (own.camera.fx_px, own.optics.distortion.coefficients[0]) == (520.9, 0.2312)
+    ros = "camera={width: 640, height: 480, fx: 525, fy: 525, cx: 319.5, cy: 239.5}"
+    (given,) = make_plan(read_preset(path, [ros])).renders
+    assert (given.camera.fx_px, given.optics.plain) == (525.0, True)
+    with pytest.raises(
+        InputError, match=r"scenes\.0\.undistort: camera replaces the dataset's own, whose lens is known"
+    ):
+        make_plan(read_preset(path, [ros, "scenes.0.undistort=true"]))
+    (pinhole,) = make_plan(read_preset(path, ["scenes.0.undistort=true"])).renders
+    assert (pinhole.camera, pinhole.optics.plain) == (own.camera, True)

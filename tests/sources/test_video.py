@@ -86,6 +86,8 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     ):
         with pytest.raises(InputError, match=words):
             make_plan(read_preset(path, [change]))
+    assert main(["generate", str(path), "--out", f"file://{tmp_path}/packed"]) != 0
+    assert "frames without a pose cannot be at an address" in capfd.readouterr().err
     # The same as a video to look at, and the colour of any dataset.
     capfd.readouterr()
     assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) == 0
