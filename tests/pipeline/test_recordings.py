@@ -167,12 +167,13 @@ def test_a_manifest_whose_camera_is_none_is_one_line(tmp_path, value):
         run(preset_of(tmp_path / "p", other, output={"image": "png"}), out)
 
 
-def test_depth_of_another_camera_is_refused(tmp_path):
+def test_depth_of_another_camera_keeps_it(tmp_path):
     source = recorded(tmp_path, "euroc")
     path = source / "mav0/depth0/sensor.yaml"
     path.write_text(path.read_text().replace("intrinsics: [4.0", "intrinsics: [4.5"))
-    with pytest.raises(InputError, match=r"depth0/sensor\.yaml: resolution or intrinsics are not those of mav0/cam0"):
-        find_sequence(source)
+    found = find_sequence(source)
+    assert (found.known_camera.fx_px, found.optics.depth.intrinsics.fx_px) == (4.0, 4.5)
+    assert found.optics.depth.rgb_from_depth is None
 
 
 @pytest.mark.parametrize(

@@ -63,9 +63,9 @@ class FrameWriter:
     def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: Spent) -> None:
         """Open the journals. finished: what is not to be written again. spent: hears how long what took."""
         self._dataset = dataset
-        self._spent = spent
+        self.spent = self._spent = spent
         self._stamps = render.scene.source.frame_stamps
-        self._camera = Camera(render.camera, self._stamps.depth.seconds)
+        self._camera = Camera(render.depth_camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = finished

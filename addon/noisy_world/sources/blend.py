@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.storage import sha256_of_file
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
+from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, OwnRendering, RenderOptions, SourceFrame
 from ..core.presets.frame_range import LAST_POSSIBLE
 from ..core.presets.preset import CameraSpec, Preset
@@ -90,6 +91,11 @@ class BlendSource:
         if asked is not None:
             return asked
         return self.found.sight.intrinsics
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
+        return PINHOLE
 
     def trajectory(self) -> Trajectory:
         """Return the path: the file's, or that of the scene's camera."""

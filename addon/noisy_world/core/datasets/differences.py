@@ -5,6 +5,7 @@ A dataset grows where what is common to all frames is equal, and each scene and 
 """
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ..planning.plan import Plan, source_paths
 from ..planning.sequence import Sequence, lay_out
 from ..planning.source import Scene
+from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
 from .provenance import path_sha256
@@ -34,6 +36,9 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
     for key in COMMON:
         if None not in (there[key], here[key]) and there[key] != here[key]:
             return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
+    for kind, names in (("settings", plan.settings), ("scenes", plan.scenes)):
+        if problem := _one_folder(there[kind], [item.name for item in names]):
+            return f"{kind}: {problem}; {ANOTHER_NAME}"
     for setting in plan.settings:
         if setting.name in there["settings"]:
             before, now = there["settings"][setting.name], here["settings"][setting.name]
@@ -46,6 +51,13 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
     return _made_with(there, here, any_processor=any_processor)
+
+
+def _one_folder(there: Iterable[str], here: Iterable[str]) -> str | None:
+    """Return in words which names are one folder's where case is not told apart, or None."""
+    known = {name.casefold(): name for name in there}
+    taken = ((name, known.get(name.casefold(), name)) for name in here)
+    return next((told_one_folder(name, other) for name, other in taken if name != other), None)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
