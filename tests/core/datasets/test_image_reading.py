@@ -228,7 +228,7 @@ WRONG = {
     "bits that no grey has": (lambda: png(2, 8)[:8] + part(b"IHDR", struct.pack(">IIBBBBB", 3, 3, 3, 0, 0, 0, 0)) + png(2, 8)[33:], "its header is none of a PNG"),  # noqa: E501
     "no size": (lambda: huge(0, 3), "it says 0 x 3 pixels"),
     "another kind": (cv2.imencode(".bmp", PIXELS)[1].tobytes, "is neither PNG nor JPEG; convert it to PNG"),
-    "nothing": (lambda: b"", "is neither PNG nor JPEG"),
+    "nothing": (lambda: b"", "is damaged: it is empty"),
     "16-bit grey": (lambda: png(0, 16), "is a PNG of 16-bit grey, as depth and thermal images are"),
 }  # fmt: skip
 

@@ -128,7 +128,10 @@ def _kind(start: bytes) -> str | None:
 
 
 def _header(file: BinaryIO) -> ImageHeader:
-    kind = _kind(file.read(len(png_files.SIGNATURE)))
+    start = file.read(len(png_files.SIGNATURE))
+    if not start:
+        raise DamagedImageError("it is empty")
+    kind = _kind(start)
     file.seek(0)
     if kind is None:
         raise UnfitImageError("is neither PNG nor JPEG", "convert it to PNG")
