@@ -24,7 +24,7 @@ from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..presets.preset import canonical
-from ..presets.scene_keys import BLEND_KEYS
+from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, SceneSpec
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -116,8 +116,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
     if entry["blend"] is None:  # a dataset without a .blend says nothing of one
         entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
-    if entry["up"] is None:
-        del entry["up"]
+    untold = asdict(SceneSpec())
+    entry = {name: value for name, value in entry.items() if name not in MESH_KEYS or value != untold[name]}
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)

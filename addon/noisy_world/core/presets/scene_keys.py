@@ -75,6 +75,10 @@ class SceneSpec:
         "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
         default=None,
     )
+    light: Literal["none", "scene"] = key(
+        "how a mesh is lit: not at all, showing its base colours; or by the lights and materials of its file",
+        default="none",
+    )
     replica: str | None = key(
         f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
         default=None,
@@ -127,6 +131,10 @@ BLEND_KEYS = ("blend", "scene", "camera", "frames", "compositor", "depth_alpha")
 """The keys of a scene that say something about a .blend alone."""
 
 
+MESH_KEYS = ("up", "light")
+"""The keys that say something about the file of a mesh alone."""
+
+
 def check_scene(spec: SceneSpec, place: Place) -> None:
     """Check what involves several keys of a scene. Raises InputError."""
     if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence, spec.blend)) != 1:
@@ -135,6 +143,8 @@ def check_scene(spec: SceneSpec, place: Place) -> None:
         raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
     if spec.up is not None and (spec.mesh is None or is_embedded(spec.mesh)):
         raise place.at("up").error("goes with the file of a mesh", "leave it out")
+    if spec.light != "none" and (spec.mesh is None or is_embedded(spec.mesh)):
+        raise place.at("light").error("goes with the file of a mesh", "leave it out")
     _check_blend(spec, place)
     if spec.sequence is not None:
         if spec.trajectory is not None:
