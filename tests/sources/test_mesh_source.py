@@ -99,3 +99,31 @@ def test_a_texture_that_changes_is_read_again(tmp_path):
     os.utime(tmp_path / "wall.png", ns=(1, 1))
     assert (load_mesh(path).texture.pictures[0] == 9).all()
     forget_meshes()
+
+
+def scene_with(folder, render, **keys):
+    """A preset whose mesh has other keys too."""
+    scene = {"name": "box", "mesh": "mesh.ply", "trajectory": "traj.txt", **keys}
+    return write_world(folder, frames=2, size=(8, 6), scenes=[scene], render=render)
+
+
+def test_a_mesh_that_holds_no_lights_or_an_engine_that_knows_none(tmp_path):
+    def refusal(render=None, **keys):
+        with pytest.raises(InputError) as caught:
+            make_plan(read_preset(scene_with(tmp_path, render or {"engine": "cycles"}, **keys)))
+        return str(caught.value)
+
+    assert "light: is scene, but a PLY file holds no lights; leave it out" in refusal(light="scene")
+    (tmp_path / "bare.gltf").write_text('{"asset": {"version": "2.0"}}')
+    said = refusal({"engine": "embree"}, mesh="bare.gltf", light="scene")
+    assert "render.engine: is embree, which knows no lights; " in said
+    assert "light: goes with the file of a mesh" in refusal(mesh="embedded:room", light="scene")
+    assert "up: goes with the file of a mesh" in refusal(mesh="embedded:room", up="y")
+
+
+def test_up_turns_a_mesh_and_is_an_input(tmp_path):
+    as_stored = source_of(scene_with(tmp_path / "stored", {"engine": "cycles"}, up="z"))
+    turned = source_of(scene_with(tmp_path / "turned", {"engine": "cycles"}, up="y"))
+    x, y, z = as_stored.mesh().vertices_m.T
+    assert np.array_equal(turned.mesh().vertices_m, np.stack([x, -z, y], axis=1))
+    assert [source.hashes()["mesh_up"] for source in (as_stored, turned)] == ["z", "y"]

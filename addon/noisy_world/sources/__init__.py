@@ -19,6 +19,7 @@ from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name,
 from ..core.scenes.replica import replica_names
 from ..core.schema import Place
 from .blend import blend_scene
+from .lit_mesh import lit_mesh
 from .mesh_files import filled, found_path, mesh_scene
 from .recording import read_recording
 from .replica import ReplicaScene, check_replica, replica_scene
@@ -101,7 +102,8 @@ def _candidate(
             )
         if kind == "blend":
             return blend_scene(preset, place, spec, whole, parts=parts)
-        return mesh_scene(preset, place, spec, name, whole, parts=parts)
+        plain = mesh_scene(preset, place, spec, name, whole, parts=parts)
+        return plain if spec.light == "none" else lit_mesh(preset, plain)
 
     return _Candidate(name, place, find)
 

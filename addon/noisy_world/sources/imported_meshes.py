@@ -46,20 +46,9 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
     Raises InputError where the file is missing, damaged, no mesh, packed in a way that this Blender cannot read, or
     lacks a texture; MissingDependencyError where there is no Blender.
     """
-    found = imported_format(path)
-    assert found is not None, "we read PLY"
-    check_mesh(path)
-    header = read_gltf_header(path) if found.name == "glTF" else None
     scratch = ScratchFolder(_ROOM_FOR_EACH_BYTE * path.stat().st_size)
     try:
-        order = {
-            "path": str(path.absolute()),
-            "folder": str(scratch.path),
-            "format": found.name,
-            "compression": "" if header is None else header.compression,
-            "webp": header is not None and header.webp,
-        }
-        scene = _run(path, found.name, order, scratch.path)
+        scene = _import(path, scratch.path)
         pictures: dict[int, NDArray[np.uint8]] = {}
 
         def picture(number: int) -> NDArray[np.uint8]:
@@ -72,6 +61,32 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
         return Imported(mesh if up is None else _turned(path, mesh, scene, up), tuple(map(Path, scene.beside)))
     finally:
         scratch.remove()
+
+
+def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[str, ...]:
+    """Import a mesh file that is not a PLY, and save what Blender made of it, lights and materials too, as a .blend.
+
+    Returns what a user should know. Raises as import_mesh does, and InputError where the file holds no lights.
+    """
+    return _import(path, blend.parent, blend=str(blend), asked=up).notes
+
+
+def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
+    """Import a file in another process, which writes into a folder. more: of the order."""
+    found = imported_format(path)
+    assert found is not None, "we read PLY"
+    check_mesh(path)
+    header = read_gltf_header(path) if found.name == "glTF" else None
+    order = {
+        "path": str(path.absolute()),
+        "folder": str(folder),
+        "format": found.name,
+        "compression": "" if header is None else header.compression,
+        "webp": header is not None and header.webp,
+        "blend": None,
+        **more,
+    }
+    return _run(path, found.name, order, folder)
 
 
 def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:

@@ -147,6 +147,8 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
         "scenes.0.replica": scene.replica is not None and "is looked for under data",
         "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
         "scenes.0.mesh": _unshowable(scene.mesh or ""),
+        "scenes.0.up": scene.up is not None and f"is {scene.up}",
+        "scenes.0.light": scene.light != "none" and f"is {scene.light}",
         "scenes.0.trajectory.start": trajectory is not None and trajectory.start != 0 and "chooses a part of the path",
         "scenes.0.trajectory.stop": trajectory is not None and trajectory.stop is not None and "chooses a part",
         "scenes.0.trajectory.resample_hz": trajectory is not None and trajectory.resample_hz is not None

@@ -17,6 +17,7 @@ from ...core.scenes.turning import Up
 from .base_colour import surface_of
 from .compressed import compression_problem
 from .images import ImageFiles, MissingImageError
+from .lit import save_lit
 from .parts import imported_parts
 from .usd_layers import look_at
 
@@ -25,10 +26,16 @@ MARK = "@refused "
 
 
 def main(order: str) -> int:
-    """Carry out an order, JSON with path, format, folder and webp; return the exit status."""
+    """Carry out an order; return the exit status.
+
+    order: JSON with path, format, folder, compression and webp; blend, a file to save with the lights or null, and
+    then asked, the axis that points up or null.
+    """
     wanted = json.loads(order)
     path, folder = Path(wanted["path"]), Path(wanted["folder"])
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    for world in list(bpy.data.worlds):
+        bpy.data.worlds.remove(world)  # of which only the file's own is to shine
     beside: tuple[str, ...] = ()
     up, look = _UP[wanted["format"]], None
     try:
@@ -39,8 +46,13 @@ def main(order: str) -> int:
             up, beside = look.up, look.beside
         if problem := compression_problem(wanted["compression"]):
             return _refuse(problem)
-        _IMPORTERS[wanted["format"]](str(path), wanted["webp"])
+        _IMPORTERS[wanted["format"]](str(path), wanted["webp"], wanted["blend"] is not None)
         notes = _still()
+        if wanted["blend"] is not None:
+            if problem := save_lit(Path(wanted["blend"]), up, wanted["asked"]):
+                return _refuse(problem)
+            write_imported(folder, ImportedScene((), (), (), up, beside, notes))
+            return 0
         images = ImageFiles(folder)
         materials = sorted(bpy.data.materials, key=lambda each: each.name)
         parts = imported_parts({material.name: number for number, material in enumerate(materials)})
@@ -73,29 +85,29 @@ def _still() -> tuple[str, ...]:
     return (f"{len(moving)} of its objects are animated: shown as they stand without that",) if moving else ()
 
 
-def _gltf(path: str, webp: bool) -> None:
+def _gltf(path: str, webp: bool, _lit: bool) -> None:
     bpy.ops.import_scene.gltf(
         filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
     )
 
 
-def _obj(path: str, _webp: bool) -> None:
+def _obj(path: str, _webp: bool, _lit: bool) -> None:
     bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z")  # as stored
 
 
-def _stl(path: str, _webp: bool) -> None:
+def _stl(path: str, _webp: bool, _lit: bool) -> None:
     bpy.ops.wm.stl_import(filepath=path)  # as stored
 
 
-def _fbx(path: str, _webp: bool) -> None:
+def _fbx(path: str, _webp: bool, _lit: bool) -> None:
     bpy.ops.wm.fbx_import(filepath=path, use_anim=False)
 
 
-def _usd(path: str, _webp: bool) -> None:
-    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=False, validate_meshes=True)
+def _usd(path: str, _webp: bool, lit: bool) -> None:
+    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=True)
 
 
-_IMPORTERS: dict[str, Callable[[str, bool], None]] = {
+_IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {
     "glTF": _gltf,
     "OBJ": _obj,
     "STL": _stl,

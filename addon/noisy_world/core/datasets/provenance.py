@@ -25,7 +25,7 @@ from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..presets.preset import canonical
-from ..presets.scene_keys import BLEND_KEYS, RECORDING_KEYS, SceneSpec
+from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, RECORDING_KEYS, SceneSpec
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -132,13 +132,10 @@ def told_entry(spec: SceneSpec) -> dict[str, Any]:
     entry = asdict(spec)
     if entry["blend"] is None:  # a dataset without a .blend says nothing of one
         entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
-    if entry["up"] is None:
-        del entry["up"]
     untold = SceneSpec()
-    recorded = (name for name in RECORDING_KEYS if entry[name] == getattr(untold, name))
-    for name in tuple(recorded):
-        del entry[name]
-    return plain_values(entry)
+    optional = (*RECORDING_KEYS, *MESH_KEYS)
+    told = {name: value for name, value in entry.items() if name not in optional or value != getattr(untold, name)}
+    return plain_values(told)
 
 
 def entry_number(scene: Scene) -> int:

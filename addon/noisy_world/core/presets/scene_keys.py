@@ -76,6 +76,10 @@ class SceneSpec:
         "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
         default=None,
     )
+    light: Literal["none", "scene"] = key(
+        "how a mesh is lit: not at all, showing its base colours; or by the lights and materials of its file",
+        default="none",
+    )
     replica: str | None = key(
         f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
         default=None,
@@ -140,9 +144,11 @@ class SceneSpec:
 BLEND_KEYS = ("blend", "scene", "camera", "frames", "compositor", "depth_alpha")
 """The keys of a scene that say something about a .blend alone."""
 
-
 RECORDING_KEYS = ("video", "poses", "undistort", "register")
 """The keys of a scene that say something about a recording alone, and are told in a dataset where they are given."""
+
+MESH_KEYS = ("up", "light")
+"""The keys that say something about the file of a mesh alone."""
 
 
 def check_scene(spec: SceneSpec, place: Place) -> None:
@@ -151,6 +157,8 @@ def check_scene(spec: SceneSpec, place: Place) -> None:
         raise place.error("needs either mesh or sequence, or replica, video or blend", "name one of them")
     if spec.up is not None and (spec.mesh is None or is_embedded(spec.mesh)):
         raise place.at("up").error("goes with the file of a mesh", "leave it out")
+    if spec.light != "none" and (spec.mesh is None or is_embedded(spec.mesh)):
+        raise place.at("light").error("goes with the file of a mesh", "leave it out")
     _check_recording(spec, place)
     _check_blend(spec, place)
     if spec.sequence is not None or spec.video is not None:

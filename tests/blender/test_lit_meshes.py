@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A mesh lit by its file's own light, against Lambert's law; what holds no light is refused."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+import rooms_in_formats as rooms
+from analytic import look_at
+from importing import import_here
+
+from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
+from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
+from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.sources.imported_meshes import write_lit_file
+from noisy_world.sources.lit_mesh import file_of
+
+SIDE = 24
+CAMERA = Intrinsics(SIDE, SIDE, SIDE, SIDE, (SIDE - 1) / 2, (SIDE - 1) / 2)
+OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=4, seed=0, threads=1)
+HEIGHT_M = 1.5
+EYE = look_at([0.0, 0.0, 3.0], [0.0, 1e-6, 0.0])  # looks down at the floor, which fills the image
+MATT = {
+    "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1.0], "metallicFactor": 0.0, "roughnessFactor": 1.0},
+    "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}},
+}
+
+
+@pytest.fixture(autouse=True)
+def _imports_here(monkeypatch, capfd):
+    import_here(monkeypatch, capfd)
+
+
+def write_floor(path, intensity):
+    """A matt floor at z = 0 below a point light of `intensity`, candela, off the middle: as glTF has them, Y up."""
+    corners = 5.0 * np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, -1], [1, 0, 1], [-1, 0, 1]])
+    lights = [{"type": "point", "intensity": intensity, "color": [1.0, 1.0, 1.0]}] if intensity else []
+    nodes = [{"mesh": 0}]
+    if lights:
+        punctual = {"KHR_lights_punctual": {"light": 0}}
+        nodes.append({"extensions": punctual, "translation": [0.5, HEIGHT_M, 0.25]})
+    used = ["KHR_lights_punctual", "KHR_materials_specular"]
+    extensions = {"KHR_lights_punctual": {"lights": lights}} if lights else {}
+    scenes = [{"nodes": list(range(len(nodes)))}]
+    document = rooms.gltf(
+        {"POSITION": corners}, MATT, nodes=nodes, scenes=scenes, extensions=extensions, extensionsUsed=used
+    )
+    path.write_bytes(rooms.glb(*document))
+    return path
+
+
+def seen(file, tmp_path, eye, up=None):
+    """Linear light (H, W) and depth that a pose sees."""
+    lit = tmp_path / "lit.blend"
+    write_lit_file(file, lit, up)
+    paths = SensorPaths(evenly_stamped(eye[None]))
+    with OwnSceneSession(file_of(lit, 1, OwnSceneFile), paths, CAMERA, OPTIONS) as session:
+        frame = session.frame(paths.moment(0))
+    encoded = frame.rgb[..., 1].astype(float)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4), frame.depth_m
+
+
+def test_a_floor_below_a_lamp_follows_lamberts_law(tmp_path):
+    light, depth_m = seen(write_floor(tmp_path / "floor.glb", 2000.0), tmp_path, EYE)
+    assert np.abs(depth_m - 3.0).max() < 1e-5
+    pixels = (np.arange(SIDE) - CAMERA.cx_px) * 3.0 / CAMERA.fx_px
+    across, down = np.meshgrid(pixels, pixels)
+    points = EYE[:3, 0] * across[..., None] + EYE[:3, 1] * down[..., None]
+    lamp = np.array([0.5, -0.25, HEIGHT_M])  # Z up
+    away_m = np.linalg.norm(points * (1, 1, 0) - lamp, axis=-1)
+    # Lambert: albedo / pi x intensity x cos / d^2, with 683 lumens to the watt
+    law = 0.8 / np.pi * 2000.0 / 683.0 * HEIGHT_M / away_m**3
+    assert law.max() > 2.5 * law.min()
+    ratio = light / law
+    assert abs(ratio.mean() - 1) < 0.01
+    assert np.abs(ratio - 1).max() < 0.06  # four samples of a lamp of some size
+    # The same file as it is stored, seen from where that is: the same picture.
+    stored = np.eye(4)
+    stored[:3, :3] = rooms.TO_Y_UP
+    again, _ = seen(tmp_path / "floor.glb", tmp_path, stored @ EYE, up="z")
+    assert abs(again.mean() / light.mean() - 1) < 0.01
+    assert np.abs(again / law - 1).max() < 0.06
+
+
+def test_a_file_without_lights_is_refused(tmp_path):
+    file = write_floor(tmp_path / "dark.glb", 0.0)
+    with pytest.raises(InputError, match=r"dark\.glb: holds no lights and nothing that shines") as caught:
+        write_lit_file(file, tmp_path / "lit.blend")
+    assert "\n" not in str(caught.value)
