@@ -132,6 +132,6 @@ class VideoFrame:
     rgb: NDArray[np.uint8]
     depth_m: None = None
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
         """Return None: no file holds one frame."""
         del modality, written
