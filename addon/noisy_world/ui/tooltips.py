@@ -1,6 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What one sees when a parameter's value grows. Formulas are in the manual: docs/perturbations.md."""
 
+_FALLING = {
+    "size": "Higher: every particle is larger, and there is as much water in fewer of them",
+    "tint": "Higher: particles take the color of the scene; 0 is white",
+    "fall": "Higher: they fall faster, in longer streaks",
+    "aperture_mm": "Higher: particles out of focus become larger, fainter disks",
+    "focus_m": "How far away particles are sharp; nearer and further ones are blurred",
+    "least_mrad": "Higher: fewer small particles are drawn, and the veil in the distance gets denser instead",
+    "reach_m": "Lower: less of what is far is drawn, and the veil takes its place",
+    "void_m": "Higher: where nothing is, the veil gets denser",
+    "view_deg": "Higher: a wider view, so particles are smaller in it",
+    "frame_rate_hz": "Lower: with the pattern Drift, particles move further from frame to frame",
+}
+
 SEEN: dict[str, dict[str, str]] = {
     "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
     "contrast": {"factor": "Lower: the picture gets flatter, toward one gray; above 1 it gets harsher"},
@@ -55,6 +68,7 @@ SEEN: dict[str, dict[str, str]] = {
         "wind_m_s": "Further from 0: flakes fly further to the right, or to the left below 0",
         "gusts_m_s": "Higher: flakes go their own ways, and no two streaks lie alike",
         "shutter_ms": "Higher: flakes become longer and fainter streaks",
+        **_FALLING,
     },
     "rain_depth": {
         "rate_mm_h": "Higher: more and larger drops, and what is far goes gray",
@@ -62,6 +76,7 @@ SEEN: dict[str, dict[str, str]] = {
         "wind_m_s": "Further from 0: streaks lean further to the right, or to the left below 0",
         "gusts_m_s": "Higher: drops go their own ways, and no two streaks lie alike",
         "shutter_ms": "Higher: streaks get longer and fainter",
+        **_FALLING,
     },
     "gaussian_blur": {"sigma_px": "Higher: the picture gets softer, and detail goes"},
     "gaussian_noise": {"std": "Higher: more color grain, everywhere alike"},

@@ -277,11 +277,11 @@ def _is_image(name: str, places: Collection[str]) -> bool:
 
 def _remove(folder: Path) -> None:
     """Remove the folder of a shard, whose lock is held; what is not ours stays in it."""
+    with storage_errors(folder):
+        (folder / SHARD).unlink(missing_ok=True)  # first: what a kill leaves is no finished shard
     work = folder / WORK_FOLDER
     inside = [path for path in folder.glob("*/*") if WORK_FOLDER not in path.parts[-2:]]
     remove_dataset(folder, work, [path.relative_to(folder).as_posix() for path in inside if path.is_dir()])
-    with storage_errors(folder):
-        (folder / SHARD).unlink(missing_ok=True)
     remove_work_folder(work, work / "unfinished")
     with contextlib.suppress(OSError):
         folder.rmdir()
