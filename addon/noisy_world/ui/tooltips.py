@@ -2,8 +2,8 @@
 """What one sees when a parameter's value grows. Formulas are in the manual: docs/perturbations.md."""
 
 _FALLING = {
-    "size": "Higher: every particle is larger, and there is as much water in fewer of them",
-    "tint": "Higher: particles take the color of the scene; 0 is white",
+    "size": "Higher: every particle is larger",
+    "tint": "Higher: particles take more of the color of the scene",
     "fall": "Higher: they fall faster, in longer streaks",
     "aperture_mm": "Higher: particles out of focus become larger, fainter disks",
     "focus_m": "How far away particles are sharp; nearer and further ones are blurred",
