@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
+from .core.datasets.registration import Registration
 from .core.datasets.stored import StoredSequence
 from .core.geometry import Intrinsics
+from .core.optics import Optics
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.inputs import (
     LARGEST_FRAME,
@@ -190,7 +192,7 @@ def frames(
     check_intrinsics(intrinsics)
     recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
     stored = recording.stored
-    for note in stored.notes:
+    for note in (*stored.notes, *stored.image_notes):
         warnings.warn(f"{folder}: {note}", stacklevel=2)
     check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
@@ -201,18 +203,27 @@ def frames(
     if moving:
         told = moving[-1].perturbation.name
         raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")
+    optics = stored.optics if known is None else recording.optics(known)
+    if optics.depth is not None and known is None:
+        raise Place("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
-    return _perturbed_frames(stored, sequence, path, known)
+    return _perturbed_frames(stored, sequence, path, known, optics)
 
 
 def _perturbed_frames(
-    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None
+    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None, optics: Optics
 ) -> Iterator[PerturbedFrame]:
-    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics."""
-    colour, depth = (Camera(known, part.seconds) for part in (stored.stamps.rgb, stored.stamps.depth))
+    """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics.
+
+    optics: what its cameras have beyond one pinhole.
+    """
+    seen = optics.depth
+    colour = Camera(known, stored.stamps.rgb.seconds, stored.trajectory)
+    depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
+    between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     maker = SequenceMaker(
-        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)))
+        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between)
     )
     for index in sequence.frames:
         made = maker.frame(index)

@@ -10,6 +10,7 @@ from cases import cases
 from group_tools import keep_group
 
 from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
+from noisy_world.core.labels import american
 from noisy_world.core.node_graphs.graph import Graph, GroupInput, Picture
 from noisy_world.core.node_graphs.groups import build_group, socket_name
 from noisy_world.core.perturbing.kinds import ColourPerturbation
@@ -58,7 +59,7 @@ def test_sockets_say_what_the_parameters_say(trees, name):
     items = {item.name: item for item in tree.interface.items_tree if item.in_out == "INPUT"}
     for field in fields(perturbation.parameters):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
-        assert socket.description.lower() == info.meaning.lower()
+        assert socket.description.lower() == american(info.meaning).lower()
         degrees = np.pi / 180 if info.unit == "deg" else 1
         assert socket.default_value == pytest.approx(field.default * degrees)
         if info.unit in ("px", "deg", "m"):

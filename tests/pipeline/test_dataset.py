@@ -47,8 +47,8 @@ class Listener:
 pytestmark = pytest.mark.usefixtures("no_blender")
 
 
-def run(preset, out, *, frames=None, stop=None, overwrite=False):
-    plan = make_plan(read_preset(preset), frames)
+def run(preset, out, *, frames=None, stop=None, overwrite=False, overrides=()):
+    plan = make_plan(read_preset(preset, overrides), frames)
     listener = Listener()
     report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite).make_dataset()
     return report, listener
@@ -307,7 +307,7 @@ def test_nothing_seen_is_said_once(tmp_path):
 
     fake_session.Session.frame = render
     try:
-        _, listener = run(preset, tmp_path / "out")
+        _, listener = run(preset, tmp_path / "out", overrides=["render.allow_empty=true"])
     finally:
         fake_session.Session.frame = original
     assert len([note for note in listener.notes if "sees nothing" in note and "axes" in note]) == 1

@@ -27,6 +27,7 @@ from written import (
     write_tum_path,
 )
 
+from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError, InterruptedRunError
 from noisy_world.core.presets.preset import read_preset
@@ -120,8 +121,13 @@ def test_a_robot_is_the_body(tmp_path):
     clean_ns, clean = states(tmp_path / "out/clean/box")
     assert stamps_ns == clean_ns
     assert np.allclose(nominal, clean, atol=1e-12)
-    with pytest.raises(InputError, match="T_BS is not that of mav0/cam0"):
-        find_sequence(tmp_path / "out/clean/box")
+    found = find_sequence(tmp_path / "out/clean/box")
+    between = np.linalg.inv(extrinsics(folder / "mav0/cam0/sensor.yaml")) @ extrinsics(
+        folder / "mav0/depth0/sensor.yaml"
+    )
+    assert np.allclose(found.optics.depth.matrix, between, atol=1e-12)
+    with pytest.raises(InputError, match="depth has a camera of its own"):
+        given_sequence(tmp_path / "out/clean/box")
 
 
 def test_the_nominal_path_has_a_file_of_its_own(tmp_path):

@@ -4,6 +4,7 @@
 import json
 import sys
 
+import cv2
 import fake_session
 import numpy as np
 import pytest
@@ -167,12 +168,13 @@ def test_a_manifest_whose_camera_is_none_is_one_line(tmp_path, value):
         run(preset_of(tmp_path / "p", other, output={"image": "png"}), out)
 
 
-def test_depth_of_another_camera_is_refused(tmp_path):
+def test_depth_of_another_camera_keeps_it(tmp_path):
     source = recorded(tmp_path, "euroc")
     path = source / "mav0/depth0/sensor.yaml"
     path.write_text(path.read_text().replace("intrinsics: [4.0", "intrinsics: [4.5"))
-    with pytest.raises(InputError, match=r"depth0/sensor\.yaml: resolution or intrinsics are not those of mav0/cam0"):
-        find_sequence(source)
+    found = find_sequence(source)
+    assert (found.known_camera.fx_px, found.optics.depth.intrinsics.fx_px) == (4.0, 4.5)
+    assert found.optics.depth.rgb_from_depth is None
 
 
 @pytest.mark.parametrize(
@@ -299,3 +301,93 @@ def test_the_library_reads_as_a_preset_does(tmp_path):
     (source / "groundtruth.txt").write_text("0 0 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="no colour, depth and pose lie within"):
         next(frames(source, []))
+
+
+# --- images ---
+
+
+def test_a_frame_that_cannot_be_used_is_named_before_anything_is_written(tmp_path):
+    source = recorded(tmp_path, frames=4)
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)})
+    images = source / "results"
+    for name, pixels, words in (
+        ("frame000002.png", np.zeros((5, 8, 3), np.uint8), "is 8 x 5 pixels, but the first colour image is 8 x 6"),
+        ("depth000003.png", np.zeros((6, 9), np.uint16), "is 9 x 6 pixels, but the first colour image is 8 x 6"),
+        ("depth000001.png", np.zeros((6, 8), np.uint8), "is a PNG of 8-bit grey, but depth has to be"),
+    ):
+        kept = (images / name).read_bytes()
+        (images / name).write_bytes(encoded(pixels))
+        with pytest.raises(InputError) as error:
+            run(preset, tmp_path / "out")
+        assert str(error.value).startswith(f"{images / name}: {words}")
+        assert not (tmp_path / "out").exists()
+        (images / name).write_bytes(kept)
+
+
+def encoded(pixels):
+    return cv2.imencode(".png", pixels)[1].tobytes()
+
+
+def test_images_are_held_against_their_sha256_when_they_are_perturbed_and_when_they_are_linked(tmp_path):
+    source = recorded(tmp_path, frames=3)
+    image = source / "results/frame000001.png"
+    image.write_bytes(encoded(cv2.imread(str(image)) ^ 1))
+    noise = [{"name": "noise", "perturb": [{"brightness": {"severity": 1}}]}]
+    for settings in ([{"name": "clean"}], noise):
+        preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, settings=settings)
+        with pytest.raises(InputError, match=r"frame000001\.png: is not as it was written: frames\.jsonl has another"):
+            run(preset, tmp_path / f"out_{settings[0]['name']}", overrides=["output.image=png"])
+    (source / "frames.jsonl").write_text('{"frame": 0, "time_s": 0.0, "sha256": {"results/frame000000.png": 3}}\n')
+    with pytest.raises(InputError, match=r"frames\.jsonl"):
+        run(preset, tmp_path / "no")
+
+
+def test_a_cut_image_is_not_linked_into_a_clean_dataset(tmp_path):
+    source = recorded(tmp_path, "tum", frames=3)
+    (source / "frames.jsonl").unlink()
+    image = source / "depth/000001.png"
+    image.write_bytes(image.read_bytes()[:-20])
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, output={"layout": "tum"})
+    with pytest.raises(InputError, match=r"000001\.png: is damaged: it is cut short; copy it again"):
+        run(preset, tmp_path / "out")
+
+
+def test_16_bit_colour_is_kept_until_it_is_written(tmp_path):
+    source = recorded(tmp_path, frames=2)
+    (source / "frames.jsonl").unlink()
+    steps = np.random.default_rng(0).integers(0, 65536, (2, 6, 8, 3), dtype=np.uint16)
+    for k in range(2):
+        (source / f"results/frame{k:06d}.png").write_bytes(encoded(steps[k]))
+    lighter = {"name": "light", "perturb": [{"brightness": {"severity": 2}}]}
+    scene = {"name": "box", "sequence": str(source)}
+    preset = preset_of(tmp_path / "p", scene, settings=[{"name": "clean"}, lighter], output={"image": "png"})
+    report = run(preset, tmp_path / "out")
+    told = "box: 2 of 2 colour images have 16 bits a channel: they are perturbed so, and written with 8"
+    assert told in report.notes
+    for k in range(2):
+        clean = cv2.imread(str(tmp_path / f"out/clean/box/results/frame{k:06d}.png"), cv2.IMREAD_UNCHANGED)
+        assert clean.dtype == np.uint8
+        assert np.abs(clean.astype(float) - steps[k] / 257).max() <= 0.5 + 1e-4
+
+
+def test_images_that_are_grey_are_told(tmp_path):
+    source = recorded(tmp_path, "euroc", frames=2)
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, output={"layout": "euroc"})
+    assert "box: 2 of 2 colour images are grey: perturbations get three equal channels" in run(preset, tmp_path / "out").notes  # noqa: E501  # fmt: skip
+
+
+@pytest.mark.parametrize("key", ["settings", "scenes"])
+def test_names_that_differ_in_case_only_are_refused(tmp_path, key):
+    source = recorded(tmp_path, frames=2)
+    scenes = [{"name": name, "sequence": str(source)} for name in (("box", "Box") if key == "scenes" else ("box",))]
+    settings = [{"name": name} for name in (("clean", "Clean") if key == "settings" else ("clean",))]
+    with pytest.raises(
+        InputError, match=r"'(Box|Clean)' and '(box|clean)' differ in case only, so they are one folder"
+    ):
+        make_plan(read_preset(preset_of(tmp_path / "p", *scenes, settings=settings)))
+    # A dataset that has one of them already.
+    first = preset_of(tmp_path / "a", scenes[0], settings=settings[:1])
+    run(first, tmp_path / "out")
+    second = preset_of(tmp_path / "b", scenes[-1], settings=settings[-1:])
+    with pytest.raises(StorageError, match="differ in case only"):
+        run(second, tmp_path / "out")

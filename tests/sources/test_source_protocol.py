@@ -15,6 +15,7 @@ import pytest
 from shard_workers import workers_here
 from worlds import path_poses, write_world
 
+from noisy_world.core.optics import PINHOLE
 from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
@@ -53,6 +54,9 @@ class ArithmeticSource:
 
     def camera(self, asked):
         return asked
+
+    def optics(self, camera):
+        return PINHOLE
 
     def trajectory(self):
         return Trajectory(path_poses(4), STAMPS_S)

@@ -15,6 +15,10 @@ def renderer_versions(engine, device="cpu"):
     return {"blender": "none"}
 
 
+def blender_version():
+    return {"blender": "none"}
+
+
 class Session:
     rendered: list[int] = []
     empty: set[int] = set()  # frames that see nothing

@@ -27,7 +27,7 @@ def test_the_list_keeps_the_propagation_order():
     for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
     names = [step.perturbation for step in settings().steps]
-    assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), name))
+    assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), registry()[name].order))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
     assert names[:1] == ["fog"]
     assert [step.perturbation for step in settings().steps][:2] == ["fog", "fog"]

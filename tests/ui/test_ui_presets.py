@@ -344,13 +344,14 @@ def test_a_stream_is_refused_where_it_would_be_lost(of_ones_own, tmp_path):
 def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
     from noisy_world.ui import runs
     from noisy_world.ui.document import to_document
+    from noisy_world.ui.output_place import output_folder
     from noisy_world.ui.taking import open_preset
 
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)
     item = settings()
     item.mesh_path, item.trajectory_path, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
-    assert runs.output_folder(item) == tmp_path / "sets/one"
+    assert output_folder(item) == tmp_path / "sets/one"
     (scene,) = to_document(item)["scenes"]
     assert (scene["mesh"], scene["trajectory"]["file"]) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
     assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}

@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import build_chain, capacity_of, step_node
 from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
@@ -31,18 +32,19 @@ def make_chain(
     *,
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
     At scene frame k the chain then shows what the generator writes as frame index_of(k), by default k, of the sequence
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
     only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
-    scene frame, by default the first.
+    scene frame, by default the first. intrinsics: of the camera, if known.
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
     children = [] if old is None else _groups_in(old)
     tree = ensure_group(_described(name, steps))
-    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now)
+    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics)
     if tree != old:
         _remove_unused(children)
     return tree
@@ -220,16 +222,20 @@ def refresh_chain(
     index_of: Callable[[int], int] | None = None,
     reference_width_px: int | None = None,
     split: float = 0.0,
+    intrinsics: Intrinsics | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
-    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers.
+    index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
+    the camera.
     """
     chain = shown_chain(scene)
     name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
-    chain = make_chain(name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current)
+    chain = make_chain(
+        name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current, intrinsics=intrinsics
+    )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split)

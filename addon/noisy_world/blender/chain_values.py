@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
@@ -29,11 +30,12 @@ def set_values(
     *,
     index_of: IndexOf | None,
     now: int | None,
+    intrinsics: Intrinsics | None = None,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
     A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
-    now: the current scene frame, by default the first.
+    now: the current scene frame, by default the first. intrinsics: of the camera, if known.
     """
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
@@ -45,7 +47,7 @@ def set_values(
         node = tree.nodes.get(step_node(step))
         if node is None:  # a user has removed it
             continue
-        each = list(_values(step, frames, identifiers, index_of))
+        each = list(_values(step, frames, identifiers, index_of, intrinsics))
         for name in dict.fromkeys(name for _, sockets in each for name in sockets):
             socket = node.inputs[name]
             path = socket.path_from_id("default_value")
@@ -79,6 +81,7 @@ def _values(
     frames: Sequence[int],
     identifiers: Identifiers,
     index_of: IndexOf | None,
+    intrinsics: Intrinsics | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
@@ -86,7 +89,7 @@ def _values(
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
-            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index)[0]
+            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)[0]
         values = by_severity[severity]
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
 

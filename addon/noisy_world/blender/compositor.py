@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import StorageError
+from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import build_written, is_active, socket_of, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
@@ -40,16 +41,18 @@ class Compositor:
         size_px: tuple[int, int],
         chains: Mapping[str, Sequence[Step[ColourPerturbation]]],
         reference_width_px: int,
+        intrinsics: Intrinsics | None = None,
     ) -> None:
         """Build the chains.
 
         size_px: width, height of the frames. chains: steps of colour by the chain's name.
-        reference_width_px: the width to which parameters in pixels refer.
+        reference_width_px: the width to which parameters in pixels refer. intrinsics: of the camera, if known.
         """
         # Blender treats an image of one pixel as a single value and writes no file for it, so two equal pixels are
         # used.
         self._one_pixel = size_px == (1, 1)
         self._size_px = size_px = (2, 1) if self._one_pixel else size_px
+        self._intrinsics = intrinsics
         self._chains = {name: tuple(steps) for name, steps in chains.items()}
         self._needs_depth = any(step.perturbation.needs_depth for steps in chains.values() for step in steps)
         self._scratch = ScratchFolder(FLOATS * size_px[0] * size_px[1] * min(len(chains), LAYERS))
@@ -159,7 +162,7 @@ class Compositor:
         values, notes = {}, []
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
-                step, index, identifiers, scene_frame=self._scene.frame_current
+                step, index, identifiers, scene_frame=self._scene.frame_current, intrinsics=self._intrinsics
             )
             notes.append(note)
         return values, notes

@@ -4,8 +4,6 @@
 The scene is a copy that shows the same objects, so that setting it up costs colour's renderer nothing.
 """
 
-from dataclasses import dataclass
-
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +15,10 @@ from .eye import Eye
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
 from .render import FAR_PLANE_TOLERANCE
 from .render_file import RenderFile
+from .scene_files import blocks_of
 from .typed import cycles as cycles_of
 from .typed import get_value
+from .volumes import Volumes, shader_trees
 
 MOST_LOOKS = (
     16  # of a frame with see-through surfaces; half opaque ones are all gone through then, but for 2 pixels in 1e5
@@ -26,49 +26,19 @@ MOST_LOOKS = (
 
 
 TRANSPARENT = ("ShaderNodeBsdfTransparent", "ShaderNodeScript", "ShaderNodeEeveeSpecular")
-VOLUMES = (
-    "ShaderNodeVolumePrincipled",
-    "ShaderNodeVolumeScatter",
-    "ShaderNodeVolumeAbsorption",
-    "ShaderNodeVolumeCoefficients",
-    "ShaderNodeScript",
-)
-
-
-@dataclass(frozen=True)
-class ByChance:
-    """What in a scene makes Cycles' ray go on, or end, by chance.
-
-    surfaces: materials that are see-through in part. volumes: fog, smoke and the like, in which rays are scattered.
-    """
-
-    surfaces: bool
-    volumes: bool
-
-    @property
-    def any(self) -> bool:
-        """Whether there is any of it."""
-        return self.surfaces or self.volumes
-
-    @classmethod
-    def among(cls, blocks: tuple[bpy.types.ID, ...]) -> "ByChance":
-        """Return what there is among the data-blocks of a scene."""
-        trees = [block.node_tree for block in blocks if isinstance(block, bpy.types.Material)]
-        groups = [block for block in blocks if isinstance(block, bpy.types.ShaderNodeTree)]
-        nodes = [node for tree in (*trees, *groups) if tree is not None for node in tree.nodes]
-        volumes = any(isinstance(block, bpy.types.Volume) for block in blocks)
-        return cls(any(map(_transparent, nodes)), volumes or any(node.bl_idname in VOLUMES for node in nodes))
 
 
 class DepthScene:
     """A linked copy of a scene that Cycles renders with one sample for depth alone."""
 
     def __init__(
-        self, scene: bpy.types.Scene, intrinsics: Intrinsics, options: RenderOptions, *, alpha: float, chance: ByChance
+        self, scene: bpy.types.Scene, intrinsics: Intrinsics, options: RenderOptions, *, alpha: float, masked: bool
     ) -> None:
-        """Copy the scene. alpha: what is less opaque does not stop depth. chance: what is in it."""
+        """Copy the scene. alpha: what is less opaque does not stop depth. masked: whether anything may
+        be."""
         self._scene = copy = scene.copy()
-        self._chance = chance
+        self._masked = masked
+        self._volumes = Volumes(blocks_of(scene), needed=options.rgb)
         free_of_animation(copy, CONTROLLED)
         render = copy.render
         render.engine = "CYCLES"  # pyright: ignore[reportAttributeAccessIssue]  the stubs know none but EEVEE
@@ -102,7 +72,8 @@ class DepthScene:
         """Return the depth (H, W) at a pose and a frame of the scene, in metres; 0 is void."""
         set_frame(self._scene, frame)
         self._eye.place(c2w)
-        return without_void(self._through() if self._chance.any else self._once(0), self._far_m)
+        with self._volumes.gone():
+            return without_void(self._through() if self._masked else self._once(0), self._far_m)
 
     def _once(self, seed: int) -> NDArray[np.float32]:
         cycles = cycles_of(self._scene)
@@ -114,17 +85,12 @@ class DepthScene:
     def _through(self) -> NDArray[np.float32]:
         """Return the first surface of each pixel that always stops a ray.
 
-        At a surface that is less opaque than the threshold, chance decides whether Cycles' ray goes on, and in a volume
-        whether it ends, with Z as in the void. So the farthest of several looks is taken, until two show nothing new;
-        with volumes, the void only where no look shows a surface.
+        At a surface that is less opaque than the threshold, chance decides whether Cycles' ray goes on, so the farthest
+        of several looks is taken, until two show nothing new.
         """
         farthest, unchanged = self._once(0), 0
         for seed in range(1, MOST_LOOKS):
-            look = self._once(seed)
-            seen = np.maximum(farthest, look)
-            if self._chance.volumes:
-                void = self._far_m * (1 - FAR_PLANE_TOLERANCE)
-                seen = np.where(farthest >= void, look, np.where(look >= void, farthest, seen))
+            seen = np.maximum(farthest, self._once(seed))
             unchanged = unchanged + 1 if np.array_equal(seen, farthest) else 0
             farthest = seen
             if unchanged == 2:
@@ -154,6 +120,14 @@ def only_depth(layer: bpy.types.ViewLayer) -> None:
         if item.identifier.startswith("use_pass_") and getattr(layer, item.identifier):
             setattr(layer, item.identifier, False)
     layer.use_pass_z = True
+
+
+def may_be_seen_through(blocks: tuple[bpy.types.ID, ...]) -> bool:
+    """Tell whether a material among the data-blocks of a scene may let a camera's ray go on straight, or some of them.
+
+    That of a volume alone does so always, and leaves nothing to chance.
+    """
+    return any(_transparent(node) for tree in shader_trees(blocks) for node in tree.nodes)
 
 
 def _transparent(node: bpy.types.Node) -> bool:

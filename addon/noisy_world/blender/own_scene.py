@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
-from .depth_scene import ByChance, DepthScene, set_frame, without_void
+from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .eye import Eye
 from .own_settings import make_repeatable, rendered_layer
@@ -22,6 +22,7 @@ from .scene_look import open_file, show_scene
 from .shown_colour import ShownColour
 from .typed import camera_of
 from .typed import cycles as cycles_of
+from .volumes import Volumes
 
 COMPOSITE = "Composite"  # the layer of what the compositor makes
 
@@ -67,13 +68,14 @@ class OwnSceneSession:
             scene = bpy.data.scenes[file.scene]
             show_scene(scene)
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
-        chance = ByChance.among(blocks_of(scene))
-        alone = paths.depth is None and not chance.any and not file.keep_compositor
+        blocks = blocks_of(scene)
+        masked = may_be_seen_through(blocks)
+        alone = paths.depth is None and not masked and not Volumes(blocks, needed=True).any and not file.keep_compositor
         together = options.rgb and options.depth and alone and _shows_centre(scene, file)
         # Copied before colour's cameras and file settings are made.
         self._depth = None
         if options.depth and not together:
-            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, chance=chance)
+            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked)
         self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:

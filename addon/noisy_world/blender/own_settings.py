@@ -5,6 +5,7 @@ import bpy
 
 from ..core.planning.source import RenderOptions
 from .engines import ENGINES, enable_gpu
+from .render import muted_output
 from .typed import cycles as cycles_of
 
 BLENDER_NAMES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}
@@ -72,14 +73,20 @@ def _settle_cycles(scene: bpy.types.Scene, options: RenderOptions) -> None:
     cycles.time_limit = 0.0
     cycles.use_deterministic_guiding = True
     cycles.denoising_use_gpu = False
-    if cycles.use_denoising:
-        try:
-            cycles.denoiser = "OPENIMAGEDENOISE"
-        except TypeError:  # distributions build Blender without any denoiser; it renders such scenes without
-            cycles.use_denoising = False
+    if lacks_denoiser(scene):
+        cycles.use_denoising = False
+    elif cycles.use_denoising:
+        cycles.denoiser = "OPENIMAGEDENOISE"
     if options.device == "gpu":
         enable_gpu()
         cycles.device = "GPU"
+
+
+def lacks_denoiser(scene: bpy.types.Scene) -> bool:
+    """Tell whether a scene is to be denoised by a Blender that is built without OpenImageDenoise."""
+    cycles = cycles_of(scene)
+    with muted_output():  # Blender warns of what it does not know
+        return cycles.use_denoising and cycles.denoiser == ""
 
 
 def _one_layer(scene: bpy.types.Scene) -> None:

@@ -59,10 +59,10 @@ def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
 
 def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     sampled = sampled_camera(scene, None, [still.frame])
-    view = sampled.views[0]
-    camera = scene.objects[view.camera]
+    sight = sampled.sights[0]
+    camera = scene.objects[sight.camera]
     engine = still.engine or ENGINES[scene.render.engine]
-    near_m, far_m = still.clip_m or (view.near_m, view.far_m)
+    near_m, far_m = still.clip_m or (sight.near_m, sight.far_m)
     options = RenderOptions(
         rgb=True, depth=True, near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
         samples=still.samples or samples_of(scene)[engine],

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 
-from ..core.scenes.own_scene import SampledCamera, View
+from ..core.scenes.own_scene import SampledCamera, Sight
 from .typed import camera_of
 
 
@@ -21,18 +21,18 @@ def sampled_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, fram
     """
     asked = tuple(frames)
     before = (scene.frame_current, scene.frame_subframe, scene.camera)
-    matrices, views = [], []
+    matrices, sights = [], []
     for frame in asked:
         show_frame(scene, frame)
         seen_by = camera or scene.camera
         assert seen_by is not None, "the scene has a camera"
         evaluated = seen_by.evaluated_get(_evaluated(scene))
         matrices.append(np.array(evaluated.matrix_world, dtype=np.float64))
-        views.append(view_of(scene, evaluated))
+        sights.append(sight_of(scene, evaluated))
     scene.frame_set(before[0], subframe=before[1])
     if scene.camera != before[2]:
         scene.camera = before[2]
-    return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(views))
+    return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(sights))
 
 
 def show_frame(scene: bpy.types.Scene, frame: float) -> None:
@@ -47,7 +47,7 @@ def _evaluated(scene: bpy.types.Scene) -> bpy.types.Depsgraph:
     return graph
 
 
-def view_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> View:
+def sight_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> Sight:
     """Return how a camera sees in a scene's image, by Blender's own rule.
 
     The sensor's size is measured along the image's longer side, in units of square pixels, unless its fit says along
@@ -61,7 +61,7 @@ def view_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> View:
     sensor_mm = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
     side_px = width_px if wide else aspect * height_px
     fx_px = data.lens * side_px / sensor_mm
-    return View(
+    return Sight(
         camera=camera.name,
         kind=data.type,
         width_px=width_px,

@@ -42,8 +42,8 @@ def files_of(scene: bpy.types.Scene) -> SceneFiles:
     for block in blocks:
         found = sorted(_files_of_block(block, paths.get(block, ())))
         files.update(found)
-        missing += [f"{_named(block)} ({path})" for path in found if not path.exists()]
-        if block.is_missing:
+        missing += [f"{_named(block)} ({path})" for path in found if not path.exists() and not _is_folder(block, path)]
+        if block.is_missing and block.library is not None and _absolute(block, block.library.filepath).exists():
             missing.append(f"{_named(block)}, which {_library_name(block)} does not have")
     files.update(_disk_caches(blocks))
     there = {file for path in files for file in ([path] if path.is_file() else _inside(path))}
@@ -141,6 +141,11 @@ def _cache_folders(modifier: bpy.types.Modifier) -> list[str]:
     if isinstance(modifier, bpy.types.NodesModifier):
         return [modifier.bake_directory, *(bake.directory for bake in modifier.bakes if bake.use_custom_path)]
     return []
+
+
+def _is_folder(block: bpy.types.ID, path: Path) -> bool:
+    """Tell whether a path that is not there would be the folder of an object's simulation, which is not baked then."""
+    return isinstance(block, bpy.types.Object) and not path.suffix
 
 
 def _inside(folder: Path) -> list[Path]:

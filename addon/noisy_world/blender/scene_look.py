@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
-from .own_settings import rendered_layer
+from .own_settings import lacks_denoiser, rendered_layer
 from .render import muted_output
 from .scene_camera import camera_alone, sampled_camera
 from .scene_files import files_of
@@ -136,6 +136,8 @@ def _notes(scene: bpy.types.Scene, sampled: SampledCamera | None) -> list[str]:
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
         notes.append(f"has {len(layers)} view layers; {layers[0]} is rendered (compositor: keep combines them)")
+    if scene.render.engine == "CYCLES" and lacks_denoiser(scene):
+        notes.append("is to be denoised, but this Blender is built without OpenImageDenoise: colours stay noisy")
     if scene.render.use_border:
         notes.append("has a render region; the whole frame is rendered")
     if scene.display_settings is not None and scene.display_settings.display_device != "sRGB":

@@ -33,20 +33,20 @@ def problems_of(scene: bpy.types.Scene, files: SceneFiles) -> Iterator[Problem]:
 
 def camera_problems(sampled: SampledCamera, *, lens_given: bool) -> Iterator[Problem]:
     """Yield what is wrong with a camera that was sampled. lens_given: whether the preset gives the intrinsics."""
-    first = sampled.views[0]
-    for view in sampled.views:
-        if view.kind != "PERSP":
+    first = sampled.sights[0]
+    for sight in sampled.sights:
+        if sight.kind != "PERSP":
             kinds = {"ORTHO": "orthographic", "PANO": "panoramic"}
-            problem = f"{view.camera} is {kinds.get(view.kind, 'a camera of a script')}, not perspective"
+            problem = f"{sight.camera} is {kinds.get(sight.kind, 'a camera of a script')}, not perspective"
             yield Problem("camera", problem, "name another camera, or change its type")
             return
     if lens_given:
         return
-    for frame, view in zip(sampled.frames, sampled.views, strict=True):
-        if view.seen != first.seen:
-            who = "lens or clipping changes" if view.camera == first.camera else f"{view.camera} sees otherwise"
-            told = f"{first.camera}'s " if view.camera == first.camera else ""
-            numbers = f"fx {first.fx_px:.6g} at frame {sampled.frames[0]:g}, {view.fx_px:.6g} at frame {frame:g}"
+    for frame, sight in zip(sampled.frames, sampled.sights, strict=True):
+        if sight.seen != first.seen:
+            who = "lens or clipping changes" if sight.camera == first.camera else f"{sight.camera} sees otherwise"
+            told = f"{first.camera}'s " if sight.camera == first.camera else ""
+            numbers = f"fx {first.fx_px:.6g} at frame {sampled.frames[0]:g}, {sight.fx_px:.6g} at frame {frame:g}"
             problem = f"{told}{who} along the path ({numbers}), and a sequence has one camera"
             yield Problem("camera", problem, "give the preset's camera, which then holds, or choose frames")
             return
@@ -70,8 +70,7 @@ def _scripted_drivers(blocks: Iterable[bpy.types.ID]) -> Iterator[str]:
 
 
 def _unbaked(scene: bpy.types.Scene, blocks: Iterable[bpy.types.ID]) -> Iterator[str]:
-    world = scene.rigidbody_world
-    if world is not None and world.enabled and world.point_cache is not None and not world.point_cache.is_baked:
+    if _moves_bodies(scene.rigidbody_world):
         yield "rigid bodies"
     for block in blocks:
         if not isinstance(block, bpy.types.Object):
@@ -85,6 +84,13 @@ def _unbaked(scene: bpy.types.Scene, blocks: Iterable[bpy.types.ID]) -> Iterator
             moves = settings.type == "EMITTER" and settings.physics_type != "NO"
             if (moves or (settings.type == "HAIR" and system.use_hair_dynamics)) and not system.point_cache.is_baked:
                 yield f"{block.name} {system.name}"
+
+
+def _moves_bodies(world: bpy.types.RigidBodyWorld | None) -> bool:
+    """Tell whether rigid bodies move, and are not baked."""
+    if world is None or not world.enabled or world.collection is None or world.point_cache is None:
+        return False
+    return len(world.collection.all_objects) > 0 and not world.point_cache.is_baked
 
 
 def _simulates(modifier: bpy.types.Modifier) -> bool:

@@ -66,7 +66,7 @@ def add_preset_options(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         type=place,
         help="the dataset's folder (default: out/<name of the preset>), or an address such as s3://bucket/name, where "
-        "it is packed",
+        "it is packed; or a video such as walk.mp4, of the colour alone, to look at",
     )
     parser.add_argument(
         "--scratch",

@@ -17,14 +17,25 @@ if TYPE_CHECKING:
 def run_at(
     plan: "Plan", options: argparse.Namespace, progress: "Progress", stop: threading.Event, jobs: int = 1
 ) -> "AddressRun":
-    """Return the run of a plan at the address that the options name."""
+    """Return the run of a plan at the address that the options name.
+
+    Raises InputError where frames have no pose, which a packed dataset's table has for each.
+    """
     from ..pipeline.address_run import AddressRun
     from ..storage.address import open_address
 
+    _check_poses(plan)
     text = out_address(options)
     assert text is not None, "the dataset is at an address"
     address = open_address(text)
     return AddressRun(plan, address, progress=progress, stop=stop, scratch=options.scratch, jobs=jobs)
+
+
+def _check_poses(plan: "Plan") -> None:
+    for scene in plan.scenes:
+        if not (scene.source.gives.any_pose or scene.source.trajectory().known.all()):
+            told = "frames without a pose cannot be at an address, whose table of frames has one for each"
+            raise scene.place.error(told, "write the dataset into a folder")
 
 
 def told_of(report: "Report", options: argparse.Namespace) -> int:

@@ -7,6 +7,8 @@ polygons; --triangulate is for those.
 """
 
 import argparse
+from collections.abc import Sequence
+from pathlib import Path
 
 from .arguments import path
 from .ending import ended
@@ -46,13 +48,14 @@ def write(options: argparse.Namespace) -> int:
     if options.up is not None and is_embedded(name):
         raise InputError("--up", "goes with the file of a mesh", remedy="leave it out")
     mesh = build_room(_one_room(name)) if is_embedded(name) else read_mesh(options.mesh, options.up)
+    pictures: Sequence[Path] = ()
     if mesh.texture is None:
         write_ply(options.out, mesh, triangulate=options.triangulate)
     else:
         pictures = write_textured_ply(options.out, mesh, mesh.texture, triangulate=options.triangulate)
     for note in mesh.notes:
         print(note)
-    if mesh.texture is not None:
+    if pictures:
         print(f"wrote {', '.join(map(str, pictures))}: its textures, which Replica's layout has not")
     vertices = read_header(options.out).elements["vertex"].rows
     faces = int((mesh.face_sizes - 2).sum()) if options.triangulate else len(mesh.face_starts)

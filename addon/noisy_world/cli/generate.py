@@ -13,6 +13,7 @@ from .outcome import tell_outcome
 from .part import planned
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from threading import Event
 
     from ..core.planning.plan import Plan
@@ -43,6 +44,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
+    from .as_video import is_video
     from .running import listener
 
     need_blender(plan, entry)
@@ -50,6 +52,8 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
         return generate_there(plan, options, entry)
     out = out_folder(options)
     progress, stop = listener(options.progress)
+    if is_video(out):
+        return generate_videos(plan, options, entry, progress, stop)
     if options.ray is None:
         report = make_here(plan, options, entry, progress, stop)
     else:
@@ -61,6 +65,24 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     if plan.preset.spec.output.overview:
         print(f"wrote {out / 'overview.png'}")
     tell_outcome(report, options)
+    return 0
+
+
+def generate_videos(
+    plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event"
+) -> int:
+    """Make videos of the sequences' colour, and print the outcome."""
+    from .as_video import make_videos, videos_of
+
+    out = out_folder(options)
+    videos = videos_of(plan, out, overwrite=options.overwrite)
+    reports: list[Report] = []
+    make_videos(
+        plan, videos, lambda folder: reports.append(make_here(plan, options, entry, progress, stop, folder=folder))
+    )
+    for path in videos.values():
+        print(f"wrote {path}")
+    tell_outcome(reports[0], options)
     return 0
 
 
@@ -86,12 +108,20 @@ def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> i
     return told_of(run.make_dataset(workers.make), options)
 
 
-def make_here(plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event") -> "Report":
-    """Make the dataset on this machine."""
+def make_here(
+    plan: "Plan",
+    options: argparse.Namespace,
+    entry: Entry,
+    progress: "Progress",
+    stop: "Event",
+    *,
+    folder: "Path | None" = None,
+) -> "Report":
+    """Make the dataset on this machine. folder: where, if not where the options say."""
     from ..pipeline.run import Run
     from .workers import Workers, useful_jobs
 
-    out = out_folder(options)
+    out = folder or out_folder(options)
     jobs, told = useful_jobs(options.jobs, plan.frame_count)
     if told:
         progress.note(told)

@@ -37,8 +37,11 @@ def list_known(what: str) -> int:
 
 
 def list_layouts() -> int:
-    """List every layout with its image kinds, its colours (the default of each first) and its depth scale."""
-    from ..core.datasets.layouts import LAYOUTS
+    """List every layout with its image kinds, its colours (the default of each first) and its depth scale.
+
+    Then those of recordings that are read alone, and the files that each is told by.
+    """
+    from ..core.datasets.layouts import LAYOUTS, RECORDED
     from ..core.presets.output import OutputSpec
 
     for layout in LAYOUTS.values():
@@ -46,6 +49,10 @@ def list_layouts() -> int:
         print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
         farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
         print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
+    print("\nread alone, as sequence: FOLDER")
+    for layout in RECORDED.values():
+        print(f"{layout.name}  {layout.label}: {layout.meaning}")
+        print(f"    {layout.files}")
     return 0
 
 

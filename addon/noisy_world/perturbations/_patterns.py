@@ -29,7 +29,7 @@ def kept_for_sequence[**P, T](
         if context.temporal == "fresh":
             return draw(context, *args, **kwargs)
         # Leave out what belongs to one frame: else the cache would miss, and keep the frame's images in memory.
-        alone = replace(context, index=0, stamp_s=None, intrinsics=None, read_rgb=None, read_depth_m=None)
+        alone = replace(context, index=0, stamp_s=None, intrinsics=None, motion=None, read_rgb=None, read_depth_m=None)
         return kept(alone, *args, **kwargs)
 
     return pick

@@ -1,42 +1,59 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_files import WholeFile
 from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence
 from ..core.planning.source import SourceFrame
+from ..core.trajectories.motion import CameraMotion, motion_between
+from ..core.trajectories.trajectory import Trajectory
+from .spent import DECODING, Spent
 
 
 class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
-    def __init__(self, source: int, image: SourceFrame) -> None:
-        """Hold a frame. source: its number on the path."""
+    def __init__(
+        self, source: int, image: SourceFrame, between: Registration | None = None, spent: Spent | None = None
+    ) -> None:
+        """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
+
+        spent: hears how long images take that are read from files; None where they are not.
+        """
         self.source = source
         self._image = image
+        self._between = between
+        self._spent = spent
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
         """Colour (H, W, 3), float32 in [0, 1] or uint8."""
-        rgb = self._image.rgb
+        with self._decoding():
+            rgb = self._image.rgb
         assert rgb is not None, "colour was not asked for"
         return rgb
 
     @cached_property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres; 0 = void."""
-        depth_m = self._image.depth_m
+        with self._decoding():
+            depth_m = self._image.depth_m
         assert depth_m is not None, "depth was not asked for"
         return depth_m
+
+    def _decoding(self) -> contextlib.AbstractContextManager[None]:
+        return contextlib.nullcontext() if self._spent is None else self._spent.on(DECODING)
 
     def float_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3) as float32 in [0, 1]."""
@@ -46,11 +63,20 @@ class CleanFrame:
         """Return colour (H, W, 3) as uint8, rounded if it is float."""
         return as_bytes(self.rgb)
 
-    def read_depth_m(self) -> NDArray[np.float32]:
-        """Return the depth; a function that contexts can hand on."""
-        return self.depth_m
+    @cached_property
+    def _depth_in_colour_m(self) -> NDArray[np.float32]:
+        return self.depth_m if self._between is None else self._between.depth_in_colour(self.depth_m)
 
-    def file_as(self, modality: Modality, format_: OutputFormat) -> Path | None:
+    def read_depth_m(self) -> NDArray[np.float32]:
+        """Return the depth as the colour camera sees it; a function that contexts can hand on."""
+        return self._depth_in_colour_m
+
+    def read_rgb(self) -> NDArray[np.float32]:
+        """Return colour (H, W, 3), float32 in [0, 1], as the depth camera sees it, for contexts likewise."""
+        rgb = self.float_rgb()
+        return rgb if self._between is None else self._between.colour_in_depth(rgb, self.depth_m)
+
+    def file_as(self, modality: Modality, format_: OutputFormat) -> WholeFile | None:
         """Return an existing file that holds an image exactly as a dataset would write it, or None."""
         return self._image.file_as(modality, format_)
 
@@ -60,11 +86,12 @@ class Camera:
     """What is known about the camera beside its images.
 
     intrinsics: None where unknown. stamps_s: (N,) time stamps of the images of the path's frames, colour or depth,
-    seconds; frame i of a sequence has the i-th.
+    seconds; frame i of a sequence has the i-th. path: of the camera, a pose for each source frame; None where unknown.
     """
 
     intrinsics: Intrinsics | None
     stamps_s: NDArray[np.float64]
+    path: Trajectory | None = None
 
     def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
         """Return the context of a frame of a sequence.
@@ -78,6 +105,18 @@ class Camera:
             identifiers=sequence.identifiers,
             stamp_s=float(self.stamps_s[frame]),
             intrinsics=self.intrinsics,
-            read_rgb=clean.float_rgb if setting.needs_rgb else None,
+            motion=self._motion(sequence, frame) if setting.uses_motion else None,
+            read_rgb=clean.read_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_depth_m if setting.needs_depth else None,
         )
+
+    def _motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
+        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate."""
+        if self.path is None:
+            return None
+        before = max(frame - 1, 0)
+        rows = [int(sequence.source_frames[k]) for k in (0, before, frame)]
+        if not self.path.known[rows].all():
+            return None
+        first, earlier, now = self.path.c2w[rows]
+        return motion_between(first, earlier, now, float(self.path.stamps_s[frame] - self.path.stamps_s[before]))

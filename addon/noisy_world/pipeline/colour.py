@@ -79,7 +79,7 @@ class CompositorColour:
             waiting = [item for item in waiting if item not in turn.values()]
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
-            pictures = self._compositor.perturb(clean.rgb, frames, clean.depth_m if needs_depth else None)
+            pictures = self._compositor.perturb(clean.rgb, frames, clean.read_depth_m() if needs_depth else None)
             for folder, (sequence, frame) in turn.items():
                 pixels, notes = pictures[folder]
                 image = ColourImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
@@ -131,5 +131,5 @@ def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int,
 
     keep_freed_memory()
     chains = {item.folder: item.setting.rgb for item in composited}
-    with Compositor(size_px, chains, size_px[0]) as compositor:
+    with Compositor(size_px, chains, size_px[0], camera.intrinsics) as compositor:
         yield Colour({**executors, CompositorColour(compositor, camera): composited})

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import RangeLoss, range_loss
 from ..core.datasets.layouts import SequenceFacts
+from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
-from ..core.datasets.provenance import cameras_agree, cameras_of, manifest
+from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.standing import OVERVIEW
 from ..core.planning.motion_record import motion_of_frames
@@ -49,10 +50,11 @@ class Completion:
                     records = {frame: record.with_motion(motion[frame]) for frame, record in records.items()}
                 paths = written_paths(sequence, self._paths_of(render))
                 stamps = render.scene.source.frame_stamps
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, tuple(records), paths, stamps)
+                frames = tuple(records)
+                facts = SequenceFacts(format_, render.camera, self._plan.rig, frames, paths, stamps, render.optics)
                 texts = format_.layout.sequence_texts(facts)
                 if not one_camera:
-                    texts |= format_.setting_texts(render.camera)
+                    texts |= format_.setting_texts(render.camera, render.optics)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())
                 counts[sequence.folder] = len(records)
                 pictured[sequence.folder] = list(records)
@@ -60,7 +62,8 @@ class Completion:
                 if loss := range_loss(images, self._pixels(sequence.scene)):
                     losses[sequence.folder] = loss
         files |= {} if one_camera else self._texts_beside()
-        of_setting = format_.setting_texts(self._plan.renders[0].camera) if one_camera else {}
+        first = self._plan.renders[0]
+        of_setting = format_.setting_texts(first.camera, first.optics) if one_camera else {}
         for setting in {folder.split("/")[0]: None for folder in counts}:
             for name, text in of_setting.items():
                 path = f"{setting}/{name}"
@@ -87,9 +90,12 @@ class Completion:
         Returns the files of these sequences by folder.
         """
         cameras = cameras_of(self._dataset.identity)
+        told = optics_of(self._dataset.identity)
+        beyond = {name: stated_optics(self._dataset.out, content) for name, content in told.items()}
         files: dict[str, object] = {}
         for folder, there in self._dataset.kept.items():
-            texts = self._plan.format.setting_texts(cameras[folder.split("/")[1]])
+            scene = folder.split("/")[1]
+            texts = self._plan.format.setting_texts(cameras[scene], beyond[scene])
             written = {name: self._dataset.write_text(f"{folder}/{name}", text) for name, text in texts.items()}
             files[folder] = there | written
         return files
@@ -106,5 +112,5 @@ class Completion:
 
     def _pixels(self, scene: str) -> int:
         """Return how many pixels a frame of a scene has."""
-        camera = self._plan.cameras[scene]
+        camera = self._plan.depth_cameras[scene]
         return camera.width_px * camera.height_px

@@ -20,7 +20,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
-from .spent import LOADING, RENDERING, Spent
+from .spent import DECODING, LOADING, RENDERING, Spent
 from .stock import Finished
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
@@ -88,6 +88,9 @@ class FrameMaker:
             )
         options = render_options(self._plan, render, judging=judging, threads=self._threads)
         opened = prepared.open(self.paths_of(render), options, partial(self._note, render.name))
+        if render.registration is not None and (render.needs_depth or render.needs_rgb):
+            told = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
+            self._note(render.name, told)
         return self._render.keep((render.name,), contextlib.nullcontext(opened))
 
     def _note(self, name: str, text: str) -> None:
@@ -102,7 +105,7 @@ class FrameMaker:
         key = (render.name, *(item.folder for item in lacking))
         if (colour := self._colour.of(key)) is not None:
             return colour
-        camera = Camera(render.camera, render.scene.source.stamps_s)
+        camera = Camera(render.camera, render.scene.source.stamps_s, self.paths_of(render).rgb)
         size_px = (render.camera.width_px, render.camera.height_px)
         return self._colour.keep(key, colour_of(lacking, camera, size_px))
 
@@ -110,11 +113,14 @@ class FrameMaker:
         self, render: Render, frames: Many[int], source: OpenSource, colour: Colour, writer: FrameWriter
     ) -> None:
         paths = self.paths_of(render)
+        heard = None if render.scene.source.gives.rendered else writer.spent
         for frame in frames:
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
-            clean = CleanFrame(frame, source.frame(paths.moment(frame)))
+            with contextlib.nullcontext() if heard is None else heard.on(DECODING):
+                image = source.frame(paths.moment(frame))
+            clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             self._count(writer.submit(clean, colour.of(clean)), writer)
@@ -131,7 +137,7 @@ class FrameMaker:
         if lost is None or lost.sequence.scene in self._told_lost:
             return
         scene, range_ = lost.sequence.scene, self._plan.format.depth_range
-        camera = self._plan.cameras[scene]
+        camera = self._plan.depth_cameras[scene]
         self._told_lost.add(scene)
         told = range_.told_of_image(lost.out_of_range, camera.width_px * camera.height_px)
         told = range_.with_remedy(told, lost.out_of_range.farthest_m)

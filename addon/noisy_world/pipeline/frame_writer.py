@@ -19,8 +19,7 @@ from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.storage import sha256_of_bytes, sha256_of_file
-from ..core.errors import InputError
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.perturbing.execution import DepthWork
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
@@ -63,9 +62,9 @@ class FrameWriter:
     def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: Spent) -> None:
         """Open the journals. finished: what is not to be written again. spent: hears how long what took."""
         self._dataset = dataset
-        self._spent = spent
+        self.spent = self._spent = spent
         self._stamps = render.scene.source.frame_stamps
-        self._camera = Camera(render.camera, self._stamps.depth.seconds)
+        self._camera = Camera(render.depth_camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = finished
@@ -224,11 +223,8 @@ class FrameFiles:
 
     def _existing(self, modality: Modality) -> Written | None:
         """Return the source's own file that holds the image, or one that is finished; None where there is none."""
-        if path := self._clean.file_as(modality, self._dataset.format):
-            digest = sha256_of_file(path)
-            if digest is None:
-                raise InputError(path, "is gone")
-            return Written(path, digest)
+        if whole := self._clean.file_as(modality, self._dataset.format):
+            return Written(whole.path, whole.sha256)
         found = self._finished.clean_image(modality, self._clean.source)
         return None if found is None else Written(found[0], found[1], out_of_range=found[2])
 

@@ -83,15 +83,15 @@ class MadeFrame:
         pixels, _ = self._rgb
         if pixels is not None:
             return written.encode_rgb(pixels)
-        if (path := self._clean_rgb.file_as("rgb", written)) is not None:
-            return _content(path)
+        if (whole := self._clean_rgb.file_as("rgb", written)) is not None:
+            return _content(whole.path)
         return written.encode_rgb(self._clean_rgb.rgb)
 
     def depth_bytes(self, written: OutputFormat) -> bytes:
         """Return the depth image as a dataset holds it."""
         depth_m, _ = self._depth_m
-        if depth_m is None and (path := self._clean_depth.file_as("depth", written)) is not None:
-            return _content(path)
+        if depth_m is None and (whole := self._clean_depth.file_as("depth", written)) is not None:
+            return _content(whole.path)
         return written.encode_depth(self.depth_m)
 
     def done(self, written: OutputFormat) -> dict[str, Any]:

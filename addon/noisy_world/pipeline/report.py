@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from .spent import DECODING
+
 
 @dataclass
 class Report:
@@ -30,6 +32,12 @@ class Report:
     def frames_per_s(self) -> float | None:
         """Frames per second from the first frame on, without loading."""
         return self.frames_rendered / self.rendering_s if self.frames_rendered and self.rendering_s > 0 else None
+
+    @property
+    def decoding_share(self) -> float | None:
+        """The share of the processor's time in which images of recordings were decoded; None where none was."""
+        decoding_s = self.processor_s.get(DECODING)
+        return None if decoding_s is None else decoding_s / sum(self.processor_s.values())
 
     def merge(self, other: "Report") -> None:
         """Add what another process did at the same time."""

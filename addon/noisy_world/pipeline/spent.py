@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 
 RENDERING = "rendering"
 LOADING = "loading"
+DECODING = "decoding"
 
 
 class Spent:
@@ -17,15 +18,26 @@ class Spent:
         """Begin with none."""
         self._lock = threading.Lock()
         self._seconds: dict[str, float] = {}
+        self._within = threading.local()  # seconds of this thread that belong to a stage inside another
 
     @contextlib.contextmanager
     def on(self, stage: str) -> Iterator[None]:
-        """Add what this thread does to a stage. Threads that it starts itself are not counted."""
-        start_s = time.thread_time()
+        """Add what this thread does to a stage, but for what goes to a stage inside.
+
+        Threads that it starts itself are not counted.
+        """
+        start_s, before_s = time.thread_time(), self._inner_s
+        self._within.seconds = 0.0
         try:
             yield
         finally:
-            self.add({stage: time.thread_time() - start_s})
+            whole_s = time.thread_time() - start_s
+            self.add({stage: whole_s - self._inner_s})
+            self._within.seconds = before_s + whole_s
+
+    @property
+    def _inner_s(self) -> float:
+        return getattr(self._within, "seconds", 0.0)
 
     @contextlib.contextmanager
     def rest_on(self, stage: str) -> Iterator[None]:

@@ -24,6 +24,7 @@ from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.datasets.standing import identity_problem
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, PreparedSource
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
@@ -148,7 +149,7 @@ class StoredClean:
             raise InputError(self.path(modality), f"is {image.dtype} {image.shape}, no clean image", remedy=AGAIN)
         return image
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
         """Return None: no file here is a dataset's."""
         del modality, written
 
@@ -194,6 +195,11 @@ class StoredScene:
     def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics asked for; that they are the frames' own has been checked."""
         return asked
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
+        return PINHOLE
 
     def trajectory(self) -> Trajectory:
         """Return the path."""

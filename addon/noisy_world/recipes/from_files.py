@@ -4,6 +4,7 @@
 import json
 import re
 from collections.abc import Collection
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.images import as_bytes
 from ..core.datasets.layouts import LAYOUTS, find_sequence
 from ..core.datasets.records import FRAMES
 from ..core.datasets.standing import MANIFEST, Standing, read_standing
@@ -179,7 +181,7 @@ class FrameOfFiles(Frame):
     @property
     def rgb(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), RGB. Raises InputError where the file is no image."""
-        return self._files.rgb
+        return as_bytes(self._files.rgb)
 
     @property
     def rgb_uncompressed(self) -> NDArray[np.uint8]:
@@ -221,8 +223,7 @@ def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Pat
     if rgb is None or depth is None or stored.folder / rgb != frame.rgb_file:
         where = f"frame {record['frame']}"
         raise InputError(path, f"does not name {frame.rgb_file.name} and its depth", where=where, remedy=AGAIN)
-    size_px, colour, scale = frame.size_px, frame.colour, frame.depth_scale_per_m
-    return StoredFrame(frame.rgb_file, stored.folder / depth, scale, size_px, colour)
+    return replace(frame, depth_file=stored.folder / depth, depth_sha256=record["sha256"][depth])
 
 
 def _content(path: Path) -> bytes:

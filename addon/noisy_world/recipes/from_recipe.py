@@ -131,7 +131,9 @@ class OpenedRecipe(Opened):
         key = (sequence.render.name, source)
         with self._lock:
             if key not in self._recent:
-                self._recent[key] = CleanFrame(source, self._clean_image(sequence, source))
+                self._recent[key] = CleanFrame(
+                    source, self._clean_image(sequence, source), sequence.render.registration
+                )
                 if len(self._recent) > KEPT_FRAMES:
                     self._recent.popitem(last=False)
             return self._recent[key]
@@ -209,8 +211,8 @@ class SequenceOfRecipe(OpenedSequence):
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
         self.stamps = scene.source.frame_stamps
-        stamps_s = (scene.source.stamps_s, self.stamps.depth.seconds)
-        colour, depth = (Camera(self.render.camera, part) for part in stamps_s)
+        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb)
+        depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
         self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -2,11 +2,11 @@
 """A recipe as a plan: its preset with the inputs that lie here, checked against the recipe's hashes."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.provenance import plain_values
+from ..core.datasets.provenance import told_entry
 from ..core.errors import InputError
 from ..core.planning.plan import Plan, Render, read_settings
 from ..core.presets.preset import Preset, check_document
@@ -81,7 +81,7 @@ def _named(recipe: Recipe) -> list[str]:
     """Return the sequences of a recipe that its preset names."""
     preset = preset_of(recipe)
     settings = {setting.name for setting in read_settings(preset, registry())}
-    entries = [plain_values(asdict(spec)) for spec in preset.spec.scenes]
+    entries = [told_entry(spec) for spec in preset.spec.scenes]
     scenes = {name for name, scene in recipe.identity["scenes"].items() if scene["entry"] in entries}
     parts = [(name, *name.split("/")) for name in recipe.names]
     return [name for name, setting, scene in parts if setting in settings and scene in scenes]

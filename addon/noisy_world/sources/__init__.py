@@ -23,9 +23,10 @@ from .lit_mesh import lit_mesh
 from .mesh_files import filled, found_path, mesh_scene
 from .recording import read_recording
 from .replica import ReplicaScene, check_replica, replica_scene
+from .video import read_video_source
 from .wildcards import matched_parts
 
-KINDS = {"mesh": "meshes", "sequence": "sequences", "blend": "files"}
+KINDS = {"mesh": "meshes", "sequence": "sequences", "video": "videos", "blend": "files"}
 """The keys that name a scene's file or folder, with the word for several."""
 
 
@@ -93,8 +94,12 @@ def _candidate(
 
     def find() -> Source:
         whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
+        if kind == "video":
+            return read_video_source(whole, place)
         if kind == "sequence":
-            return read_recording(whole, place, spec.rate_hz)
+            return read_recording(
+                whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register
+            )
         if kind == "blend":
             return blend_scene(preset, place, spec, whole, parts=parts)
         plain = mesh_scene(preset, place, spec, name, whole, parts=parts)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.storage import sha256_of_file
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
+from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, OwnRendering, RenderOptions, SourceFrame
 from ..core.presets.frame_range import LAST_POSSIBLE
 from ..core.presets.preset import CameraSpec, Preset
@@ -89,7 +90,12 @@ class BlendSource:
         """Return the intrinsics asked for or, where none are, those of the scene's camera."""
         if asked is not None:
             return asked
-        return self.found.view.intrinsics
+        return self.found.sight.intrinsics
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
+        return PINHOLE
 
     def trajectory(self) -> Trajectory:
         """Return the path: the file's, or that of the scene's camera."""
@@ -142,7 +148,7 @@ class BlendSource:
     @property
     def _cameras(self) -> tuple[str, ...]:
         assert self.found.camera is not None
-        return tuple(view.camera for view in self.found.camera.views)
+        return tuple(sight.camera for sight in self.found.camera.sights)
 
     @property
     def file(self) -> "OwnSceneFile":
@@ -247,7 +253,7 @@ def blend_scene(
     if spec.trajectory is not None:
         where = place.at("trajectory")
         path_file = path_file_of(preset, where, spec.trajectory, parts)
-        seen_with = found.view.intrinsics if given is None else given.intrinsics
+        seen_with = found.sight.intrinsics if given is None else given.intrinsics
         known, read_as = read_path(path_file, spec.trajectory, where, seen_with)
         axes = None if read_as.axes == "auto" else read_as.axes
     source = BlendSource(place, path, spec, found, given, path_file, known, axes or "opencv", rendering, sampled)
@@ -275,7 +281,7 @@ def _rendering(preset: Preset, place: Place, found: OwnScene, given: CameraSpec 
         problem = f"is gpu, but {engine} renders with GL, on whatever GL finds"
         raise preset.place("render.device").error(problem, "leave it out, or set render.engine: cycles")
     samples = told.samples if sampled else found.samples[engine]
-    near_m, far_m = (found.view.near_m, found.view.far_m) if given is None else (given.near_m, given.far_m)
+    near_m, far_m = (found.sight.near_m, found.sight.far_m) if given is None else (given.near_m, given.far_m)
     return OwnRendering(engine, samples, near_m, far_m), sampled
 
 

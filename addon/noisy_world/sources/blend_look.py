@@ -4,7 +4,6 @@
 import json
 import subprocess
 import sys
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,9 @@ main()
 """
 
 
+_LOOKS: dict[tuple[Path, str], tuple[list[tuple[int, int] | None], dict[str, Any]]] = {}
+
+
 def look_at(
     path: Path,
     place: Place,
@@ -35,15 +37,14 @@ def look_at(
     needs_path: bool,
     lens_given: bool,
 ) -> OwnScene:
-    """Return what a scene of a .blend says of itself; the last looks are remembered until the file changes.
+    """Return what a scene of a .blend says of itself; a look is remembered until a file of the scene changes.
 
     needs_path: whether its camera's path is asked for. lens_given: whether the preset gives the intrinsics. Raises
     InputError naming the preset's key where it cannot be a source.
     """
     chosen = None if frames is None else (frames.first, frames.last, frames.step)
     request = {"scene": scene, "camera": camera, "frames": chosen, "path": needs_path, "lens_given": lens_given}
-    there = path.stat()
-    told = _looked(path.absolute(), json.dumps(request), there.st_mtime_ns, there.st_size)
+    told = _looked(path.absolute(), json.dumps(request))
     if "unreadable" in told:
         raise place.at("blend").error(f"{path.name} is no file that Blender reads: {told['unreadable']}")
     if "scenes" in told:
@@ -55,18 +56,28 @@ def look_at(
     return found
 
 
-@lru_cache(maxsize=64)
-def _looked(path: Path, request: str, _changed_ns: int, _size: int) -> dict[str, Any]:
+def _looked(path: Path, request: str) -> dict[str, Any]:
+    if (kept := _LOOKS.get((path, request))) is not None and kept[0] == _changed(path, kept[1]):
+        return kept[1]
     asked = {**json.loads(request), "file": str(path)}
     ran = subprocess.run(  # noqa: S603 - this program
         look_command(), input=json.dumps(asked), capture_output=True, text=True, encoding="utf-8", check=False
     )
     answers = [line for line in ran.stdout.splitlines() if line.startswith(MARK)]
     if "No module named 'bpy'" in ran.stderr:
-        raise MissingDependencyError("a .blend needs Blender's Python package; run: pip install 'noisy-world[blender]'")
+        raise MissingDependencyError("a .blend needs Blender: run pip install bpy, or start this in a Blender program")
     if ran.returncode != 0 or not answers:
         raise RuntimeError(f"the look at {path} ended with status {ran.returncode}: {ran.stderr[-2000:]}")
-    return json.loads(answers[-1].removeprefix(MARK))
+    told = json.loads(answers[-1].removeprefix(MARK))
+    if "found" in told and not told["found"]["problems"]:  # what was wrong may be mended elsewhere
+        _LOOKS[path, request] = (_changed(path, told), told)
+    return told
+
+
+def _changed(path: Path, told: dict[str, Any]) -> list[tuple[int, int] | None]:
+    """Return when the .blend and each file of a look was changed, and its size; None for one that is gone."""
+    stats = [file.stat() if file.exists() else None for file in (path, *map(Path, told["found"]["files"]))]
+    return [None if item is None else (item.st_mtime_ns, item.st_size) for item in stats]
 
 
 def look_command() -> list[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from ..core.optics import Optics
 from ..core.planning.source import Gives, OwnRendering, RenderOptions
 from ..core.presets.preset import Preset
 from ..core.scenes.mesh import Mesh
@@ -68,6 +69,10 @@ class LitMeshSource:
     def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics asked for: a mesh can be rendered through any camera."""
         return asked
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        return self.plain.optics(camera)
 
     def trajectory(self) -> Trajectory:
         """Return the path that was read, or generate one through the mesh."""

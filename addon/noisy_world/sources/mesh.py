@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
+from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, RenderOptions, SourceFrame
 from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
@@ -108,6 +109,11 @@ class MeshSource:
     def _handheld(self) -> HandheldSpec:
         assert self.spec.handheld is not None, "a preset has either file or handheld"
         return self.spec.handheld
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return one pinhole."""
+        del camera
+        return PINHOLE
 
     def trajectory(self) -> Trajectory:
         """Return the path that was read, or generate one through the mesh."""

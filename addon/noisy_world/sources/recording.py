@@ -4,22 +4,26 @@
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import Modality, OutputFormat, find_sequence
+from ..core.datasets.image_files import WholeFile
+from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
+from ..core.optics import Optics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
+from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import Moment, SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
+from .treated import Treatment
 
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
@@ -30,6 +34,25 @@ class Recording:
 
     stored: StoredSequence
     place: Place
+    undistort: bool = False
+    register: bool = False
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
+        return self.treatment(camera).left
+
+    def treatment(self, camera: Intrinsics) -> Treatment:
+        """Return what is done to each frame before it is perturbed. camera: of colour.
+
+        Raises InputError where a lens is to be undistorted that belongs to another camera than this.
+        """
+        optics = self.stored.optics
+        if self.stored.assumed and camera != self.stored.known_camera:
+            optics = replace(optics, distortion=None)  # the lens is that of the camera which this one replaces
+            if self.undistort:
+                problem = "camera replaces the dataset's own, whose lens is known"
+                raise self.place.at("undistort").error(problem, "leave one of them out")
+        return Treatment(camera, optics, self.undistort, self.register)
 
     @property
     def location(self) -> str:
@@ -62,7 +85,7 @@ class Recording:
         Raises InputError where its images or its own intrinsics contradict those asked for, and where neither is known.
         """
         known, size_px = self.stored.known_camera, self.stored.size_px
-        self.stored.check_depth()
+        self.stored.check_images()
         if asked is None and known is None:
             problem = f"no file of {self.location} says its intrinsics"
             raise self.place.at("sequence").error(problem, f"give camera; its images are {_spoken(size_px)}")
@@ -73,7 +96,7 @@ class Recording:
             asked_px = (asked.width_px, asked.height_px)
             problem = f"its images are {_spoken(size_px)}, but the preset's camera has {_spoken(asked_px)}"
             raise self.place.at("sequence").error(problem, "set camera to that, or leave it out")
-        if known is not None and not same_camera(known, asked):
+        if known is not None and not self.stored.assumed and not same_camera(known, asked):
             problem = f"its camera has {_values(known)} ({self.stored.camera_path}), but the preset's {_values(asked)}"
             raise self.place.at("sequence").error(problem, "set camera to these, or leave it out")
         return asked
@@ -91,35 +114,54 @@ class Recording:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored
         digests = "".join(sha256_of_file(file) or "" for file in stored.files)
+        path = stored.trajectory_path
         return {
             "sequence": stored.folder.name,
             "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-            "trajectory": stored.trajectory_path.name,
-            "trajectory_sha256": sha256_of_file(stored.trajectory_path),
+            "trajectory": None if path is None else path.name,
+            "trajectory_sha256": None if path is None else _sha256_of_poses(path),
             "depth_scale_per_m": stored.depth_scale_per_m,
+            **stored.optics.content(),
+            **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **_timing(stored),
         }
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
         """Prepare to read frames."""
-        del camera  # the files decide it
-        for text in self.stored.notes:
+        for text in (*self.stored.notes, *self.stored.image_notes):
             note(text)
-        yield OpenRecording(self.stored)
+        if self.stored.assumed and self.stored.known_camera == camera:
+            note(self.stored.assumed)
+        treatment = self.treatment(camera)
+        yield OpenRecording(self.stored, None if treatment.does_nothing else treatment)
 
 
-def read_recording(folder: Path, place: Place, rate_hz: float | None) -> Recording:
+def read_recording(
+    folder: Path,
+    place: Place,
+    rate_hz: float | None = None,
+    poses: PosePolicy = "drop",
+    *,
+    undistort: bool = False,
+    register: bool = False,
+) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
-    Raises InputError where files are missing or wrong, and where its own stamps say another rate.
+    poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
+    register: whether depth of a camera of its own is laid into colour. Raises InputError where files are missing or
+    wrong, where its own stamps say another rate, and where there is nothing to undistort or register.
     """
-    stored = find_sequence(folder, rate_hz)
+    stored = find_sequence(folder, rate_hz, poses)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
         raise place.at("rate_hz").error(problem, "leave it out: the recording's own time stamps are kept")
-    return Recording(stored, place)
+    if undistort and stored.optics.distortion is None:
+        raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
+    if register and stored.optics.depth is None:
+        raise place.at("register").error(f"depth and colour of {folder} have one camera", "leave it out")
+    return Recording(stored, place, undistort, register)
 
 
 def _values(camera: Intrinsics) -> str:
@@ -128,6 +170,14 @@ def _values(camera: Intrinsics) -> str:
 
 def _spoken(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
+
+
+def _sha256_of_poses(path: Path) -> str | None:
+    """Return the SHA-256 of a file of poses; of the list of its files' hashes for a folder of one pose a file."""
+    if not path.is_dir():
+        return sha256_of_file(path)
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    return hashlib.sha256(listed.encode()).hexdigest()
 
 
 def _timing(stored: StoredSequence) -> dict[str, Any]:
@@ -141,9 +191,10 @@ def _timing(stored: StoredSequence) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A recording that is ready to give frames."""
+    """A recording that is ready to give frames. treatment: done to each; None for nothing."""
 
     stored: StoredSequence
+    treatment: Treatment | None = None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenRecording":
         """Return itself: the files decide what its frames show."""
@@ -152,30 +203,42 @@ class OpenRecording:
 
     def frame(self, moment: Moment) -> "RecordedFrame":
         """Return the frame of a moment; its images are read on request."""
-        return RecordedFrame(self.stored.frame(moment.index))
+        return RecordedFrame(self.stored.frame(moment.index), self.treatment)
 
 
 @dataclass(frozen=True)
 class RecordedFrame:
-    """A frame on disk."""
+    """A frame on disk. treatment: done to its images; None for nothing."""
 
     stored: StoredFrame
+    treatment: Treatment | None = None
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded. Raises InputError where the file is no image."""
-        return self.stored.rgb
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, sRGB-encoded, uint8, or float32 in [0, 1] where the file has 16 bits.
+
+        Raises InputError where the file is damaged, or no image.
+        """
+        rgb = self.stored.rgb
+        return rgb if self.treatment is None else self.treatment.rgb(rgb)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
-        return self.stored.depth_m
+        depth_m = self.stored.depth_m
+        return depth_m if self.treatment is None else self.treatment.depth_m(depth_m)
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale."""
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
+        """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
+
+        Raises InputError where that file is damaged.
+        """
         stored = self.stored
+        if self.treatment is not None:
+            return None
         if modality == "rgb":
-            same = stored.rgb_file.suffix == f".{written.image}" and stored.colour == written.colour
-            return stored.rgb_file if same else None
-        same = stored.depth_file.suffix == ".png" and stored.depth_scale_per_m == written.depth_scale_per_m
-        return stored.depth_file if same else None
+            same = stored.stored_rgb == (written.image, written.colour)
+        else:
+            # A dataset says void by 0 alone.
+            same = stored.depth_scale_per_m == written.depth_scale_per_m and not stored.void_steps
+        return stored.whole_file(modality) if same else None

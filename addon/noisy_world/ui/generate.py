@@ -12,8 +12,9 @@ from . import left_out
 from .following import Following, redraw
 from .long_text import write
 from .operators import guarded
+from .output_place import output_folder
 from .properties import panel_of
-from .runs import BUSY, SceneRun, active_run, command_line, output_folder, run_of, start, stop_all, summary
+from .runs import BUSY, SceneRun, active_run, command_line, run_of, start, stop_all, summary
 from .wording import spoken
 
 if TYPE_CHECKING:

@@ -76,15 +76,15 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         layout.prop(panel, "mesh_source")
+        if panel.mesh_source == "FILE":
+            layout.prop(panel, "mesh_path")
+        elif panel.mesh_source == "ROOM":
+            layout.prop(panel, "room_seed")
         layout.prop(panel, "scene_name", text="Name")
         if panel.mesh_source == "SCENE":
             layout.row().prop(panel, "compositing", expand=True)
             layout.prop(panel, "depth_alpha", slider=True)
             return
-        if panel.mesh_source == "FILE":
-            layout.prop(panel, "mesh_path")
-        else:
-            layout.prop(panel, "room_seed")
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
         if told := world.summary(context.scene):
             layout.label(text=", ".join(told), icon="CHECKMARK")

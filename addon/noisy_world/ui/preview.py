@@ -155,6 +155,7 @@ def show(scene: bpy.types.Scene) -> None:
         index_of=index_of(scene, sequence),
         reference_width_px=intrinsics_of(panel).width_px,
         split=panel.preview_split,
+        intrinsics=intrinsics_of(panel),
     )
 
 

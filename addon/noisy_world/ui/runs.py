@@ -15,13 +15,14 @@ from typing import Any
 import bpy
 
 from ..core.errors import InputError, StorageError
-from ..core.home import path_in, with_home
+from ..core.home import path_in
 from ..core.presets.preset import Preset, PresetSpec, read_preset
 from ..core.presets.scene_keys import SceneSpec
 from ..core.scenes.embedded import is_embedded
 from . import scene_copy, this_scene
 from .background_run import BackgroundRun
 from .document import PANEL, preset_of, to_document
+from .output_place import output_folder
 from .properties import panel_of
 from .wording import spoken
 
@@ -89,19 +90,6 @@ def _command(script: Path, *words: str) -> list[str]:
         # The packages are found nevertheless: the scripts add the folder of the extensions' wheels by themselves.
         return [bpy.app.binary_path, "-b", "--factory-startup", "-P", str(script), "--", *words]
     return [sys.executable, str(script), *words]
-
-
-def output_folder(panel: Any) -> Path:
-    """Return the dataset's folder. Raises InputError where the panel names none."""
-    text = panel.output_folder.strip()
-    if not text:
-        raise InputError("Output", "no folder is named", remedy="choose one")
-    if text.startswith("//") and not bpy.data.filepath:
-        raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
-    try:
-        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
-    except LookupError as error:
-        raise InputError("Output", str(error)) from error
 
 
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:

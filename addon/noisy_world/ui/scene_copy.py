@@ -17,6 +17,8 @@ from ..blender.chain_scene import SHOWN, hide_chain, shown_chain
 from ..blender.chain_values import LEFT_AT
 from ..core.datasets.storage import storage_errors
 from ..core.errors import StorageError
+from .described import tell
+from .output_place import output_folder
 from .owned import OURS
 from .properties import panel_of
 
@@ -83,8 +85,6 @@ def is_behind(scene: bpy.types.Scene) -> bool:
 
 def beside_output(scene: bpy.types.Scene) -> Path:
     """Return where a copy of the open file is saved: beside the dataset's folder."""
-    from .runs import output_folder
-
     folder = output_folder(panel_of(scene))
     return folder.with_name(f"{folder.name}_scene.blend")
 
@@ -110,14 +110,8 @@ def _save_copy(path: Path) -> None:
         raise StorageError(f"{path}: the scene cannot be saved: {str(error).strip()}") from error
     finally:
         for item in previewed:
-            _show_again(item)
+            tell("steps")(panel_of(item), bpy.context)
         _changes[0] = before
-
-
-def _show_again(scene: bpy.types.Scene) -> None:
-    from .preview import apply
-
-    apply(scene)
 
 
 # --- what has changed ---

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blender.scene_camera import sampled_camera, view_of
+from ..blender.scene_camera import sampled_camera, sight_of
 from ..blender.scene_look import look
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
@@ -75,10 +75,10 @@ def own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 def intrinsics_of_scene(scene: bpy.types.Scene) -> Intrinsics:
     """Return the intrinsics of the scene's own camera. Raises InputError where it has none."""
     camera = own_camera(scene)
-    view = view_of(scene, camera)
-    if view.kind != "PERSP":
+    sight = sight_of(scene, camera)
+    if sight.kind != "PERSP":
         raise InputError(CAMERA_FIELD, f"{camera.name} is not perspective", remedy="change its type")
-    return view.intrinsics
+    return sight.intrinsics
 
 
 def sampled_path(scene: bpy.types.Scene) -> Trajectory:

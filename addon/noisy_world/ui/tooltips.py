@@ -49,6 +49,20 @@ SEEN: dict[str, dict[str, str]] = {
         "influence": "Higher: the ice on the lens gets brighter",
         "creep_px": "Higher: with the pattern Drift, the ice moves faster",
     },
+    "snow_depth": {
+        "rate_mm_h": "Higher: more and larger flakes, and what is far goes white",
+        "brightness": "Higher: flakes and the white in the distance get lighter",
+        "wind_m_s": "Further from 0: flakes fly further to the right, or to the left below 0",
+        "gusts_m_s": "Higher: flakes go their own ways, and no two streaks lie alike",
+        "shutter_ms": "Higher: flakes become longer and fainter streaks",
+    },
+    "rain_depth": {
+        "rate_mm_h": "Higher: more and larger drops, and what is far goes gray",
+        "brightness": "Higher: streaks and the gray in the distance get lighter",
+        "wind_m_s": "Further from 0: streaks lean further to the right, or to the left below 0",
+        "gusts_m_s": "Higher: drops go their own ways, and no two streaks lie alike",
+        "shutter_ms": "Higher: streaks get longer and fainter",
+    },
     "gaussian_blur": {"sigma_px": "Higher: the picture gets softer, and detail goes"},
     "gaussian_noise": {"std": "Higher: more color grain, everywhere alike"},
     "glass_blur": {

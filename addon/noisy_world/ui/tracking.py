@@ -13,8 +13,9 @@ from .following import Following
 from .generate import draw_progress
 from .long_text import write
 from .operators import UNDOABLE, OnScene
+from .output_place import output_folder
 from .properties import panel_of
-from .runs import BUSY, SceneRun, active_run, output_folder, start_tracking, summary, tracking_of
+from .runs import BUSY, SceneRun, active_run, start_tracking, summary, tracking_of
 from .tracked import read_tracked
 from .wording import spoken
 

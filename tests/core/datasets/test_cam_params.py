@@ -62,9 +62,13 @@ WRONG = [
     ({"cx": None}, "camera.cx: is no finite number"),
     ({"cy": 10**400}, "camera.cy: is no finite number"),
     ({"cx": [1]}, "camera.cx: is no finite number"),
-    ({"scale": 0}, "camera.scale: its scale is 0, but has to be a number above 0"),
-    ({"scale": "6553.5"}, 'its scale is "6553.5"'),
-    ({"scale": True}, "its scale is true"),
+    ({"scale": 0}, "camera.scale: is 0, but has to be a number above 0"),
+    ({"scale": "6553.5"}, 'camera.scale: is "6553.5"'),
+    ({"scale": -1}, "camera.scale: is -1, but has to be a number above 0"),
+    ({"scale": 1e-300}, "camera.scale: is 1e-300 steps per metre"),
+    ({"scale": 1e300}, "camera.scale: is 1e+300 steps per metre"),
+    ({"scale": 0.0002}, "a step is 5e+03 m; it has to be 0.1 to 1e+07; write 5000 where 0.0002 m per step is meant"),
+    ({"scale": True}, "camera.scale: is true"),
     ({"scale": [0] * 100}, "but has to be a number above 0"),
 ]
 
@@ -86,6 +90,7 @@ TEXTS = [
     ('{"camera": {"scale": NaN}}', "is not valid JSON"),
     ('{"camera": {"scale": Infinity}}', "is not valid JSON"),
     ('{"camera": {"scale": 1e999}}', "holds 1e999"),
+    ('{"camera": {"scale": 1e-400}}', "camera.scale: is 0.0, but has to be a number above 0"),
     ('{"camera": {"scale": ' + "9" * 5000 + "}}", "is not valid JSON"),
     ("[" * 200_000, "nested too deeply"),
     ("scale: 3", "is not valid JSON"),
@@ -132,6 +137,6 @@ def test_images_of_other_sizes_in_one_sequence(tmp_path):
     write_tum(tmp_path)
     assert cv2.imwrite(str(tmp_path / "depth/0.png"), np.ones((3, 4), np.uint16))
     found = find_sequence(tmp_path)
-    for read in (found.check_depth, lambda: found.frame(0).depth_m):
+    for read in (found.check_images, lambda: found.frame(0).depth_m):
         with pytest.raises(InputError, match=r"0\.png: is 4 x 3 pixels, but the first colour image is 8 x 6"):
             read()

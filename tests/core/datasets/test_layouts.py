@@ -196,7 +196,10 @@ def test_layouts_are_told_apart(tmp_path):
 
 
 def test_none_or_several_layouts_are_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"is no sequence; .* Replica or TUM or EuRoC ASL or VSLAM-LAB$"):
+    with pytest.raises(
+        InputError,
+        match=r"is no sequence; .* Replica or TUM or EuRoC ASL or VSLAM-LAB or 7-Scenes or .* or nerfstudio$",
+    ):
         find_sequence(tmp_path)
     write_replica(tmp_path)
     write_tum(tmp_path)
@@ -233,7 +236,7 @@ def test_euroc_poses_are_the_cameras(tmp_path):
     assert frame.rgb.shape == (6, 8, 3)
     assert (frame.rgb == 110).all()
     assert np.allclose(frame.depth_m, 2.5)
-    assert frame.colour == "grey"
+    assert frame.stored_rgb == ("png", "grey")
 
 
 def test_euroc_in_colour_and_with_17_columns(tmp_path):
@@ -241,7 +244,7 @@ def test_euroc_in_colour_and_with_17_columns(tmp_path):
     found = find_sequence(tmp_path)
     assert len(found.trajectory) == 2
     assert found.frame(0).rgb[0, 0].tolist() == [30, 20, 10]  # RGB of what OpenCV wrote as 10, 20, 30
-    assert found.frame(0).colour == "rgb"
+    assert found.frame(0).stored_rgb == ("png", "rgb")
     assert found.rgb_files[1].name == "1403636579810000000.png"
 
 
@@ -273,15 +276,16 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
         (lambda folder: (folder / f"{CAM}/data.csv").unlink(), "cam0/data.csv: is not there: no colour"),
         (lambda folder: (folder / f"{CAM}/sensor.yaml").unlink(), "cam0/sensor.yaml: cannot be read"),
         (lambda folder: (folder / STATE).unlink(), "state_groundtruth_estimate0/data.csv: does not exist"),
-        (edit(f"{CAM}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[-0.28, 0.07, 0.0, 0.0]"), "the lens distorts; undistort"),
+        (edit(f"{CAM}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[-0.28, 0.07, 0.0]"), "holds 3 coefficients, but radial"),
+        (edit(f"{CAM}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[.nan, 0.0, 0.0, 0.0]"), "has to be a list of finite"),
+        (edit(f"{DEPTH}/sensor.yaml", "[0.0, 0.0, 0.0, 0.0]", "[0.1, 0.0, 0.0, 0.0]"), "is not that of mav0/cam0"),
         (edit(f"{CAM}/sensor.yaml", "pinhole", "omni"), "camera_model: is 'omni'"),
         (edit(f"{CAM}/sensor.yaml", "[8, 6]", "[8]"), "resolution: has to be 2 numbers"),
         (edit(f"{CAM}/sensor.yaml", "T_BS", "T_SB"), "T_BS: has to be 16 numbers"),
         (edit(f"{CAM}/sensor.yaml", "1.0, 0.0, 0.0, 0.2", "1.1, 0.0, 0.0, 0.2"), "T_BS: is no rigid pose"),
         (edit(f"{CAM}/sensor.yaml", "data: [", "data: [["), "is not valid YAML"),
-        (edit(f"{DEPTH}/sensor.yaml", "0.2", "0.25"), "T_BS is not that of mav0/cam0"),
         (edit(f"{DEPTH}/sensor.yaml", "depth_scale_per_m", "scale"), "holds no depth_scale_per_m; add it"),
-        (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be above 0"),
+        (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be a number above 0"),
         (edit(STATE, "1.0,2.0", "1.0,x"), "line 2: 'x' is not a number"),
         (edit(STATE, "1.0,2.0", "1.0,nan"), "line 2: holds nan"),
         (edit(STATE, "1.0,2.0", "1.0"), "line 2: 7 numbers; a EuRoC row is t, x, y, z, qw"),

@@ -64,7 +64,7 @@ LISTED = f"{STAMPS_NS[0]},rgb_0/{STAMPS_NS[0]}.png,{STAMPS_NS[0]},depth_0/{STAMP
         ("rgb.csv", f"rgb_0/{STAMPS_NS[0]}", "rgb_0/none", "names none.png, which is not there"),
         ("calibration.yaml", "cam_name: rgb_0", "cam_name: rgb_7", "describes 0 cameras of the name rgb_0"),
         ("calibration.yaml", "cam_model: pinhole", "cam_model: equid4", "rgb_0.cam_model: is 'equid4', but only"),
-        ("calibration.yaml", "     depth_factor: 2000.0,\n", "", "rgb_0.depth_factor: has to be a number, finite"),
+        ("calibration.yaml", "     depth_factor: 2000.0,\n", "", "rgb_0.depth_factor: is null, but has"),
         ("calibration.yaml", "depth_factor: 2000.0", "depth_factor: 0", "rgb_0.depth_factor: is 0, but has"),
         ("calibration.yaml", "[7.5, 7.25]", "[7.5]", "rgb_0.focal_length: has to be 2 numbers, finite"),
         ("calibration.yaml", "0.0000000000000, 1.0000000000000]", "0.1, 1.0]", "rgb_0.T_BS: is not the identity"),

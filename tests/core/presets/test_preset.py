@@ -91,7 +91,7 @@ def test_defaults(write):
         (perturbed("fog: {severity: 6}"), ["settings.0.perturb.0.fog.severity", "out of range"]),
         (perturbed("fog: {severity: true}"), ["settings.0.perturb.0.fog.severity", "truth value"]),
         (perturbed("fog: 3"), ["settings.0.perturb.0.fog", "has to be a mapping"]),
-        (perturbed("fog: {mode: wild}"), ["settings.0.perturb.0.fog.mode", "static or dynamic"]),
+        (perturbed("fog: {mode: wild}"), ["settings.0.perturb.0.fog.mode", "static, dynamic or keyed"]),
         (perturbed("fog: {severity: 2.5, mode: dynamic}"), ["settings.0.perturb.0.fog.severity", "whole"]),
         (perturbed("fog: {levels: [1, 2]}"), ["settings.0.perturb.0.fog.levels", "mode: dynamic"]),
         (perturbed("fog: {mode: dynamic, levels: [1, 9]}"), ["settings.0.perturb.0.fog.levels.1", "out of range"]),

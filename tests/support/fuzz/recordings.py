@@ -4,9 +4,12 @@ of another decoder.
 """
 
 import json
+import struct
+import zlib
 
 import cv2
 import numpy as np
+from fuzz import recorded
 from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, pick
 from stored_sequences import write_euroc, write_vslamlab
 
@@ -17,7 +20,8 @@ WORDS = (
     *NUMBERS, "#", "rgb/", "depth/", "../", "/", ".png", ".jpg", "\n", "\r", "\t", ",", "\0", "{", "}", "[", "]", '"',
     ":", "camera", "scale", "fx", "null", "true", "NaN", "Infinity", "[" * 3000, '{"a":' * 3000,
 )  # fmt: skip
-TEXTS = (".txt", ".json", ".yaml", ".csv")
+TEXTS = (".txt", ".json", ".yaml", ".csv", ".log", ".freiburg")
+CUT = "cut.json"  # the names of images that end early
 
 
 def _images(rng, folder, count, *, names, depth_names, size=(8, 6)):
@@ -72,8 +76,9 @@ def write(folder, rng):
     """Write a recording, and mutate one or two of its files."""
     sequence = folder / "sequence"
     sequence.mkdir()
-    pick(rng, (replica, tum, euroc, vslamlab))(sequence, rng)
+    pick(rng, (replica, tum, euroc, vslamlab, *recorded.WRITERS))(sequence, rng)
     paths = sorted(path for path in sequence.rglob("*") if path.is_file())
+    cut = []
     for _ in range(int(rng.integers(1, 3))):
         texts = [path for path in paths if path.suffix in TEXTS]
         path = pick(rng, texts if rng.integers(2) else paths)
@@ -88,13 +93,32 @@ def write(folder, rng):
                 path.write_bytes(other.read_bytes() if other.exists() else b"")
             case _ if path.suffix in TEXTS:
                 path.write_bytes(mutate_mixed(data.decode("utf-8", "replace"), rng, WORDS))
+            case 3 if len(data) > 1:
+                path.write_bytes(data[: int(rng.integers(1, len(data)))])
+                cut.append(str(path))
+            case 4 if data.startswith(b"\x89PNG") and len(data) > 33:
+                path.write_bytes(with_header(data, rng))
             case _:
                 path.write_bytes(mutate_bytes(data, rng))
+    (folder / CUT).write_text(json.dumps(cut))
+
+
+def with_header(data, rng):
+    """Return a PNG with another header: a size, bits or a kind, with the right sum."""
+    values = list(struct.unpack(">IIBBBBB", data[16:29]))
+    others = (
+        ((0, 1, 5, 60_000, 2**31 - 1, 2**32 - 1),) * 2 + ((1, 2, 3, 4, 8, 16),) + ((0, 2, 3, 4, 6),) + ((0, 1),) * 3
+    )
+    at = int(rng.integers(len(values)))
+    values[at] = pick(rng, others[at])
+    header = b"IHDR" + struct.pack(">IIBBBBB", *values)
+    return data[:12] + header + struct.pack(">I", zlib.crc32(header)) + data[33:]
 
 
 def read(folder):
     """Read every frame; return the sequence with its images."""
     stored = find_sequence(folder / "sequence")
+    stored.check_images()
     assert min(stored.size_px) > 0
     count = len(stored.trajectory)
     if count > 100:
@@ -103,7 +127,7 @@ def read(folder):
     for index in range(count):
         frame = stored.frame(index)
         rgb, depth_m = frame.rgb, frame.depth_m
-        assert rgb.dtype == np.uint8
+        assert rgb.dtype in (np.uint8, np.float32)
         assert rgb.ndim == 3
         assert np.isfinite(depth_m).all()
         assert depth_m.min() >= 0
@@ -111,11 +135,19 @@ def read(folder):
     return stored, images
 
 
-def differs(_folder, meaning, peer):
-    """Return how the images differ from another decoder's, or "" where there is none."""
+def differs(folder, meaning, peer):
+    """Return which image is accepted that ends early, and how the images differ from another decoder's, if one is here.
+
+    A file that is cut may have been mutated again, or its frame left out.
+    """
+    _, images = meaning
+    cut = set(json.loads((folder / CUT).read_text()))
+    for frame, _, _ in images:
+        for path in (frame.rgb_file, frame.depth_file):
+            if str(path) in cut and _is_cut(path.read_bytes()):
+                return f"{path.name} ends early, and is read"
     if peer is None:
         return ""
-    _, images = meaning
     for frame, rgb, depth_m in images:
         for path, ours, scale in ((frame.rgb_file, rgb, 1.0), (frame.depth_file, depth_m, frame.depth_scale_per_m)):
             theirs = None if path.suffix == ".jpg" else peer.image(path)  # a JPEG's scans have no checksum
@@ -127,8 +159,12 @@ def differs(_folder, meaning, peer):
                 theirs = np.repeat(theirs[..., None], 3, axis=2)
             if theirs.shape[:2] != ours.shape[:2]:
                 return f"{path.name} has {ours.shape} pixels, and {theirs.shape} in the other decoder"
-            deep = ours.ndim == 3 and theirs.max() > 255  # colour of 16 bits, of which the upper 8 are taken
-            divisor, near = (256.0, 1.0) if deep else (scale, 1e-3)
+            divisor, near = (65535.0, 1e-6) if ours.dtype == np.float32 and path == frame.rgb_file else (scale, 1e-3)
             if theirs.shape == ours.shape and np.abs(theirs / divisor - ours).max() > near:
                 return f"{path.name} has other pixels in the other decoder"
     return ""
+
+
+def _is_cut(data):
+    """Tell by its end alone whether an image of these writers, which put nothing behind the end, is cut."""
+    return not data.endswith((b"IEND\xaeB`\x82", b"\xff\xd9"))

@@ -26,7 +26,7 @@ MODULE = "bl_ext.user_default.noisy_world"
 FRAMES = 5
 PICTURES = (
     "panel_top", "paths", "menu", "perturbations", "preview", "chain", "nodes", "generating", "stopped", "generated",
-    "tracked",
+    "tracked", "this_scene",
 )  # fmt: skip
 
 

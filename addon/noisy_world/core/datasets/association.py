@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..trajectories.stamps import FrameStamps, Stamps
 from ..trajectories.trajectory import Trajectory
+from .known_poses import PosePolicy, chosen_by_pose
 
 PAIRING_S = 0.02  # stamps that belong together differ by less; the default of associate.py
 # Chosen: seconds and a gigabyte; stamps of a camera in seconds make a few pairs for each image.
@@ -85,18 +86,19 @@ def associate_frames(
     folder: Path,
     rgb: StampedFiles,
     depth: StampedFiles,
-    path: Trajectory,
+    path: Trajectory | None,
     pose_stamps: Stamps | None = None,
     *,
     paired: bool = False,
+    policy: PosePolicy = "drop",
 ) -> Associated:
     """Return the frames of a recording: first each colour image with its depth, then each pair with its pose.
 
-    path: the ground truth. pose_stamps: its stamps where they are known more exactly than the path holds them. paired:
-    the i-th depth is that of the i-th colour image, whatever their stamps. Raises InputError where no colour image has
-    both.
+    path: the ground truth; None where there is none. pose_stamps: its stamps where they are known more exactly than the
+    path holds them. paired: the i-th depth is that of the i-th colour image, whatever their stamps. policy: what
+    becomes of pairs without a pose. Raises InputError where no colour image has both, or none is left.
     """
-    poses = pose_stamps or Stamps(path.stamps_s)
+    poses = pose_stamps or Stamps(np.zeros(0) if path is None else path.stamps_s)
     try:
         if paired:
             of_rgb = of_depth = np.arange(len(rgb.files), dtype=np.int64)
@@ -105,21 +107,48 @@ def associate_frames(
         with_pose, of_pose = associate(rgb.stamps.seconds[of_rgb], poses.seconds)
     except ValueError as error:
         raise InputError(folder, str(error), remedy="stamps are seconds: are these in another unit?") from error
-    if not with_pose.size:
+    if not len(of_rgb if path is None else with_pose):
         covered = (("colour", rgb.stamps), ("depth", depth.stamps), ("poses", poses))
-        spans = ", ".join(f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in covered)
-        raise InputError(folder, f"no colour, depth and pose lie within {PAIRING_S} s of one another", remedy=spans)
+        spans = ", ".join(f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in covered if item)
+        wanted = "colour and depth" if path is None else "colour, depth and pose"
+        raise InputError(folder, f"no {wanted} lie within {PAIRING_S} s of one another", remedy=spans)
     with_depth = len(of_rgb)
+    if path is None or (policy in ("keep", "require") and len(with_pose) < with_depth):
+        known = np.zeros(with_depth, dtype=np.bool_)
+        known[with_pose] = True
+        _, note = chosen_by_pose(folder, known, policy)
+        c2w, taken = np.tile(np.eye(4), (with_depth, 1, 1)), rgb.stamps.take(of_rgb)
+        if path is not None:
+            c2w[with_pose] = path.c2w[of_pose]
+        stamps = FrameStamps(taken, depth.stamps.take(of_depth), _pose_stamps(taken, poses, with_pose, of_pose))
+        found = Trajectory(c2w, taken.seconds, posed=known)
+        read = (*(() if path is None else path.notes), *((note,) if note else ()))
+        left_out = _left_out(len(rgb.files), with_depth, with_depth)
+        return Associated(*_files(rgb, of_rgb, depth, of_depth), found, stamps, left_out, read)
     of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
     stamps = FrameStamps(rgb.stamps.take(of_rgb), depth.stamps.take(of_depth), poses.take(of_pose))
     return Associated(
-        tuple(rgb.files[row] for row in of_rgb),
-        tuple(depth.files[row] for row in of_depth),
+        *_files(rgb, of_rgb, depth, of_depth),
         Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
         stamps,
         _left_out(len(rgb.files), with_depth, len(of_rgb)),
         path.notes,
     )
+
+
+def _files(
+    rgb: StampedFiles, of_rgb: NDArray[np.int64], depth: StampedFiles, of_depth: NDArray[np.int64]
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    return tuple(rgb.files[row] for row in of_rgb), tuple(depth.files[row] for row in of_depth)
+
+
+def _pose_stamps(taken: Stamps, poses: Stamps, with_pose: NDArray[np.int64], of_pose: NDArray[np.int64]) -> Stamps:
+    """Return the stamps of the frames' poses; where there is none, that of the colour stands for it."""
+    rows = dict(zip(with_pose.tolist(), of_pose.tolist(), strict=True))
+    parts = [poses.take([rows[row]]) if row in rows else taken.take([row]) for row in range(len(taken))]
+    seconds = np.concatenate([part.seconds for part in parts])
+    exact = [part.exact_ns for part in parts]
+    return Stamps(seconds, None if None in exact else tuple(stamp for part in exact if part for stamp in part))
 
 
 def _left_out(images: int, paired: int, frames: int) -> str:

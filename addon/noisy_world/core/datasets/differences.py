@@ -5,6 +5,7 @@ A dataset grows where what is common to all frames is equal, and each scene and 
 """
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ..planning.plan import Plan, source_paths
 from ..planning.sequence import Sequence, lay_out
 from ..planning.source import Scene
+from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
 from .provenance import path_sha256
@@ -34,6 +36,9 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
     for key in COMMON:
         if None not in (there[key], here[key]) and there[key] != here[key]:
             return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
+    for kind, names in (("settings", plan.settings), ("scenes", plan.scenes)):
+        if problem := _one_folder(there[kind], [item.name for item in names]):
+            return f"{kind}: {problem}; {ANOTHER_NAME}"
     for setting in plan.settings:
         if setting.name in there["settings"]:
             before, now = there["settings"][setting.name], here["settings"][setting.name]
@@ -46,6 +51,13 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
     return _made_with(there, here, any_processor=any_processor)
+
+
+def _one_folder(there: Iterable[str], here: Iterable[str]) -> str | None:
+    """Return in words which names are one folder's where case is not told apart, or None."""
+    known = {name.casefold(): name for name in there}
+    taken = ((name, known.get(name.casefold(), name)) for name in here)
+    return next((told_one_folder(name, other) for name, other in taken if name != other), None)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
@@ -158,14 +170,17 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     before, now = there["path"], here["path"]
     if before == now:
         return None
-    where = f"{scene.place.path}.trajectory"
-    changed = first_difference(there["entry"].get("trajectory"), here["entry"].get("trajectory"), where)
+    key = "trajectory" if here["entry"].get("blend") is None or here["entry"]["trajectory"] else "frames"
+    where = f"{scene.place.path}.{key}"
+    changed = first_difference(there["entry"].get(key), here["entry"].get(key), where)
     if any_processor and changed is None and there["inputs"] == here["inputs"] and before["frames"] == now["frames"]:
         return None
     if now["frames"] >= before["frames"]:
         if before["sha256"] == path_sha256(scene.source.trajectory(), scene.source.stamps_s, before["frames"]):
             return None
-    elif changed is None or changed.startswith((f"{where}.stop ", f"{where}.handheld.frames ")):
+    elif changed is None or changed.startswith(
+        (f"{where}.stop ", f"{where}.handheld.frames ", f"{scene.place.path}.frames ")
+    ):
         cause = changed or f"{where}: the path was {before['frames']} frames long, is {now['frames']}"
         return f"{cause}; keep the path, and choose its first frames with --frames 0:{now['frames']}, or {ANOTHER_NAME}"
     name = here["inputs"].get("trajectory")
@@ -184,7 +199,8 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
             if not 0 < count < scene.frame_count:
                 continue
             before, after = source_paths(plan, render, count), source_paths(plan, render)
-            if scene.source.gives.rendered and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
+            moved = scene.source.gives.rendered and scene.source.gives.own is None  # others stay where they are
+            if moved and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
                 far = "so far from the origin, a longer path is rendered around another point"
                 return f"{scene.place.path}.trajectory: {far}, and float32's rounding shows; {ANOTHER_NAME}"
             if not _goes_on(sequence, count, before, after):

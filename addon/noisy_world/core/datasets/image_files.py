@@ -1,53 +1,146 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the file of an image is whole: decoders fill in what is lost, and take a length that is wrong at its word."""
+"""Images as files: whether one is whole, what its header says, and its content, for what is used only if it is whole.
 
-import zlib
+Decoders fill in what is lost, and take a length or a size that is wrong at its word; so files are looked at before.
+"""
 
-_PNG = b"\x89PNG\r\n\x1a\n"
-_JPEG = b"\xff\xd8"
-_START_OF_SCAN, _END_OF_IMAGE = 0xDA, 0xD9
+import io
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import InputError
+from . import jpeg_files, png_files
+from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError
+from .storage import sha256_of_bytes
+
+LARGEST_FILE_BYTES = 2**30  # chosen: an image within the limits of its size that cannot be compressed has half of it
+
+_HEADER_BYTES = 1024  # read at once: a header without Exif data takes as many at most
+_GONE = "is not there or no image"
+
+
+@dataclass(frozen=True)
+class WholeFile:
+    """A file that is whole, and its SHA-256."""
+
+    path: Path
+    sha256: str
 
 
 def damage(data: bytes) -> str:
     """Return what shows that a PNG or JPEG is damaged, "" where nothing does, and for files of other kinds.
 
-    PNG: every chunk lies in the file and has its checksum, up to IEND. JPEG: segments follow one another up to the
+    PNG: every part lies in the file and has its checksum, up to the end. JPEG: segments follow one another up to the
     scans, and there is an end; the scans themselves have no checksum.
     """
-    if data.startswith(_PNG):
-        return _png_damage(data)
-    return _jpeg_damage(data) if data.startswith(_JPEG) else ""
+    try:
+        if _kind(data) is not None:
+            whole_image(data)
+    except DamagedImageError as error:
+        return error.what
+    except UnfitImageError:
+        return ""
+    return ""
 
 
-def _png_damage(data: bytes) -> str:
-    """Walk the chunks: length (4), name (4), content, CRC of name and content (4); ISO/IEC 15948, 5.3."""
-    at = len(_PNG)
-    while at + 12 <= len(data):
-        name, end = data[at + 4 : at + 8], at + 8 + int.from_bytes(data[at : at + 4], "big")
-        if end + 4 > len(data):
-            break
-        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
-            return f"the checksum of its part {name.decode('latin-1')!a} is wrong"
-        if name == b"IEND":
-            return ""
-        at = end + 4
-    return "it is cut short"
+def whole_image(data: bytes, *, sums: bool = True) -> tuple[ImageHeader, bytes]:
+    """Return the header of a PNG or JPEG, and what of its file decides its pixels.
+
+    sums: check the sums of a PNG's parts. Raises DamagedImageError where it is not whole, and UnfitImageError where it
+    cannot be used as it is meant: another kind of file, an animation, a size beyond the limits, an orientation.
+    """
+    if _kind(data) != "png":
+        header = _header(io.BytesIO(data))
+        jpeg_files.check_jpeg(data, header)
+        return header, data
+    whole = png_files.whole_png(data, sums=sums)  # before the header is believed
+    header = _header(io.BytesIO(data))
+    if len(whole) != len(data):  # Exif data may follow the pixels
+        _check_upright(png_files.png_orientation(data))
+    return header, whole
 
 
-def _jpeg_damage(data: bytes) -> str:
-    """Walk the segments before the first scan: marker (2), length with itself (2), content; ITU-T T.81, B.1."""
-    at = len(_JPEG)
-    while at + 4 <= len(data):
-        if data[at] != 0xFF:
-            return "its parts do not follow one another"
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill bytes may stand before a marker
-            at += 1
-            continue
-        length = int.from_bytes(data[at + 2 : at + 4], "big")
-        if marker == _END_OF_IMAGE or length < 2:
-            return "its parts do not follow one another"
-        at += 2 + length
-        if marker == _START_OF_SCAN:  # in scans 0xFF is followed by 0, so this can only be the end
-            return "" if data.find(bytes((0xFF, _END_OF_IMAGE)), at) >= 0 else "it is cut short"
-    return "it is cut short"
+def read_header(path: Path) -> ImageHeader:
+    """Return the header of the image in a file, of which no more is read. Raises InputError."""
+    try:
+        with _opened(path) as file:
+            return _header(file)
+    except OSError as error:
+        raise InputError(path, _GONE) from error
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def read_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, bytes]:
+    """Return the header of the image in a file, and what of its content decides its pixels.
+
+    sha256: of the file when it was written, if that is known. Raises InputError where it is not whole, or another.
+    """
+    data = _content(path)
+    return _checked(path, data, sha256, "" if sha256 is None else sha256_of_bytes(data))
+
+
+def check_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, str]:
+    """Return the header of the image in a file, and the SHA-256 of the file; raises InputError as `read_whole`."""
+    data = _content(path)
+    digest = sha256_of_bytes(data)
+    return _checked(path, data, sha256, digest)[0], digest
+
+
+def _content(path: Path) -> bytes:
+    try:
+        with _opened(path) as file:
+            return file.read()
+    except OSError as error:
+        raise InputError(path, _GONE) from error
+
+
+def _checked(path: Path, data: bytes, sha256: str | None, digest: str) -> tuple[ImageHeader, bytes]:
+    """Return what `whole_image` does of a file. sha256: that it has to have, if that is known. digest: that it has."""
+    try:
+        found = whole_image(data, sums=digest != sha256)
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+    if sha256 not in (None, digest):
+        raise InputError(path, "is not as it was written: frames.jsonl has another SHA-256 for it", remedy=_CHANGED)
+    return found
+
+
+_CHANGED = "copy it again; if it was changed on purpose, take the keys sha256 out of frames.jsonl"
+
+
+def _opened(path: Path) -> BinaryIO:
+    """Open a file. Raises OSError for what is none: a pipe would be waited for."""
+    found = os.stat(path)  # noqa: PTH116 - thousands are opened, and a Path costs as much as the call
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError("no file")
+    if found.st_size > LARGEST_FILE_BYTES:
+        raise InputError(path, f"has {found.st_size} bytes; images of at most {LARGEST_FILE_BYTES} are read")
+    return open(path, "rb", buffering=_HEADER_BYTES)  # noqa: PTH123
+
+
+def _kind(start: bytes) -> str | None:
+    kinds = {png_files.SIGNATURE: "png", jpeg_files.SIGNATURE: "jpg"}
+    return next((kind for signature, kind in kinds.items() if start.startswith(signature)), None)
+
+
+def _header(file: BinaryIO) -> ImageHeader:
+    start = file.read(len(png_files.SIGNATURE))
+    if not start:
+        raise DamagedImageError("it is empty")
+    kind = _kind(start)
+    file.seek(0)
+    if kind is None:
+        raise UnfitImageError("is neither PNG nor JPEG", "convert it to PNG")
+    header = png_files.png_header(file) if kind == "png" else jpeg_files.jpeg_header(file)
+    _check_upright(header.orientation)
+    return header
+
+
+def _check_upright(orientation: int) -> None:
+    if orientation != UPRIGHT:
+        problem = f"has the Exif orientation {orientation}: viewers turn it, away from its intrinsics, poses and depth"
+        raise UnfitImageError(problem, "turn its pixels as they belong to these, and remove the tag")

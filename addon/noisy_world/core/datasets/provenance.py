@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..machine import processor_features
+from ..optics import OPTICS_KEYS
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..presets.preset import canonical
-from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, SceneSpec
+from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, RECORDING_KEYS, SceneSpec
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -113,20 +114,28 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
 
 def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    entry = asdict(plan.preset.spec.scenes[entry_number(scene)])
-    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
-        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
-    untold = asdict(SceneSpec())
-    entry = {name: value for name, value in entry.items() if name not in MESH_KEYS or value != untold[name]}
+    entry = told_entry(plan.preset.spec.scenes[entry_number(scene)])
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
     return {
-        "entry": plain_values(entry),
+        "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
+        **scene.source.optics(camera).content(),
         "path": path,
     }
+
+
+def told_entry(spec: SceneSpec) -> dict[str, Any]:
+    """Return a scene's entry of a preset as plain values, without keys that say nothing of a scene of its kind."""
+    entry = asdict(spec)
+    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
+        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
+    untold = SceneSpec()
+    optional = (*RECORDING_KEYS, *MESH_KEYS)
+    told = {name: value for name, value in entry.items() if name not in optional or value != getattr(untold, name)}
+    return plain_values(told)
 
 
 def entry_number(scene: Scene) -> int:
@@ -150,6 +159,8 @@ def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> 
     digest = hashlib.sha256()
     for values in (path.c2w, path.stamps_s, stamps_s):
         digest.update(np.ascontiguousarray(values[:count] + 0.0, dtype="<f8").tobytes())  # -0.0 is 0.0
+    if path.posed is not None:
+        digest.update(path.posed[:count].tobytes())
     return digest.hexdigest()
 
 
@@ -226,7 +237,8 @@ def manifest(
     told = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
     inputs = {name: scene["inputs"] for name, scene in identity_["scenes"].items()}
     seen = {name: {key: own.get(key, value) for key, value in told.items()} for name, own in inputs.items()}
-    cameras = {name: asdict(camera) | seen[name] for name, camera in cameras_of(identity_).items()}
+    beyond = optics_of(identity_)
+    cameras = {name: asdict(camera) | seen[name] | beyond[name] for name, camera in cameras_of(identity_).items()}
     shared = None
     if cameras_agree(identity_):
         first, *others = cameras.values()
@@ -257,7 +269,14 @@ def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:
 
 def cameras_agree(identity_: dict[str, Any]) -> bool:
     """Tell whether all scenes of a dataset have one camera, so that a setting can say it for all of them."""
-    return len(set(cameras_of(identity_).values())) == 1
+    beyond = list(optics_of(identity_).values())
+    return len(set(cameras_of(identity_).values())) == 1 and all(item == beyond[0] for item in beyond)
+
+
+def optics_of(identity_: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return what the cameras of each scene have beyond one pinhole, as plain values; {} for nothing."""
+    scenes = identity_["scenes"].items()
+    return {scene: {key: content[key] for key in OPTICS_KEYS if key in content} for scene, content in scenes}
 
 
 def render_seed(seed: int) -> int:

@@ -1,24 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
 
+import json
 import os
+from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Trajectory
-from .image_files import damage
+from .file_digests import read_digests
+from .image_files import WholeFile, check_whole, read_header
+from .image_header import ImageHeader
+from .image_reading import check_colour, check_depth, check_size_px, read_colour, read_steps, spoken, strict_decoder
 from .json_text import finite_number
 
 RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
 INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics
+
+# Chosen: a step of 10 m to one of 0.1 um. Metres per step, such as 0.001 or 1 / 5000, are below it.
+SCALES_PER_M = (0.1, 1e7)
 
 type SizePx = tuple[int, int]
 """Width and height in pixels."""
@@ -28,34 +38,49 @@ type SizePx = tuple[int, int]
 class StoredFrame:
     """A frame on disk, whose images are read on request.
 
-    size_px: width and height that its images have to have. colour: what its colour image holds, "rgb" or 8-bit "grey";
-    None if it holds something else.
+    size_px: width and height that its images have to have. rgb_sha256, depth_sha256: of the files when they were
+    written, where that is known; files with another are refused. depth_size_px: of depth, where it is another.
+    void_steps: what depth images hold where there is no depth, besides 0.
     """
 
     rgb_file: Path
     depth_file: Path
     depth_scale_per_m: float
     size_px: SizePx
-    colour: str | None = "rgb"
+    rgb_sha256: str | None = None
+    depth_sha256: str | None = None
+    depth_size_px: SizePx | None = None
+    void_steps: tuple[int, ...] = ()
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, sRGB-encoded; grey in three equal channels.
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, sRGB-encoded: uint8, or float32 in [0, 1] where the file has 16 bits.
 
-        Raises InputError where the file is no image, or one of another size.
+        Grey is in three equal channels. Raises InputError where the file is damaged, or no image as it has to be.
         """
-        import cv2
-
-        image = _read_image(self.rgb_file, cv2.IMREAD_COLOR)
-        _check_size(self.rgb_file, image, self.size_px)
-        return np.ascontiguousarray(image[..., ::-1])
+        return read_colour(self.rgb_file, self.size_px, self.rgb_sha256)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
-        steps = _read_steps(self.depth_file)
-        _check_size(self.depth_file, steps, self.size_px)
+        steps = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
+        if self.void_steps:
+            steps[np.isin(steps, self.void_steps)] = 0
         return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
+
+    @cached_property
+    def stored_rgb(self) -> tuple[str, str | None]:
+        """The kind of the colour image's file, and what it holds: 8-bit "rgb" or "grey", None for anything else."""
+        header = read_header(self.rgb_file)
+        return header.kind, header.plainly
+
+    def whole_file(self, modality: Literal["rgb", "depth"]) -> WholeFile:
+        """Return the file of an image that is used as it is. Raises InputError where it is damaged."""
+        file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
+        header, digest = check_whole(file, sha256)
+        own_size_px = None if modality == "rgb" else self.depth_size_px
+        check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
+        return WholeFile(file, digest)
 
 
 @dataclass(frozen=True)
@@ -65,13 +90,15 @@ class StoredSequence:
     trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
     depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
     stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
-    camera_path the file that says them; None where none does. notes: sentences that the user should see.
+    camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
+    what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
+    assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
     """
 
     folder: Path
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
-    trajectory_path: Path
+    trajectory_path: Path | None
     trajectory: Trajectory
     stamps: FrameStamps
     depth_scale_per_m: float
@@ -80,20 +107,14 @@ class StoredSequence:
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
     counted_hz: float | None = None
+    void_steps: tuple[int, ...] = ()
+    optics: Optics = PINHOLE
+    assumed: str = ""
 
     @cached_property
-    def _first_image(self) -> tuple[SizePx, str | None]:
-        """Width and height of the first colour image in pixels, and what it holds."""
-        import cv2
-
-        pixels = _read_image(self.rgb_files[0], cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
-        colour = "rgb" if pixels.ndim == 3 else "grey" if pixels.dtype == np.uint8 else None
-        return _size_px(pixels), colour
-
-    @property
     def size_px(self) -> SizePx:
         """Width and height of its first image in pixels."""
-        return self._first_image[0]
+        return read_header(self.rgb_files[0]).size_px
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -109,22 +130,83 @@ class StoredSequence:
     @cached_property
     def known_camera(self) -> Intrinsics | None:
         """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
-        if self.camera is None or self.camera_path is None:
+        if self.camera is None or (self.camera_path is None and not self.assumed):
             return None
         told = (self.camera.width_px, self.camera.height_px)
         if told != self.size_px:
-            problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {_spoken(self.size_px)} pixels"
+            if self.camera_path is None:
+                return None  # images of another size than the dataset's: its documented camera is none of theirs
+            problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {spoken(self.size_px)} pixels"
             raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
         return self.camera
 
-    def check_depth(self) -> None:
-        """Raise InputError where the first depth image is no 16-bit image of the size of the colour."""
-        _check_size(self.depth_files[0], _read_steps(self.depth_files[0]), self.size_px)
+    @cached_property
+    def image_notes(self) -> tuple[str, ...]:
+        """What the user should know of its images, in sentences, after the headers of all of them are looked at.
+
+        Raises InputError where one is no image as it has to be, or has another size than the first.
+        """
+        found: Counter[str] = Counter()
+        for file in self.rgb_files:
+            header = read_header(file)
+            check_colour(file, header)
+            check_size_px(file, header, self.size_px)
+            found.update(_remarks(header, known=self._digest(file) is not None))
+        for file in self.depth_files:
+            header = read_header(file)
+            check_depth(file, header)
+            check_size_px(file, header, self.depth_size_px, self.depth_size_px != self.size_px)
+        return tuple(f"{count} of {len(self.rgb_files)} colour images {told}" for told, count in sorted(found.items()))
+
+    def check_images(self) -> None:
+        """Raise InputError where the header of an image says that it cannot be used, before any is decoded."""
+        _ = self.image_notes
 
     def frame(self, index: int) -> StoredFrame:
         """Return a frame."""
-        size_px, colour = self._first_image
-        return StoredFrame(self.rgb_files[index], self.depth_files[index], self.depth_scale_per_m, size_px, colour)
+        rgb, depth = self.rgb_files[index], self.depth_files[index]
+        return StoredFrame(
+            rgb,
+            depth,
+            self.depth_scale_per_m,
+            self.size_px,
+            self._digest(rgb),
+            self._digest(depth),
+            self.depth_size_px,
+            self.void_steps,
+        )
+
+    @property
+    def depth_size_px(self) -> SizePx:
+        """Width and height that its depth images have to have, in pixels."""
+        seen = None if self.optics.depth is None else self.optics.depth.intrinsics
+        return self.size_px if seen is None else (seen.width_px, seen.height_px)
+
+    @cached_property
+    def _digests(self) -> dict[str, str]:
+        return read_digests(self.folder)
+
+    def _digest(self, file: Path) -> str | None:
+        if not self._digests or not file.is_relative_to(self.folder):
+            return None
+        return self._digests.get(file.relative_to(self.folder).as_posix())
+
+
+def size_of(path: Path) -> SizePx:
+    """Return the width and height of an image in pixels. Raises InputError where it is none."""
+    return read_header(path).size_px
+
+
+def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
+    """Yield what the user should know of a colour image. known: the SHA-256 of its file is."""
+    if header.channels == 1:
+        yield "are grey: perturbations get three equal channels"
+    if header.bits == 16:
+        yield "have 16 bits a channel: they are perturbed so, and written with 8"
+    if header.channels == 4:
+        yield "are CMYK: OpenCV converts them to RGB"
+    if header.kind == "jpg" and not known and strict_decoder() is None:
+        yield "are JPEG: damage inside them is filled in, unless pip install 'noisy-world[strict]' has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:
@@ -152,6 +234,22 @@ def checked_intrinsics(path: Path, places: tuple[str, ...], values: tuple[object
     return Intrinsics(int(wide), int(high), fx_px, fy_px, cx_px, cy_px)
 
 
+def checked_depth_scale(path: Path, where: str, value: object, *, remedy: str = "") -> float:
+    """Return a depth scale as a file says it, steps per metre. Raises InputError where it is none that depth has."""
+    number = finite_number(value)
+    least, most = SCALES_PER_M
+    if number is None or number <= 0:
+        text = json.dumps(value, default=str)
+        told = text if len(text) <= 40 else f"{text[:37]}..."
+        raise InputError(path, f"is {told}, but has to be a number above 0", where=where, remedy=remedy)
+    if not least <= number <= most:
+        told = f"is {number:g} steps per metre, so a step is {1 / number:.3g} m; it has to be {least:g} to {most:g}"
+        if least <= 1 / number <= most:
+            remedy = f"write {1 / number:g} where {number:g} m per step is meant"
+        raise InputError(path, told, where=where, remedy=remedy)
+    return number
+
+
 def check_files(listing: Path, files: tuple[Path, ...]) -> None:
     """Raise InputError where a file that a list names is not there."""
     # Not Path.is_file, which raises OSError for a name that no file can have.
@@ -170,41 +268,3 @@ def read_text(path: Path) -> str:
 
 def _short(name: str) -> str:
     return name if len(name) <= 80 else f"{name[:77]}..."
-
-
-def _read_steps(path: Path) -> NDArray[np.uint16]:
-    import cv2
-
-    steps = _read_image(path, cv2.IMREAD_UNCHANGED)
-    if steps.ndim != 2 or steps.dtype != np.uint16:
-        raise InputError(path, f"is {steps.dtype} {steps.shape}, but depth has to be 16-bit grey")
-    return steps
-
-
-def _read_image(path: Path, mode: int) -> NDArray[Any]:
-    import cv2
-
-    try:
-        problem = damage(path.read_bytes())
-    except OSError as error:
-        raise InputError(path, "is not there or no image") from error
-    if problem:
-        raise InputError(path, f"is damaged: {problem}", remedy="copy it again")
-    image = cv2.imread(str(path), mode)
-    if image is None:
-        raise InputError(path, "is not there or no image")
-    return image
-
-
-def _check_size(path: Path, pixels: NDArray[Any], wanted: SizePx) -> None:
-    if _size_px(pixels) != wanted:
-        problem = f"is {_spoken(_size_px(pixels))} pixels, but the first colour image is {_spoken(wanted)}"
-        raise InputError(path, problem, remedy="a sequence has one size; register depth to colour")
-
-
-def _size_px(pixels: NDArray[Any]) -> SizePx:
-    return pixels.shape[1], pixels.shape[0]
-
-
-def _spoken(size_px: SizePx) -> str:
-    return f"{size_px[0]} x {size_px[1]}"

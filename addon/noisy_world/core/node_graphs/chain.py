@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from ..geometry import Intrinsics
 from ..perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..perturbing.steps import Step
 from .flat import flat
@@ -105,11 +106,16 @@ def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
 
 
 def socket_values(
-    step: Step[ColourPerturbation], index: int, identifiers: Identifiers, *, scene_frame: int = 0
+    step: Step[ColourPerturbation],
+    index: int,
+    identifiers: Identifiers,
+    *,
+    scene_frame: int = 0,
+    intrinsics: Intrinsics | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return a step's socket values for a frame of a sequence, by socket name, and a note for the provenance.
 
-    scene_frame: the frame of Blender's scene while this frame is evaluated.
+    scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if known.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
@@ -118,6 +124,8 @@ def socket_values(
     perturbation = step.perturbation
     if severity != 0:
         parameters = step.parameters(severity)
+        if intrinsics is not None and perturbation.by_camera is not None:
+            parameters = replace(parameters, **perturbation.by_camera(intrinsics))
         for item in fields(parameters):
             value = socket_value(perturbation, item.name, getattr(parameters, item.name))
             values[socket_name(item.name)] = value

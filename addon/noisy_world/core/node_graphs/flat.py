@@ -23,8 +23,8 @@ def flat(graph: Graph) -> Graph:
     """Return the description with the groups inside it written out.
 
     Where a group inside is given a plain True or False, and a choice depends on that alone, the other branch is left
-    out. A group inside stays one where it is there more than `REPEATED` times, itself made flat, and where a link to it
-    narrows what it carries.
+    out. A group inside stays one where it is there more than `REPEATED` times or says so, itself made flat, and where a
+    link to it narrows what it carries.
     """
     return _Writer(graph).result
 
@@ -58,7 +58,7 @@ class _Writer:
         for number in reachable:
             node = graph.nodes[number]
             inputs = {name: value_of(value) for name, value in node.inputs.items()}
-            if node.group is not None and times[node.group.stamp] <= REPEATED and _fits(node.group, inputs):
+            if node.group is not None and self._written(node.group, times, inputs):
                 arguments = {item.name: inputs.get(item.name, item.default) for item in node.group.inputs}
                 sockets = {item.name: self._argument(item.kind, arguments[item.name]) for item in node.group.inputs}
                 found[number] = self._write(node.group, sockets)
@@ -70,10 +70,14 @@ class _Writer:
                 numbers[number] = made.number
         return {item.name: value_of(item.socket) for item in graph.outputs}
 
+    def _written(self, group: Graph, times: Mapping[str, int], inputs: Mapping[str, Any]) -> bool:
+        """Tell whether a group inside is written out."""
+        return not group.alone and times[group.stamp] <= REPEATED and _fits(group, inputs)
+
     def _flat_group(self, group: Graph) -> Graph:
         if group.stamp not in self._groups:
             self._groups[group.stamp] = made = flat(group)
-            made.name = f"{group.name} (flat)"
+            made.name, made.alone = f"{group.name} (flat)", group.alone
         return self._groups[group.stamp]
 
     def _argument(self, kind: Kind, value: Any) -> Any:

@@ -165,13 +165,14 @@ class Graph:
     """A node group that is being described.
 
     name: of the group. description: what it does, for its tooltip. category: the asset catalogue that shows it; "" for
-    a group that only other groups use.
+    a group that only other groups use. alone: it stays a group where others are written out (`flat`), as it is large.
     """
 
     name: str
     description: str
     category: str = ""
     tags: tuple[str, ...] = ()
+    alone: bool = False
     inputs: list[GroupInput] = field(default_factory=list)
     outputs: list[GroupOutput] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)

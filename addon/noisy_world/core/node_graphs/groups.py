@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A perturbation as a node group: the sockets and conversions that all groups share, around each group's own nodes.
 
-A group's own nodes work on sRGB-encoded values in [0, 1], as the definitions do. A group converts from scene-linear
-light at its input and back at its output; with `Encoded` on, it takes and gives encoded values as they are.
+A group's own nodes work on sRGB-encoded values in [0, 1], as the definitions do, or on linear light of any brightness,
+as the perturbation says. A group takes and gives scene-linear light and converts where it has to; with `Encoded` on, it
+takes and gives encoded values.
 """
 
 import math
@@ -42,10 +43,11 @@ _SUBTYPES = {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}
 class Canvas:
     """What a perturbation builds on.
 
-    image: encoded, in [0, 1]; its alpha has no meaning. width_px, height_px: of the input image, one number each.
-    scale: pixels of the input image per pixel at the reference width. position_px: each pixel's column and row
-    (x, y, 0) at the reference width, whole numbers, from the upper left. drift_frames: how many frames a kept pattern
-    has moved on. depth_m: planar depth, 0 = void, in a group that asks for it.
+    image: encoded, in [0, 1], or linear light of any brightness, as the perturbation says; its alpha has no meaning.
+    width_px, height_px: of the input image, one number each. scale: pixels of the input image per pixel at the
+    reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
+    upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
+    that asks for it.
     """
 
     graph: Graph
@@ -131,7 +133,7 @@ def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] 
     reference = graph.input(REFERENCE_INPUT)
     enabled = graph.input(GroupInput("Enabled", "bool", True, "Off: the image passes unchanged"))
     encoded = graph.input(ENCODED_INPUT)
-    source = to_encoded(graph, image, encoded)
+    source = to_linear(graph, image, encoded) if perturbation.linear else to_encoded(graph, image, encoded)
     with graph.section("Size"):
         canvas = _canvas(source, reference, timing, depth_m)
         scaled = {
@@ -143,7 +145,8 @@ def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] 
         }
     with graph.section(perturbation.label):
         result = perturbation.build(canvas, scaled, served)
-    given_back = from_encoded(graph, result, image, encoded)
+    back = from_linear if perturbation.linear else from_encoded
+    given_back = back(graph, result, image, encoded)
     with graph.section(BACK):
         graph.output("Image", graph.choose(enabled, given_back, image), description="The perturbed frame")
     return graph
@@ -160,9 +163,26 @@ def from_encoded(graph: Graph, result: Socket, image: Socket, encoded: Socket) -
     with graph.section(BACK):
         clamped = graph.clamp(result)
         back = convert(graph, clamped, "sRGB", "Linear Rec.709")
-        alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
-        kept = graph.node("CompositorNodeSetAlpha", {"Image": back, "Alpha": alpha, "Type": "Replace Alpha"})
-        return graph.choose(encoded, clamped, kept.out("Image", "color"))
+        return graph.choose(encoded, clamped, _with_alpha_of(graph, back, image))
+
+
+def to_linear(graph: Graph, image: Socket, encoded: Socket) -> Socket:
+    """Return the image's linear light; an image that is linear already is not converted, whatever its brightness."""
+    with graph.section("To linear light"):
+        return graph.choose(encoded, convert(graph, image, "sRGB", "Linear Rec.709"), image)
+
+
+def from_linear(graph: Graph, result: Socket, image: Socket, encoded: Socket) -> Socket:
+    """Return linear light as the image was given: with its alpha and brightness, or encoded and clipped to [0, 1]."""
+    with graph.section(BACK):
+        clamped = graph.clamp(convert(graph, result, "Linear Rec.709", "sRGB"))
+        return graph.choose(encoded, clamped, _with_alpha_of(graph, result, image))
+
+
+def _with_alpha_of(graph: Graph, result: Socket, image: Socket) -> Socket:
+    alpha = graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"}).out("Alpha", "float")
+    kept = graph.node("CompositorNodeSetAlpha", {"Image": result, "Alpha": alpha, "Type": "Replace Alpha"})
+    return kept.out("Image", "color")
 
 
 def _unit(perturbation: Perturbation, parameter: str) -> str:

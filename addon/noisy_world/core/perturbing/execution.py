@@ -43,13 +43,15 @@ def _drawn_for[Kind: (ColourPerturbation, DepthPerturbation)](
 def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
     """Return what makes equal images of the same clean frame, whatever the sequence.
 
-    That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none.
+    That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none;
+    and the camera's motion, if it looks at that.
     """
     return tuple(
         (
             step.perturbation.name,
             tuple(asdict(step.parameters(severity)).items()),
             None if _repeats(step.perturbation) else (context.identifiers, context.index, context.temporal),
+            None if context.motion is None else context.motion.key,
         )
         for step, context, severity in active
     )
@@ -147,7 +149,7 @@ def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Traj
     """Return the chosen poses of a path, with the path's first stamps; the whole path for None."""
     if chosen is None:
         return trajectory
-    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[: len(chosen)])
+    return trajectory.at(chosen, trajectory.stamps_s[: len(chosen)])
 
 
 def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers) -> NDArray[np.int64]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..streams import stream
+from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 
 type Identifiers = tuple[str | int, ...]
@@ -57,7 +58,8 @@ class FrameContext:
     index: the frame's number in its sequence. identifiers: of its random streams; a frame made alone draws the same
     numbers as in the whole sequence. temporal: how patterns change from frame to frame. stamp_s: the frame's time
     stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
-    not give them. read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
+    not give them. motion: of the camera, for perturbations that say uses_motion, None where its path is unknown.
+    read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
     chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`.
 
     Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
@@ -68,6 +70,7 @@ class FrameContext:
     temporal: Temporal = "fresh"
     stamp_s: float | None = field(default=None, compare=False)
     intrinsics: Intrinsics | None = field(default=None, compare=False)
+    motion: CameraMotion | None = field(default=None, compare=False, repr=False)
     read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     chosen_by: Identifiers | None = field(default=None, compare=False)
@@ -145,7 +148,7 @@ The result is byte for byte that of `apply` on `rgb / np.float32(255)`, rounded 
 
 type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
 """groups.Canvas; a socket for each parameter, sizes in pixels of the input image, angles in degrees; the largest values
-to serve -> the socket of the perturbed image, encoded as the canvas's. The result may lie outside [0, 1].
+to serve -> the socket of the perturbed image, encoded or linear as the canvas's. The result may lie outside [0, 1].
 """
 
 type DepthApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
@@ -177,7 +180,7 @@ class Perturbation:
     """What all kinds share; a perturbation is one of the four kinds below.
 
     name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of propagation.
-    order: its rank inside the stage; ours are multiples of 10, and names decide between equal ones. parameters: a
+    order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
     frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
@@ -260,7 +263,9 @@ class ColourPerturbation(Perturbation):
     None. capacity: for each parameter that the number of its nodes depends on, the largest value that the group serves
     by default. needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
-    share a file; it draws nothing and does not look at the frame's number or stamp.
+    share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
+    linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
+    camera's motion, where the context has it. by_camera: of the group's parameters, what a known camera decides.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -271,6 +276,9 @@ class ColourPerturbation(Perturbation):
     capacity: Mapping[str, float] = field(default_factory=dict)
     needs_depth: bool = False
     repeatable: bool = False
+    linear: bool = False
+    uses_motion: bool = False
+    by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from ..presets.names import told_one_folder
 from ..schema import Place, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
@@ -41,11 +42,12 @@ def parse_settings(
             steps = parse_steps(item.perturb, where.at("perturb"), registry)
             steps = drawing_by(steps, item.name, item.stream, where.at("stream"))
             found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
-    names: set[str] = set()
+    names: dict[str, str] = {}
     for setting, where in found:
-        if setting.name in names:
-            raise where.error(f"{setting.name!r} is given twice")
-        names.add(setting.name)
+        if (other := names.get(setting.name.casefold())) is not None:
+            same = other == setting.name
+            raise where.error(f"{other!r} is given twice" if same else told_one_folder(setting.name, other))
+        names[setting.name.casefold()] = setting.name
     return tuple(setting for setting, _ in found)
 
 

@@ -58,6 +58,7 @@ class Step[Kind: Perturbation]:
             identifiers=own if self.stream is None else (*where.identifiers[:-1], self.stream, *own[-2:]),
             chosen_by=None if self.stream is None else own,
             temporal=self.temporal,
+            motion=where.motion if isinstance(kind, ColourPerturbation) and kind.uses_motion else None,
             read_rgb=where.read_rgb if isinstance(kind, DepthPerturbation) and kind.needs_rgb else None,
             read_depth_m=where.read_depth_m if isinstance(kind, ColourPerturbation) and kind.needs_depth else None,
         )
@@ -141,6 +142,11 @@ class Setting:
     def needs_depth(self) -> bool:
         """Whether a step of colour depends on depth."""
         return any(step.perturbation.needs_depth for step in self.rgb)
+
+    @property
+    def uses_motion(self) -> bool:
+        """Whether a step of colour looks at the camera's motion."""
+        return any(step.perturbation.uses_motion for step in self.rgb)
 
     @property
     def needs_rgb(self) -> bool:

@@ -33,7 +33,8 @@ class Estimate:
 def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
     """Estimate the bytes of an image of a render."""
     kind = plan.format.image if modality == "rgb" else "depth"
-    return int(render.camera.width_px * render.camera.height_px * BYTES_PER_PIXEL[kind])
+    camera = render.camera if modality == "rgb" else render.depth_camera
+    return int(camera.width_px * camera.height_px * BYTES_PER_PIXEL[kind])
 
 
 def size_text(count: int) -> str:

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 
 from ..datasets.layouts import Modality, OutputFormat
+from ..datasets.registration import Registration
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..optics import PINHOLE, Optics
 from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
 from ..perturbing.kinds import Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
+from ..presets.names import told_one_folder
 from ..presets.preset import EngineName, Preset, SensorSpec
 from ..presets.selection import selected
 from ..schema import Place
@@ -30,7 +33,8 @@ class Render:
     """What is rendered (or read) once for all the sequences that show it.
 
     frames: the source frames that these need. camera: of its images. moving: the steps that move the scene's path, with
-    the identifiers of their random streams; without steps the path is as planned.
+    the identifiers of their random streams; without steps the path is as planned. optics: what the cameras have beyond
+    one pinhole.
     """
 
     name: str
@@ -40,6 +44,18 @@ class Render:
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
     identifiers: Identifiers = ()
+    optics: Optics = PINHOLE
+
+    @property
+    def depth_camera(self) -> Intrinsics:
+        """The camera of its depth images: the colour's, unless they have one of their own."""
+        return self.camera if self.optics.depth is None else self.optics.depth.intrinsics
+
+    @cached_property
+    def registration(self) -> Registration | None:
+        """What is between colour and depth; None where they have one camera."""
+        depth = self.optics.depth
+        return None if depth is None else Registration(self.camera, depth, self.optics.distortion)
 
     @property
     def needs_depth(self) -> bool:
@@ -77,6 +93,11 @@ class Plan:
     def cameras(self) -> dict[str, Intrinsics]:
         """The intrinsics of each scene's frames, by the scene's name."""
         return {render.scene.name: render.camera for render in self.renders}
+
+    @cached_property
+    def depth_cameras(self) -> dict[str, Intrinsics]:
+        """The intrinsics of each scene's depth images, by the scene's name."""
+        return {render.scene.name: render.depth_camera for render in self.renders}
 
     @property
     def camera(self) -> Intrinsics | None:
@@ -169,9 +190,13 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     preset, modalities = plan.preset, plan.format.modalities
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
+    optics = _optics(scene, plan, camera)
     shared: list[Sequence] = []
     moved: list[Render] = []
     for setting in plan.settings:
+        if setting.needs_depth and not scene.source.gives.depth:
+            problem = f"{setting.name} needs depth, and a video has none"
+            raise scene.place.at("video").error(problem, "take that setting out, or take a sequence with depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
@@ -188,12 +213,28 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             problem = (
                 f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
             )
-            raise scene.place.at("sequence").error(problem, "take that setting out, or render the scene's mesh")
+            raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
         name = f"{scene.name}@{setting.name}"
         moved.append(Render(name, scene, _needed([sequence], modalities), (sequence,), camera, moving, identifiers))
     if shared:
-        moved.insert(0, Render(scene.name, scene, _needed(shared, modalities), tuple(shared), camera))
+        needed = _needed(shared, modalities)
+        moved.insert(0, Render(scene.name, scene, needed, tuple(shared), camera, optics=optics))
     return moved
+
+
+def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
+    """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
+    optics, layout = scene.source.optics(camera), plan.format.layout
+    if optics.plain or layout.optics:
+        return optics
+    place = scene.place.at("sequence")
+    if optics.depth is not None:
+        problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"
+        raise place.error(
+            problem, "register: true lays depth into colour; or choose another output.layout, such as tum"
+        )
+    problem = f"its lens distorts, which the {layout.label} layout cannot say"
+    raise place.error(problem, "undistort: true makes a pinhole of it; or choose another output.layout, such as tum")
 
 
 def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
@@ -230,15 +271,36 @@ def _sensor_paths(plan: Plan, trajectory: Trajectory) -> SensorPaths:
 
 def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
     """Refuse names given twice, and scenes that do not fit the layout or the rig."""
-    names = [scene.name for scene in scenes]
+    names: dict[str, str] = {}
     for scene in scenes:
-        if names.count(scene.name) > 1:
-            raise scene.place.at("name").error(f"{scene.name!r} names two scenes", "give each a name of its own")
+        if (other := names.get(scene.name.casefold())) is not None:
+            same = other == scene.name
+            problem = f"{scene.name!r} names two scenes" if same else told_one_folder(scene.name, other)
+            raise scene.place.at("name").error(problem, "give each a name of its own")
+        names[scene.name.casefold()] = scene.name
         if preset.spec.rig is not None and not scene.source.gives.any_pose:
             problem = "is a recording, which has no other poses for a rig"
-            raise scene.place.at("sequence").error(problem, "leave rig out")
+            raise _place_of(scene).error(problem, "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.frame_stamps):
             raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
+        if not scene.source.gives.any_pose:
+            _check_poses(scene, preset)
+        if not scene.source.gives.depth and "depth" in preset.spec.output.modalities:
+            problem = "a video has no depth, but output.modalities asks for it"
+            raise scene.place.at("video").error(problem, "write output: {modalities: [rgb]}")
+
+
+def _place_of(scene: Scene) -> Place:
+    """Return the place of a recording's folder or file in its scene."""
+    return scene.place.at("sequence" if scene.source.gives.depth else "video")
+
+
+def _check_poses(scene: Scene, preset: Preset) -> None:
+    """Refuse frames without a pose in a layout that has a line for each."""
+    known, layout = scene.source.trajectory().known, preset.spec.output.format.layout
+    if known.any() and not known.all() and not layout.gaps:
+        told = f"{np.count_nonzero(~known)} of {len(known)} frames have no pose, but {layout.label} has one for each"
+        raise scene.place.at("poses").error(told, "leave them out (drop), or choose another output.layout, such as tum")
 
 
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:

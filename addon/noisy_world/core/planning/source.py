@@ -7,14 +7,15 @@ All other code uses a source by this protocol alone and never asks which one it 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.image_files import WholeFile
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
+from ..optics import Optics
 from ..presets.preset import EngineName
 from ..scenes.mesh import Mesh
 from ..schema import Place
@@ -36,8 +37,11 @@ class SourceFrame(Protocol):
         """Planar depth (H, W) in metres; 0 = void."""
         ...
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> Path | None:
-        """Return an existing file that holds an image exactly as a dataset would write it, or None."""
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
+        """Return an existing file that holds an image exactly as a dataset would write it, or None.
+
+        Raises InputError where that file is damaged.
+        """
         ...
 
 
@@ -75,13 +79,14 @@ class Gives:
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
-    importers read it, whatever renders it.
+    importers read it, whatever renders it. depth: whether it has any.
     """
 
     rendered: bool
     any_pose: bool
     own: OwnRendering | None = None
     imported: bool = False
+    depth: bool = True
 
 
 @dataclass(frozen=True)
@@ -156,6 +161,13 @@ class Source(Protocol):
 
         None where it has none of its own, and gives what it is asked for. Raises InputError where it cannot give that,
         or has to be told.
+        """
+        ...
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return what its cameras have beyond one pinhole. camera: of colour, as `camera` returned it.
+
+        Raises InputError where the preset asks for what cannot be done to them.
         """
         ...
 

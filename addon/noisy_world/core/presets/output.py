@@ -8,8 +8,6 @@ from typing import Literal
 from ..datasets.layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from ..schema import Choice, Place, key
 
-KNOWN_LAYOUTS = " or ".join(layout.label for layout in LAYOUTS.values())
-
 
 def _defaults(of: Callable[[Layout], str]) -> str:
     """Return the layouts' defaults in words: "default jpg for replica, png for tum and euroc"."""

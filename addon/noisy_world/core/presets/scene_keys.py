@@ -4,12 +4,13 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from ..datasets.known_poses import PosePolicy
+from ..datasets.layouts import KNOWN_RECORDINGS
 from ..scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
 from ..scenes.replica import REPLICA_SCENES, replica_names
 from ..schema import Place, key, unknown_name
 from .frame_range import FrameRange, frame_range_problem
 from .names import scene_name
-from .output import KNOWN_LAYOUTS
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,11 @@ class SceneSpec:
         default=None,
     )
     sequence: str | None = key(
-        f"instead of mesh and trajectory: a folder laid out as {KNOWN_LAYOUTS}, relative to the preset; * allowed",
+        f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
         default=None,
+    )
+    video: str | None = key(
+        "instead of sequence: a video file, for colour alone, relative to the preset; * allowed", default=None
     )
     blend: str | None = key(
         "instead of mesh: a .blend, rendered as its artist set it up, relative to the preset; * allowed", default=None
@@ -115,8 +119,18 @@ class SceneSpec:
         above=0,
         maximum=10_000,
     )
+    poses: PosePolicy = key(
+        "frames of a sequence that have no valid pose: drop leaves them out, keep keeps them without one, require ends "
+        "the run; none looks for no poses at all: a recording without ground truth",
+        default="drop",
+    )
+    undistort: bool = key("whether a sequence whose lens distorts is made a pinhole's", default=False)
+    register: bool = key(
+        "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
+        default=False,
+    )
     name: str | None = key(
-        "the scene's folder in the dataset; * stands for what the * of mesh, sequence or blend matched",
+        "the scene's folder in the dataset; * stands for what the * of mesh, sequence, video or blend matched",
         default=None,
         pattern=scene_name,
     )
@@ -130,6 +144,8 @@ class SceneSpec:
 BLEND_KEYS = ("blend", "scene", "camera", "frames", "compositor", "depth_alpha")
 """The keys of a scene that say something about a .blend alone."""
 
+RECORDING_KEYS = ("video", "poses", "undistort", "register")
+"""The keys of a scene that say something about a recording alone, and are told in a dataset where they are given."""
 
 MESH_KEYS = ("up", "light")
 """The keys that say something about the file of a mesh alone."""
@@ -137,16 +153,15 @@ MESH_KEYS = ("up", "light")
 
 def check_scene(spec: SceneSpec, place: Place) -> None:
     """Check what involves several keys of a scene. Raises InputError."""
-    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence, spec.blend)) != 1:
-        raise place.error("needs either mesh or sequence, or replica or blend", "name one of them")
-    if spec.rate_hz is not None and spec.sequence is None:
-        raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
+    if sum(item is not None for item in (spec.mesh, spec.replica, spec.sequence, spec.video, spec.blend)) != 1:
+        raise place.error("needs either mesh or sequence, or replica, video or blend", "name one of them")
     if spec.up is not None and (spec.mesh is None or is_embedded(spec.mesh)):
         raise place.at("up").error("goes with the file of a mesh", "leave it out")
     if spec.light != "none" and (spec.mesh is None or is_embedded(spec.mesh)):
         raise place.at("light").error("goes with the file of a mesh", "leave it out")
+    _check_recording(spec, place)
     _check_blend(spec, place)
-    if spec.sequence is not None:
+    if spec.sequence is not None or spec.video is not None:
         if spec.trajectory is not None:
             raise place.at("trajectory").error("goes with mesh; a sequence has its own", "leave it out")
         return
@@ -160,6 +175,16 @@ def check_scene(spec: SceneSpec, place: Place) -> None:
             return
         raise place.at("trajectory").error("is missing", "add it: the way of the camera")
     _check_trajectory(spec.trajectory, place.at("trajectory"))
+
+
+def _check_recording(spec: SceneSpec, place: Place) -> None:
+    if spec.sequence is not None:
+        return
+    if spec.rate_hz is not None:
+        raise place.at("rate_hz").error("goes with sequence", "the rate of a mesh's path is trajectory.rate_hz")
+    for name in ("poses", "undistort", "register"):
+        if getattr(spec, name) not in ("drop", False):
+            raise place.at(name).error("goes with sequence", "leave it out")
 
 
 def _check_blend(spec: SceneSpec, place: Place) -> None:

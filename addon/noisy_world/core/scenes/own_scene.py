@@ -15,7 +15,7 @@ from ..presets.preset import EngineName
 
 
 @dataclass(frozen=True)
-class View:
+class Sight:
     """How a camera of Blender's sees, apart from its pose.
 
     camera: the object's name. kind: PERSP, ORTHO, PANO or CUSTOM. lens_mm: of a perspective one. near_m, far_m: its
@@ -51,12 +51,12 @@ class SampledCamera:
     """A camera at some frames of a scene.
 
     frames: the scene's frames. matrices: (N, 4, 4) float64, world_from_camera with Blender's axes, as Blender has it:
-    with whatever scale its parents give it. views: how it sees at each frame.
+    with whatever scale its parents give it. sights: how it sees at each frame.
     """
 
     frames: tuple[float, ...]
     matrices: NDArray[np.float64]
-    views: tuple[View, ...]
+    sights: tuple[Sight, ...]
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ class OwnScene:
     notes: tuple[str, ...]
 
     @property
-    def view(self) -> View:
+    def sight(self) -> Sight:
         """How its camera sees at the first frame; there has to be one."""
         assert self.camera is not None
-        return self.camera.views[0]
+        return self.camera.sights[0]
 
     def content(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -111,7 +111,9 @@ class OwnScene:
         camera = None
         if sampled is not None:
             matrices = np.array(sampled["matrices"], dtype=np.float64).reshape(-1, 4, 4)
-            camera = SampledCamera(tuple(sampled["frames"]), matrices, tuple(View(**view) for view in sampled["views"]))
+            camera = SampledCamera(
+                tuple(sampled["frames"]), matrices, tuple(Sight(**sight) for sight in sampled["sights"])
+            )
         problems = tuple(Problem(**item) for item in content["problems"])
         told = {"files": tuple(content["files"]), "notes": tuple(content["notes"])}
         return cls(**{**content, **told, "camera": camera, "problems": problems})

@@ -42,7 +42,7 @@ def sensor_trajectory(robot: Trajectory, sensor: Sensor) -> Trajectory:
 
     robot: the body's poses with OpenCV axes, as read with the axes that its file declares.
     """
-    return Trajectory(robot.c2w @ sensor.robot_from_sensor, robot.stamps_s)
+    return Trajectory(robot.c2w @ sensor.robot_from_sensor, robot.stamps_s, posed=robot.posed)
 
 
 def sensor_from_extrinsics(

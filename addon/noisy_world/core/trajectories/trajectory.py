@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A camera's path through a scene: poses with time stamps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -37,12 +38,14 @@ class Trajectory:
     c2w: (N, 4, 4) float64, N >= 1, rigid, metres, from OpenCV's camera axes (x right, y down, z forward) to the world.
     stamps_s: (N,) float64, seconds, strictly increasing.
     notes: what a user should know about how the path was read, one sentence each.
+    posed: (N,) bool, whether a frame's pose is known; None where all are. An unknown one has any pose in c2w.
     Raises ValueError for other shapes, values that are not finite and stamps that do not increase.
     """
 
     c2w: NDArray[np.float64]
     stamps_s: NDArray[np.float64]
     notes: tuple[str, ...] = ()
+    posed: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         c2w = np.array(self.c2w, dtype=np.float64, order="C")
@@ -55,13 +58,26 @@ class Trajectory:
             raise ValueError("a trajectory holds finite numbers only")
         if np.any(np.diff(stamps_s) <= 0.0):
             raise ValueError("time stamps must increase from frame to frame")
+        posed = None if self.posed is None or np.all(self.posed) else np.array(self.posed, dtype=np.bool_)
+        if posed is not None and posed.shape != (len(c2w),):
+            raise ValueError(f"{len(c2w)} poses need as many words on whether they are known, not {posed.shape}")
         c2w.setflags(write=False)
         stamps_s.setflags(write=False)
+        object.__setattr__(self, "posed", posed)
         object.__setattr__(self, "c2w", c2w)
         object.__setattr__(self, "stamps_s", stamps_s)
 
     def __len__(self) -> int:
         return len(self.c2w)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(N,) bool: whether a frame's pose is known."""
+        return np.ones(len(self), dtype=np.bool_) if self.posed is None else self.posed
+
+    def at(self, rows: Sequence[int] | slice | NDArray[np.integer], stamps_s: NDArray[np.float64]) -> "Trajectory":
+        """Return the poses of some rows under other time stamps (M,); without the notes."""
+        return Trajectory(self.c2w[rows], stamps_s, posed=None if self.posed is None else self.posed[rows])
 
 
 def evenly_stamped(c2w: ArrayLike, rate_hz: float = 20.0) -> Trajectory:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
+from ...core.optics import Optics
 from ...core.planning.source import Gives, OpenSource, PreparedSource, RenderOptions, Source
 from ...core.scenes.mesh import Mesh
 from ...core.trajectories.sensor_paths import SensorPaths
@@ -81,6 +82,10 @@ class SourceInside:
     def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
         """Return the intrinsics of its frames."""
         return self.source.camera(asked)
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return the source's."""
+        return self.source.optics(camera)
 
     def trajectory(self) -> Trajectory:
         """Return the path."""

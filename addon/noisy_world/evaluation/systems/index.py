@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...core.datasets.image_files import damage
-from ...core.datasets.images import encode_colour
+from ...core.datasets.images import as_bytes, encode_colour
 from ...core.datasets.layouts import LAYOUTS, Image, Layout, OutputFormat, SequenceFacts, find_sequence
 from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
 from ...core.datasets.stored import StoredSequence
@@ -106,7 +106,7 @@ class Given:
             link_or_copy(source, target, target.parent)
             return
         rgb = self.stored.frame(self.stored.rgb_files.index(source)).rgb
-        write_atomic(target, encode_colour(rgb, image), target.parent)
+        write_atomic(target, encode_colour(as_bytes(rgb), image), target.parent)
 
 
 def given_sequence(
@@ -117,7 +117,16 @@ def given_sequence(
     camera: its intrinsics, where no file says them. Raises InputError where it is no sequence, or has no intrinsics.
     """
     stored = find_sequence(folder)
-    known = stored.known_camera or camera
+    replaced = camera is not None and bool(stored.assumed)
+    problems = {
+        "depth has a camera of its own": stored.optics.depth is not None,
+        "its lens distorts": stored.optics.distortion is not None and not replaced,
+        "its depth images mark void otherwise than by 0": bool(stored.void_steps),
+    }
+    for problem in (told for told, found in problems.items() if found):
+        remedy = "make a dataset of it first, with register: true or undistort: true for the scene"
+        raise InputError(folder, problem, remedy=remedy)
+    known = camera if replaced else stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
     return Given(stored, known, modalities)

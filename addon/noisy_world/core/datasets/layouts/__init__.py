@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dataset layouts: each is an object in its own file, which both writes and reads."""
+"""Dataset layouts: each is an object, which both writes and reads; those of RECORDED are read alone."""
 
 from pathlib import Path
 
 from ...errors import InputError
+from ..known_poses import PosePolicy
 from ..stored import StoredSequence
+from .colour_depth import Open3DLayout, RedwoodLayout
 from .euroc import EurocLayout
+from .icl_nuim import IclNuimLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, SequenceFacts
+from .nerfstudio import NerfstudioLayout
+from .recorded import RecordedLayout
 from .replica import ReplicaLayout
+from .scannet import ScanNetLayout
+from .seven_scenes import BundleFusionLayout, SevenScenesLayout
 from .tum import TumLayout
 from .vslamlab import VslamLabLayout
 
 __all__ = [
+    "KNOWN_RECORDINGS",
     "LAYOUTS",
+    "RECORDED",
     "Beyond",
     "Colour",
     "FrameNames",
@@ -20,6 +29,8 @@ __all__ = [
     "Layout",
     "Modality",
     "OutputFormat",
+    "PosePolicy",
+    "RecordedLayout",
     "SequenceFacts",
     "find_sequence",
 ]
@@ -30,17 +41,35 @@ LAYOUTS: dict[str, Layout] = {
 """Every layout by its name in presets; the first is the default."""
 
 
-def find_sequence(folder: Path, rate_hz: float | None = None) -> StoredSequence:
-    """Find the files of a sequence by the layout that recognises its folder.
+RECORDED: dict[str, RecordedLayout] = {
+    layout.name: layout
+    for layout in (
+        SevenScenesLayout(),
+        BundleFusionLayout(),
+        ScanNetLayout(),
+        IclNuimLayout(),
+        Open3DLayout(),
+        RedwoodLayout(),
+        NerfstudioLayout(),
+    )
+}
+"""Every layout of recordings that is read and not written, by its name."""
 
-    rate_hz: of the frames, where the sequence has no stamps of its own; None for 20.
-    Raises InputError where no layout or several recognise it, and where files are missing or do not match.
+KNOWN_RECORDINGS = " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
+
+
+def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+    """Find the files of a sequence by the layout that recognises its folder, first of those that are written here.
+
+    rate_hz: of the frames, where the sequence has no stamps of its own; None for its layout's. poses: what becomes of
+    frames without a pose. Raises InputError where no layout or several recognise it, and where files are missing or do
+    not match.
     """
-    found = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    found: list[Layout] | list[RecordedLayout] = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    found = found or [layout for layout in RECORDED.values() if layout.recognises(folder)]
     if len(found) == 1:
-        return found[0].read(folder, rate_hz)
-    known = " or ".join(layout.label for layout in LAYOUTS.values())
+        return found[0].read(folder, rate_hz, poses)
     if not found:
-        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known}")
+        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {KNOWN_RECORDINGS}")
     several = " and of ".join(layout.label for layout in found)
     raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")

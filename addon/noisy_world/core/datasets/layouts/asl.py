@@ -21,14 +21,16 @@ from ...geometry import (
     quat_wxyz_from_rotation,
     rotation_error,
 )
+from ...optics import Distortion
 from ...trajectories.files import read_trajectory
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
 from ..association import StampedFiles
 from ..json_text import finite_number
-from ..stored import checked_intrinsics, read_text
+from ..stored import checked_depth_scale, checked_intrinsics, read_text
 from .layout import lines
+from .stated_optics import checked_distortion
 
 STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
 LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 years
@@ -36,6 +38,11 @@ IMAGES_HEADER = "#timestamp [ns],filename"
 # The first columns of EuRoC's own header.
 POSES_HEADER = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
 DEPTH_SCALE_KEY = "depth_scale_per_m"
+
+# Kalibr's and ROS's names for the two models.
+_MODELS = {"radtan": "radial-tangential", "plumb_bob": "radial-tangential", "equi": "equidistant"} | {
+    name: name for name in ("radial-tangential", "equidistant")
+}
 
 # As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
@@ -138,11 +145,15 @@ def _check_order(path: Path, stamps_s: ArrayLike) -> None:
 
 @dataclass(frozen=True, eq=False)
 class AslSensor:
-    """The content of a sensor.yaml. body_from_sensor: T_BS (4, 4). camera, depth_scale_per_m: None if not given."""
+    """The content of a sensor.yaml. body_from_sensor: T_BS (4, 4). camera, depth_scale_per_m: None if not given.
+
+    distortion: of the lens; None where it does not distort.
+    """
 
     body_from_sensor: NDArray[np.float64]
     camera: Intrinsics | None
     depth_scale_per_m: float | None
+    distortion: Distortion | None = None
 
 
 def sensor_yaml(
@@ -153,6 +164,7 @@ def sensor_yaml(
     camera: Intrinsics | None = None,
     rate_hz: float | None = None,
     depth_scale_per_m: float | None = None,
+    distortion: Distortion | None = None,
 ) -> str:
     """Return the text of a sensor.yaml. rate_hz: None for a single frame, which has no rate."""
     matrix = (",\n" + " " * 9).join(", ".join(map(_yaml_number, row)) for row in (body_from_sensor + 0.0).tolist())
@@ -169,13 +181,14 @@ def sensor_yaml(
     if rate_hz is not None:
         rows += ["", f"rate_hz: {f'{rate_hz:.6f}'.rstrip('0').rstrip('.')}"]
     if camera is not None:
+        lens = distortion or Distortion("radial-tangential", (0.0, 0.0, 0.0, 0.0))
         numbers = [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]
         rows += [
             f"resolution: [{camera.width_px}, {camera.height_px}]",
             "camera_model: pinhole",
             f"intrinsics: [{', '.join(map(_yaml_number, numbers))}] # fu, fv, cu, cv",
-            "distortion_model: radial-tangential",
-            "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]",
+            f"distortion_model: {lens.model}",
+            f"distortion_coefficients: [{', '.join(map(_yaml_number, lens.coefficients))}]",
         ]
     if depth_scale_per_m is not None:
         rows += [
@@ -195,7 +208,9 @@ def _yaml_number(value: float) -> str:
 def read_sensor_yaml(path: Path) -> AslSensor:
     """Read a sensor.yaml. Raises InputError for a camera that is no plain pinhole, and for missing or wrong values."""
     document = _load_yaml(path)
-    return AslSensor(_body_from_sensor(path, document), _camera(path, document), _depth_scale(path, document))
+    camera = _camera(path, document)
+    distortion = None if camera is None else _distortion(path, document)
+    return AslSensor(_body_from_sensor(path, document), camera, _depth_scale(path, document), distortion)
 
 
 def _load_yaml(path: Path) -> dict[str, Any]:
@@ -225,21 +240,21 @@ def _camera(path: Path, document: dict[str, Any]) -> Intrinsics | None:
         return None
     if (model := document.get("camera_model", "pinhole")) != "pinhole":
         raise InputError(path, f"is {model!r}, but only pinhole can be read", where="camera_model")
-    if np.any(_numbers(path, "distortion_coefficients", document.get("distortion_coefficients", [0.0]))):
-        remedy = "undistort the images, and set these to zeros"
-        raise InputError(path, "are not zero: the lens distorts", where="distortion_coefficients", remedy=remedy)
     size = _entries(path, "resolution", document.get("resolution"), 2)
     values = _entries(path, "intrinsics", document["intrinsics"], 4)
     return checked_intrinsics(path, ("resolution",) * 2 + ("intrinsics",) * 4, (*size, *values))
 
 
+def _distortion(path: Path, document: dict[str, Any]) -> Distortion | None:
+    model = _MODELS.get(str(document.get("distortion_model", "radial-tangential")), document.get("distortion_model"))
+    coefficients = document.get("distortion_coefficients", [0.0])
+    return checked_distortion(path, "distortion_coefficients", model, coefficients)
+
+
 def _depth_scale(path: Path, document: dict[str, Any]) -> float | None:
     if DEPTH_SCALE_KEY not in document:
         return None
-    (scale_per_m,) = _numbers(path, DEPTH_SCALE_KEY, [document[DEPTH_SCALE_KEY]], 1).tolist()
-    if scale_per_m <= 0:
-        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=DEPTH_SCALE_KEY)
-    return scale_per_m
+    return checked_depth_scale(path, DEPTH_SCALE_KEY, document[DEPTH_SCALE_KEY])
 
 
 def _entries(path: Path, name: str, value: object, count: int) -> list[object]:

@@ -9,8 +9,10 @@ from typing import Any
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ..json_text import finite_number, parse_given_json
-from ..stored import checked_intrinsics, read_text
+from ...optics import PINHOLE, Optics
+from ..json_text import parse_given_json
+from ..stored import checked_depth_scale, checked_intrinsics, read_text
+from .stated_optics import stated_optics
 
 CAM_PARAMS = "cam_params.json"
 INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
@@ -18,7 +20,7 @@ INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
 _REMEDY = "mend or remove it"
 
 
-def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
+def cam_params_text(camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> str:
     """Return the content of the file."""
     values = {
         "w": camera.width_px,
@@ -29,16 +31,20 @@ def cam_params_text(camera: Intrinsics, depth_scale_per_m: float) -> str:
         "cy": float(camera.cy_px),
         "scale": float(depth_scale_per_m),
     }
-    return json.dumps({"camera": values}, indent=2) + "\n"
+    return json.dumps({"camera": values, **optics.content()}, indent=2) + "\n"
 
 
 @dataclass(frozen=True)
 class CamParams:
-    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone."""
+    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone.
+
+    optics: what the cameras have beyond one pinhole.
+    """
 
     path: Path
     depth_scale_per_m: float
     camera: Intrinsics | None
+    optics: Optics = PINHOLE
 
 
 def read_cam_params(folder: Path) -> CamParams | None:
@@ -60,11 +66,8 @@ def read_cam_params_file(path: Path) -> CamParams:
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
-    scale_per_m = finite_number(camera["scale"])
-    if scale_per_m is None or scale_per_m <= 0:
-        problem = f"its scale is {_shown(camera['scale'])}, but has to be a number above 0"
-        raise InputError(path, problem, where="camera.scale", remedy=_REMEDY)
-    return CamParams(path, scale_per_m, _intrinsics(path, camera))
+    scale_per_m = checked_depth_scale(path, "camera.scale", camera["scale"], remedy=_REMEDY)
+    return CamParams(path, scale_per_m, _intrinsics(path, camera), stated_optics(path, document))
 
 
 def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
@@ -76,8 +79,3 @@ def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
         raise InputError(path, problem, where="camera", remedy=f"a camera has {', '.join(INTRINSICS)} and scale")
     places = tuple(f"camera.{name}" for name in INTRINSICS)
     return checked_intrinsics(path, places, tuple(camera[name] for name in INTRINSICS))
-
-
-def _shown(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import invert_pose
+from ...optics import DepthCamera, Optics
 from ...trajectories.rig import Sensor, sensor_trajectory
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate_frames
+from ..known_poses import PosePolicy, truth_file
 from ..stored import StoredSequence, check_files, same_camera
 from .asl import (
     DEPTH_SCALE_KEY,
@@ -51,6 +53,7 @@ class EurocLayout(Layout):
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
     colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
+    optics = True  # in sensor.yaml
     depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
     conventions: ClassVar[dict[str, str]] = {
         "pose": "body-to-world; T_BS of a sensor.yaml is sensor-to-body; camera axes x right, y down, z forward "
@@ -89,7 +92,7 @@ class EurocLayout(Layout):
         body_from_rgb = np.eye(4) if facts.rig is None else facts.rig.rgb.robot_from_sensor
         of_depth = None if facts.rig is None else facts.rig.depth
         body_from_depth = body_from_rgb if of_depth is None else of_depth.robot_from_sensor
-        (chosen, stamps), rate_hz = facts.timed, _rate_hz(facts.paths.rgb)
+        rate_hz, seen = _rate_hz(facts.paths.rgb), facts.optics.depth
         texts = {f"{MAV}/body.yaml": f"comment: {'the colour camera' if facts.rig is None else 'the robot'}\n"}
         if "rgb" in facts.format.modalities:
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
@@ -98,7 +101,12 @@ class EurocLayout(Layout):
             # The file of times that ORB-SLAM3 asks for: each line is an image's name without its suffix.
             texts[f"{COLOUR}/timestamps.txt"] = lines([PurePosixPath(name).stem for name in names])
             texts[f"{COLOUR}/sensor.yaml"] = sensor_yaml(
-                "camera", comment, body_from_rgb, camera=facts.camera, rate_hz=rate_hz
+                "camera",
+                comment,
+                body_from_rgb,
+                camera=facts.camera,
+                rate_hz=rate_hz,
+                distortion=facts.optics.distortion,
             )
         if "depth" in facts.format.modalities:
             # Names sort by time, which the order of the frames need not be for depth.
@@ -107,11 +115,15 @@ class EurocLayout(Layout):
             texts[f"{DEPTH}/sensor.yaml"] = sensor_yaml(
                 "depth-camera",
                 "planar depth",
-                body_from_depth,
-                camera=facts.camera,
+                body_from_depth if seen is None else body_from_rgb @ seen.matrix,
+                camera=facts.camera if seen is None else seen.intrinsics,
                 rate_hz=rate_hz,
+                distortion=facts.optics.distortion if seen is None or seen.shares_lens else None,
                 depth_scale_per_m=facts.format.depth_scale_per_m,
             )
+        if facts.timed is None:
+            return texts
+        chosen, stamps = facts.timed
         states = {TRUE_STATE: (chosen.robot or chosen.rgb, "where the body was")}
         if chosen.nominal is not None:
             # The nominal path is the colour camera's; this layout holds poses of the body.
@@ -137,7 +149,7 @@ class EurocLayout(Layout):
         path = sensor_trajectory(read_poses_csv(poses), Sensor(sensor.body_from_sensor))
         return poses_at(path, time_s, poses)
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""
         del rate_hz  # the lists have stamps
         for sensor, what in ((COLOUR, "colour"), (DEPTH, "depth")):
@@ -147,18 +159,21 @@ class EurocLayout(Layout):
         rgb, depth = (read_images_csv(folder / sensor / "data.csv") for sensor in (COLOUR, DEPTH))
         colour_file, depth_file = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
         colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
-        _check_depth_sensor(depth_file, colour_sensor, depth_sensor)
+        optics = _optics(depth_file, colour_sensor, depth_sensor)
         assert depth_sensor.depth_scale_per_m is not None, "just checked"
-        poses = folder / TRUE_STATE / "data.csv"
-        path = sensor_trajectory(read_poses_csv(poses), Sensor(colour_sensor.body_from_sensor))
-        found = associate_frames(folder, rgb, depth, path, exact_stamps(poses, path))
+        file = truth_file(folder / TRUE_STATE / "data.csv", poses)
+        path = exact = None
+        if file is not None:
+            path = sensor_trajectory(read_poses_csv(file), Sensor(colour_sensor.body_from_sensor))
+            exact = exact_stamps(file, path)
+        found = associate_frames(folder, rgb, depth, path, exact, policy=poses)
         check_files(folder / COLOUR / "data.csv", found.rgb_files)
         check_files(folder / DEPTH / "data.csv", found.depth_files)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
-            poses,
+            file,
             found.path,
             found.stamps,
             depth_sensor.depth_scale_per_m,
@@ -166,19 +181,32 @@ class EurocLayout(Layout):
             colour_sensor.camera,
             colour_file,
             found.notes,
+            optics=optics,
         )
 
 
-def _check_depth_sensor(path: Path, colour: AslSensor, depth: AslSensor) -> None:
-    """Refuse depth without a scale, and depth that another camera sees than colour."""
+def _optics(path: Path, colour: AslSensor, depth: AslSensor) -> Optics:
+    """Return what the cameras have beyond one pinhole. Raises InputError for depth without a scale, or with a lens."""
     if depth.depth_scale_per_m is None:
         raise InputError(path, f"holds no {DEPTH_SCALE_KEY}", remedy="add it: the steps of the depth images a metre")
-    remedy = "register the depth images to the colour camera"
-    if np.abs(colour.body_from_sensor - depth.body_from_sensor).max() > _SAME_POSE:
-        raise InputError(path, f"T_BS is not that of {COLOUR}, but depth has to be the colour camera's", remedy=remedy)
-    if colour.camera and depth.camera and not same_camera(colour.camera, depth.camera):
-        problem = f"resolution or intrinsics are not those of {COLOUR}, but depth has to be the colour camera's"
-        raise InputError(path, problem, remedy=remedy)
+    apart = np.abs(colour.body_from_sensor - depth.body_from_sensor).max() > _SAME_POSE
+    if not apart and (depth.camera is None or (colour.camera and same_camera(colour.camera, depth.camera))):
+        if depth.distortion not in (None, colour.distortion):
+            problem = f"is not that of {COLOUR}, which has the same intrinsics and pose"
+            raise InputError(path, problem, where="distortion_coefficients", remedy="leave it out, or set both alike")
+        return Optics(distortion=colour.distortion)
+    if depth.camera is None or colour.camera is None:
+        lacking = path if depth.camera is None else COLOUR
+        raise InputError(
+            lacking, "says no intrinsics, but depth has a pose of its own", remedy="add them, or register it"
+        )
+    if depth.distortion not in (None, colour.distortion):
+        remedy = "undistort the depth images, and set these to zeros"
+        raise InputError(path, "are not zero: the lens distorts", where="distortion_coefficients", remedy=remedy)
+    between = invert_pose(colour.body_from_sensor) @ depth.body_from_sensor
+    rows = tuple(tuple(row) for row in between.tolist()) if apart else None
+    lens = depth.distortion is not None and not apart
+    return Optics(DepthCamera(depth.camera, rows, lens), colour.distortion)
 
 
 def _rate_hz(path: Trajectory) -> float | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
@@ -20,6 +21,7 @@ from ...trajectories.trajectory import Trajectory
 from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
+from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
 type Modality = Literal["rgb", "depth"]
@@ -38,7 +40,8 @@ class Layout(ABC):
     "grey" or both. The first of each is the default. depth_scale_per_m: steps of the depth images per metre, unless a
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
-    Patterns and setting_files say what to remove when a dataset is replaced.
+    Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
+    optics: whether its files can say that depth has a camera of its own, and how a lens distorts.
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -52,6 +55,8 @@ class Layout(ABC):
     conventions: ClassVar[dict[str, str]] = {}
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
+    gaps: ClassVar[bool] = True
+    optics: ClassVar[bool] = False
 
     @property
     def summary(self) -> str:
@@ -80,9 +85,9 @@ class Layout(ABC):
     def sequence_texts(self, facts: "SequenceFacts") -> dict[str, str]:
         """Return the text files of a sequence by name."""
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
-        del camera, depth_scale_per_m
+        del camera, depth_scale_per_m, optics
         return {}
 
     @abstractmethod
@@ -97,10 +102,10 @@ class Layout(ABC):
         """
 
     @abstractmethod
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find the files of a sequence. rate_hz: of the frames, where the sequence has no stamps; None for RATE_HZ.
 
-        Raises InputError where files are missing, wrong or do not match.
+        poses: what becomes of frames without a pose. Raises InputError where files are missing, wrong or do not match.
         """
 
 
@@ -143,9 +148,9 @@ class OutputFormat:
         """Return the names of the images of a sequence whose i-th frame has the i-th time stamps."""
         return FrameNames(self, FrameStamps.of(stamps))
 
-    def setting_texts(self, camera: Intrinsics) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
-        return self.layout.setting_texts(camera, self.depth_scale_per_m)
+        return self.layout.setting_texts(camera, self.depth_scale_per_m, optics)
 
     def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
         """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset."""
@@ -198,7 +203,7 @@ class SequenceFacts:
 
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
     rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
-    depth and poses have those of the paths.
+    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole.
     """
 
     format: OutputFormat
@@ -207,12 +212,13 @@ class SequenceFacts:
     frames: tuple[int, ...]
     paths: SensorPaths
     stamps: FrameStamps | None = None
+    optics: Optics = PINHOLE
 
     @cached_property
     def chosen(self) -> SensorPaths:
         """The paths of the frames that exist, in the order of the frames."""
         rows = list(self.frames)
-        return self.paths.each(lambda path: Trajectory(path.c2w[rows], path.stamps_s[rows]))
+        return self.paths.each(lambda path: path.at(rows, path.stamps_s[rows]))
 
     @cached_property
     def taken(self) -> FrameStamps:
@@ -220,11 +226,17 @@ class SequenceFacts:
         return self._stamps.take(self.frames)
 
     @cached_property
-    def timed(self) -> tuple[SensorPaths, Stamps]:
-        """The paths of the frames that exist, in the order of the poses' own stamps, and these."""
+    def timed(self) -> tuple[SensorPaths, Stamps] | None:
+        """The known poses of the frames that exist, in the order of the poses' own stamps, and these.
+
+        None where no pose is known.
+        """
         order = np.argsort(self.taken.pose.seconds, kind="stable")
+        order = order[self.chosen.rgb.known[order]]
+        if not order.size:
+            return None
         stamps = self.taken.pose.take(order)
-        return self.chosen.each(lambda path: Trajectory(path.c2w[order], stamps.seconds)), stamps
+        return self.chosen.each(lambda path: path.at(order, stamps.seconds)), stamps
 
     @property
     def names(self) -> FrameNames:

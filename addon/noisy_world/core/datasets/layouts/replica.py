@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics
 from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
 from ...trajectories.stamps import FrameStamps
-from ...trajectories.trajectory import Trajectory
 from ..frame_times import read_frame_times
+from ..known_poses import PosePolicy, truth_file, unposed
 from ..records import FRAMES
 from ..stored import RATE_HZ, StoredSequence
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
@@ -40,6 +41,8 @@ class ReplicaLayout(Layout):
         CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
+    optics = True  # in cam_params.json
+    gaps = False  # traj.txt has a line for each frame
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
@@ -61,12 +64,14 @@ class ReplicaLayout(Layout):
         )
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
-        """Return a file of poses for each path."""
+        """Return a file of poses for each path, where they are known."""
+        if not facts.chosen.rgb.known.any():
+            return {}
         return {f"traj{path_suffix(name)}.txt": replica_text(path) for name, path in facts.chosen.named().items()}
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return cam_params.json."""
-        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
+        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a folder `results`."""
@@ -79,7 +84,7 @@ class ReplicaLayout(Layout):
             raise InputError(folder / "traj.txt", f"has {len(poses)} poses for {len(time_s)} frames")
         return poses.c2w
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find the images, which match by number, and the poses, one for each image in the order of the numbers.
 
         The stamps are those of frames.jsonl, where there is one; else frame i is at i / rate_hz.
@@ -91,14 +96,14 @@ class ReplicaLayout(Layout):
         if not rgb or numbers != [_number(path) for path in depth] or any(a == b for a, b in pairwise(numbers)):
             problem = f"has {len(rgb)} colour and {len(depth)} depth images, which do not match by number"
             raise InputError(results, problem)
-        poses = folder / "traj.txt"
-        trajectory = read_trajectory(poses)
-        if len(trajectory) != len(rgb):
-            raise InputError(poses, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
+        file = truth_file(folder / "traj.txt", poses)
+        trajectory = unposed(len(rgb)) if file is None else read_trajectory(file)
+        if file is not None and len(trajectory) != len(rgb):
+            raise InputError(file, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
         notes = trajectory.notes
-        if stamps is None and detect_format(poses) in STAMPED_FORMATS:
-            stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), poses
+        if stamps is None and file is not None and detect_format(file) in STAMPED_FORMATS:
+            stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), file
         elif stamps is None:
             stamps, stamps_path = _counted(rgb[-1], numbers, rate_hz or RATE_HZ), None
             notes += () if rate_hz else (f"no file says time stamps: {RATE_HZ:g} frames a second, or rate_hz",)
@@ -107,8 +112,8 @@ class ReplicaLayout(Layout):
             folder,
             tuple(rgb),
             tuple(depth),
-            poses,
-            Trajectory(trajectory.c2w, stamps.rgb.seconds),
+            file,
+            trajectory.at(slice(None), stamps.rgb.seconds),
             stamps,
             params.depth_scale_per_m if params else self.depth_scale_per_m,
             stamps_path,
@@ -116,6 +121,7 @@ class ReplicaLayout(Layout):
             params.path if params else None,
             notes,
             None if stamps_path else rate_hz or RATE_HZ,
+            optics=params.optics if params else PINHOLE,
         )
 
 

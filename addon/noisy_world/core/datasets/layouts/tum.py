@@ -10,15 +10,25 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...optics import PINHOLE, Optics, distortion_of
 from ...trajectories.files import read_trajectory, tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
+from ..known_poses import PosePolicy, truth_file
 from ..stored import StoredSequence, check_files, read_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
 
 LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
 SECONDS_PER_YEAR = 31_557_600  # Julian
+# https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats, "Intrinsic camera calibration of the Kinect": of
+# colour, to which depth is registered; fx, fy, cx, cy, and d0 to d4 as OpenCV has them.
+KINECTS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
+    "1": ((517.3, 516.5, 318.6, 255.3), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
+    "2": ((520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
+    "3": ((535.4, 539.2, 320.1, 247.6), (0.0, 0.0, 0.0, 0.0, 0.0)),
+}
+_ASSUMED = "the benchmark's calibration of this Kinect is used, by the folder's name; camera says another"
 _ONE_STAMP = "an image has a stamp of its own"
 # float() would also take "nan", "1_000" and digits of other scripts.
 _NUMBER = r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?"
@@ -48,6 +58,7 @@ class TumLayout(Layout):
         CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
+    optics = True  # in cam_params.json
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image."""
@@ -69,11 +80,8 @@ class TumLayout(Layout):
         depth = [
             f"{at} {names.depth(frame)}" for at, frame in zip(_stamp_texts(taken.depth), facts.frames, strict=True)
         ]
-        paths, _ = facts.timed
-        texts = {
-            f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path)
-            for name, path in paths.named().items()
-        }
+        paths = {} if facts.timed is None else facts.timed[0].named()
+        texts = {f"groundtruth{path_suffix(name)}.txt": _POSES_HEADER + tum_text(path) for name, path in paths.items()}
         if "rgb" in modalities:
             texts["rgb.txt"] = lines(["# color images", _NO_BAG, _LISTED, *rgb])
         if "depth" in modalities:
@@ -83,9 +91,9 @@ class TumLayout(Layout):
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 
-    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float) -> dict[str, str]:
+    def setting_texts(self, camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> dict[str, str]:
         """Return cam_params.json, as the benchmark has no file of intrinsics of its own."""
-        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m)}
+        return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a list of colour images."""
@@ -96,28 +104,40 @@ class TumLayout(Layout):
         poses = folder / "groundtruth.txt"
         return poses_at(read_trajectory(poses, format="tum", stamp_unit="s"), time_s, poses)
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find images and poses with close stamps."""
         del rate_hz  # the lists have stamps
         rgb, depth = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
-        poses = folder / "groundtruth.txt"
-        found = associate_frames(folder, rgb, depth, read_trajectory(poses))
+        file = truth_file(folder / "groundtruth.txt", poses)
+        found = associate_frames(folder, rgb, depth, None if file is None else read_trajectory(file), policy=poses)
         check_files(folder / "rgb.txt", found.rgb_files)
         check_files(folder / "depth.txt", found.depth_files)
         params = read_cam_params(folder)
+        kinect = None if params and params.camera else _kinect(folder)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
-            poses,
+            file,
             found.path,
             found.stamps,
             params.depth_scale_per_m if params else self.depth_scale_per_m,
             folder / "rgb.txt",
-            params.camera if params else None,
+            params.camera if params and params.camera else kinect[0] if kinect else None,
             params.path if params else None,
             found.notes,
+            optics=kinect[1] if kinect else params.optics if params else PINHOLE,
+            assumed=_ASSUMED if kinect else "",
         )
+
+
+def _kinect(folder: Path) -> tuple[Intrinsics, Optics] | None:
+    """Return the Kinect of a folder that is named as the benchmark does it; None for another."""
+    named = re.match(r"rgbd_dataset_freiburg([123])_", folder.resolve().name)
+    if named is None:
+        return None
+    values, coefficients = KINECTS[named[1]]
+    return Intrinsics(640, 480, *values), Optics(distortion=distortion_of("radial-tangential", coefficients))
 
 
 def _stamp_texts(stamps: Stamps) -> list[str]:

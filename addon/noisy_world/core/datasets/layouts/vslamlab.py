@@ -23,7 +23,8 @@ from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
 from ..association import StampedFiles, associate_frames
 from ..json_text import finite_number
-from ..stored import StoredSequence, check_files, checked_intrinsics, read_text
+from ..known_poses import PosePolicy, truth_file
+from ..stored import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, read_text
 from .asl import LARGEST_NS, exact_stamps
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
 
@@ -83,8 +84,10 @@ class VslamLabLayout(Layout):
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return the list of images, the calibration, and a file of poses for each path."""
-        paths, stamps = facts.timed
         texts = {LISTED: _listed_text(facts), CALIBRATION: _calibration_text(facts)}
+        if facts.timed is None:
+            return texts
+        paths, stamps = facts.timed
         return texts | {
             f"groundtruth{path_suffix(name)}.csv": _poses_text(path, stamps) for name, path in paths.named().items()
         }
@@ -98,21 +101,22 @@ class VslamLabLayout(Layout):
         poses = folder / TRUTH
         return poses_at(read_trajectory(poses, format="tum", stamp_unit="ns"), time_s, poses)
 
-    def read(self, folder: Path, rate_hz: float | None = None) -> StoredSequence:
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Pair colour and depth as rgb.csv does, whatever their stamps; poses are those with close stamps."""
         del rate_hz  # the list has stamps
         rgb, depth = _read_listed(folder / LISTED)
         camera, depth_scale_per_m = _read_calibration(folder / CALIBRATION)
-        poses = folder / TRUTH
-        path = read_trajectory(poses)
-        found = associate_frames(folder, rgb, depth, path, exact_stamps(poses, path), paired=True)
+        file = truth_file(folder / TRUTH, poses)
+        path = None if file is None else read_trajectory(file)
+        exact = None if file is None or path is None else exact_stamps(file, path)
+        found = associate_frames(folder, rgb, depth, path, exact, paired=True, policy=poses)
         check_files(folder / LISTED, found.rgb_files)
         check_files(folder / LISTED, found.depth_files)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
-            poses,
+            file,
             found.path,
             found.stamps,
             depth_scale_per_m,
@@ -254,13 +258,11 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
     if np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY:
         remedy = f"{TRUTH} has to hold the poses of {CAMERA}; set T_BS to the identity where it does"
         raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
-    (scale_per_m,) = _numbers(path, camera, "depth_factor", 1)
-    if scale_per_m <= 0:
-        raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where=_at("depth_factor"))
+    scale_per_m = checked_depth_scale(path, _at("depth_factor"), camera.get("depth_factor"))
     keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}
     values = [value for name, count in keys.items() for value in _numbers(path, camera, name, count).tolist()]
     places = tuple(_at(name) for name, count in keys.items() for _ in range(count))
-    return checked_intrinsics(path, places, tuple(values)), float(scale_per_m)
+    return checked_intrinsics(path, places, tuple(values)), scale_per_m
 
 
 def _is_colour(camera: Any) -> bool:

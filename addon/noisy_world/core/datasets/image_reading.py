@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pixels of images on disk, read so that what is damaged is refused where it can be seen."""
+
+import importlib
+import importlib.util
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from .image_files import read_whole
+from .image_header import DamagedImageError, ImageHeader, UnfitImageError
+from .images import UINT16_MAX
+
+STRICT_PACKAGE = "simplejpeg"
+# That the strict decoder knows; with these it gives OpenCV's pixels. By channel, horizontally and vertically.
+_STRICT_SAMPLINGS = {((1, 1),)} | {(luma, (1, 1), (1, 1)) for luma in ((1, 1), (2, 1), (1, 2), (2, 2), (4, 1), (1, 4))}
+_REGISTER = "a sequence has one size; register depth to colour"
+
+
+# --- files ---
+
+
+def read_colour(
+    path: Path, size_px: tuple[int, int], sha256: str | None = None
+) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Return the colour (H, W, 3) of a file, RGB, sRGB-encoded: uint8, or float32 in [0, 1] where it has 16 bits.
+
+    Grey is in three equal channels. sha256: of the file when it was written, if that is known. Raises InputError where
+    the file is damaged, of another size, or no colour image.
+    """
+    header, data = read_whole(path, sha256)
+    check_colour(path, header)
+    check_size_px(path, header, size_px)
+    try:
+        return decoded_colour(header, data)
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.uint16]:
+    """Return the steps (H, W) of a depth image. Raises InputError where it is damaged, or no 16-bit PNG of the size."""
+    header, data = read_whole(path, sha256)
+    check_depth(path, header)
+    check_size_px(path, header, size_px)
+    try:
+        return np.asarray(_decoded(data, _unchanged(), header, np.uint16), np.uint16)
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+# --- what headers say ---
+
+
+def check_colour(path: Path, header: ImageHeader) -> None:
+    """Raise InputError where an image is no colour as it is meant here."""
+    if header.channels == 1 and header.bits == 16:
+        problem = f"is {header.told}, as depth and thermal images are, but colour has to be 8-bit grey, or RGB"
+        raise InputError(path, problem, remedy="write it with 8 bits, as it is to be seen")
+
+
+def check_depth(path: Path, header: ImageHeader) -> None:
+    """Raise InputError where an image is no 16-bit grey PNG."""
+    if (header.kind, header.bits, header.channels, header.alpha) != ("png", 16, 1, False):
+        raise InputError(path, f"is {header.told}, but depth has to be a PNG of 16-bit grey")
+
+
+def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own: bool = False) -> None:
+    """Raise InputError where an image has another size than the first colour image of its sequence.
+
+    own: it is depth of a camera of its own, which has that size.
+    """
+    if header.size_px != wanted:
+        whose = "its camera has" if own else "the first colour image is"
+        remedy = "take the images that belong to it" if own else _REGISTER
+        raise InputError(path, f"is {spoken(header.size_px)} pixels, but {whose} {spoken(wanted)}", remedy=remedy)
+
+
+def spoken(size_px: tuple[int, int]) -> str:
+    """Return a size in words."""
+    return f"{size_px[0]} x {size_px[1]}"
+
+
+# --- pixels ---
+
+
+def decoded_colour(header: ImageHeader, data: bytes) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Return the colour (H, W, 3) of a whole image, as `read_colour`. data: what of the file decides its pixels.
+
+    Raises DamagedImageError, and UnfitImageError for pixels that are transparent.
+    """
+    import cv2
+
+    if header.kind == "jpg" and header.sampling in _STRICT_SAMPLINGS and (strict := strict_decoder()) is not None:
+        try:
+            return strict.decode_jpeg(data, colorspace="RGB", strict=True)
+        except ValueError as error:
+            raise DamagedImageError(f"its decoder says {str(error)!r}") from None
+    if header.bits <= 8 and not header.alpha:
+        plain = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
+        return np.asarray(_decoded(data, plain, header, np.uint8), np.uint8)
+    dtype = np.uint16 if header.bits == 16 else np.uint8
+    pixels = _decoded(data, _unchanged(), header, dtype)
+    # OpenCV leaves a grey that is transparent out, where that is one value and no channel.
+    if header.alpha and (pixels.ndim == 2 or pixels.shape[2] < 4 or pixels[..., 3].min() < np.iinfo(dtype).max):
+        raise UnfitImageError("has transparent pixels, of which nothing says the colour", "lay it over a background")
+    rgb = np.ascontiguousarray(pixels[..., 2::-1])
+    return rgb if dtype == np.uint8 else np.divide(rgb, np.float32(UINT16_MAX), dtype=np.float32)
+
+
+def _unchanged() -> int:
+    import cv2
+
+    return cv2.IMREAD_UNCHANGED
+
+
+def _decoded(data: bytes, mode: int, header: ImageHeader, dtype: type) -> NDArray[Any]:
+    import cv2
+
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise DamagedImageError("it cannot be decoded")
+    expected = (header.height_px, header.width_px)
+    if pixels.dtype != dtype or pixels.shape[:2] != expected:
+        raise DamagedImageError(f"it says {header.told} of {spoken(header.size_px)}, and holds {pixels.shape}")
+    return pixels
+
+
+@cache
+def strict_decoder() -> ModuleType | None:
+    """Return the package that refuses a JPEG where libjpeg would fill in what is damaged; None without it."""
+    if importlib.util.find_spec(STRICT_PACKAGE) is None:
+        return None
+    return importlib.import_module(STRICT_PACKAGE)

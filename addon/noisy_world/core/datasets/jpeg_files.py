@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""JPEG files by their segments (ITU-T T.81, B.1): marker (2), length with itself (2), content."""
+
+from typing import BinaryIO
+
+from .image_header import (
+    UPRIGHT,
+    DamagedImageError,
+    ImageHeader,
+    UnfitImageError,
+    check_size,
+    exif_orientation,
+    read_exactly,
+)
+
+SIGNATURE = b"\xff\xd8"
+# Chosen: libjpeg's own progressive files have 10, and each takes as long as the size in the header asks for.
+MOST_SCANS = 100
+
+_START_OF_SCAN, _END_OF_IMAGE, _APP1 = 0xDA, 0xD9, 0xE1
+_TABLES = (0xC4, 0xC8, 0xCC)  # Huffman tables, reserved, arithmetic conditioning: among the numbers of frames' starts
+_PROGRESSIVE = 0xC2
+_EXIF = b"Exif\0\0"
+_APART = "its parts do not follow one another"
+
+
+def jpeg_header(stream: BinaryIO) -> ImageHeader:
+    """Return the header of a JPEG, from the segments before its first scan. Raises UnfitImageError."""
+    read_exactly(stream, len(SIGNATURE))
+    frame: tuple[int, bytes] | None = None
+    orientation = UPRIGHT
+    while True:
+        marker, length = _segment(stream)
+        if marker == _START_OF_SCAN:
+            break
+        if marker == _APP1:
+            content = read_exactly(stream, length)
+            if content.startswith(_EXIF):
+                orientation = exif_orientation(content[len(_EXIF) :])
+        elif 0xC0 <= marker <= 0xCF and marker not in _TABLES:
+            if frame is not None:
+                raise DamagedImageError(_APART)
+            frame = marker, read_exactly(stream, length)
+        else:
+            stream.seek(length, 1)
+    scanned = read_exactly(stream, length)
+    if frame is None or not scanned:
+        raise DamagedImageError(_APART)
+    return _header(*frame, orientation, scanned[0], stream.tell())
+
+
+def _segment(stream: BinaryIO) -> tuple[int, int]:
+    """Return the marker of the next segment and the length of its content, where the stream then is."""
+    start = read_exactly(stream, 2)
+    while start == b"\xff\xff":  # fill bytes may stand before a marker
+        start = b"\xff" + read_exactly(stream, 1)
+    length = int.from_bytes(read_exactly(stream, 2), "big") if start[0] == 0xFF and start[1] else 0
+    if length < 2 or start[1] == _END_OF_IMAGE:
+        raise DamagedImageError(_APART)
+    return start[1], length - 2
+
+
+def _header(marker: int, content: bytes, orientation: int, scanned: int, at: int) -> ImageHeader:
+    """Read a frame's start: bits (1), height (2), width (2), channels (1), for each its name, factors and table (3).
+
+    scanned: the channels of the first scan. at: where it begins.
+    """
+    if len(content) < 6 or len(content) != 6 + 3 * content[5]:
+        raise DamagedImageError(_APART)
+    bits, channels = content[0], content[5]
+    height_px, width_px = (int.from_bytes(content[start : start + 2], "big") for start in (1, 3))
+    if channels not in (1, 3, 4):
+        raise UnfitImageError(f"is a JPEG of {channels} channels", "convert it to RGB")
+    check_size(width_px, height_px)
+    return ImageHeader(
+        "jpg",
+        width_px,
+        height_px,
+        channels,
+        bits,
+        orientation=orientation,
+        sequential=marker != _PROGRESSIVE and scanned == channels,
+        sampling=tuple((content[row + 1] >> 4, content[row + 1] & 15) for row in range(6, len(content), 3)),
+        content_at=at,
+    )
+
+
+def check_jpeg(data: bytes, header: ImageHeader) -> None:
+    """Raise DamagedImageError where a JPEG has no end behind its first scan, UnfitImageError where it has many scans.
+
+    In scans 0xFF is followed by 0 or the number of a restart, so the mark of the end can only be the end.
+    """
+    if data.rfind(bytes((0xFF, _END_OF_IMAGE))) < header.content_at:
+        raise DamagedImageError("it is cut short")
+    if not header.sequential and data.count(bytes((0xFF, _START_OF_SCAN)), header.content_at) >= MOST_SCANS:
+        raise UnfitImageError(f"has more than {MOST_SCANS} scans", "write it anew")

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Folders of colour and of depth with a trajectory: Open3D's recorders, and the Redwood datasets.
+
+Open3D: examples/python/reconstruction_system/sensors/realsense_recorder.py writes color/000000.jpg, depth/000000.png
+(steps of the device, a millimetre for all but the SR300, aligned to colour) and camera_intrinsic.json; RGBDVideoReader
+and the Azure Kinect reader write color/00000.jpg, depth/00000.png and intrinsic.json, with fps and, as
+RGBDVideoMetadata has it, depth_scale in steps per metre. intrinsic_matrix is stored column by column. The
+reconstruction system leaves scene/trajectory.log.
+
+Redwood: http://redwood-data.org/indoor/data.html (image or colors, depth, *-traj.txt or trajectory.log, depth in
+millimetres, fx = fy = 525, cx 319.5, cy 239.5: the PrimeSense's factory settings) and http://redwood-data.org/3dscan
+(rgb/0000001-000000000000.jpg, depth/0000001-000000000000.png: number and time in microseconds; no trajectory).
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...geometry import Intrinsics
+from ...trajectories.matrix_poses import log_poses
+from ...trajectories.pose_text import read_text as read_numbers
+from ...trajectories.pose_text import text_rows
+from ...trajectories.stamps import Stamps
+from ...trajectories.trajectory import Trajectory
+from ..association import StampedFiles, associate_frames
+from ..json_text import finite_number, parse_given_json
+from ..known_poses import PosePolicy
+from ..stored import StoredSequence, read_text
+from .numbered import NumberedPoses, numbered_frames, numbered_images
+from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
+
+INTRINSICS = ("intrinsic.json", "camera_intrinsic.json")
+TRAJECTORIES = ("*.log", "scene/*.log", "*-traj.txt", "*trajectory.txt")
+COLOURS = ("rgb", "image", "images", "color", "colors")
+COLOUR = r"([0-9]+)\.(?:jpg|png)"
+DEPTH = r"([0-9]+)\.png"
+TIMED = r"([0-9]+)-([0-9]+)\.(?:jpg|png)"
+PRIMESENSE = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
+_ASSUMED = "the PrimeSense's factory camera of fx = fy = 525 and (319.5, 239.5) is used, as by the dataset; camera says another"  # fmt: skip  # noqa: E501
+
+
+class Open3DLayout(RecordedLayout):
+    """`color/00000.jpg`, `depth/00000.png`, `intrinsic.json` and a `.log` of poses."""
+
+    name = "open3d"
+    label = "Open3D"
+    meaning = (
+        "a recording of Open3D's RealSense or Azure Kinect recorder, with a .log of poses such as its reconstruction's"
+    )
+    files = "color/00000.jpg, depth/00000.png, intrinsic.json, *.log"
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there are intrinsics of a recorder beside colour and depth."""
+        return _has_folders(folder, ("color",)) and _intrinsics_file(folder) is not None
+
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+        """Match images by their numbers, and poses by those of the .log, counted from the first image."""
+        path = _intrinsics_file(folder)
+        assert path is not None, "recognised"
+        told = _document(path)
+        camera = _camera(path, told)
+        scale_per_m, fps = (_positive(path, told, key) for key in ("depth_scale", "fps"))
+        used_hz = rate_hz or fps or RECORDED_HZ
+        colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
+        truth = _trajectory_file(folder, poses)
+        given = None if truth is None else _log(truth, colour)
+        found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
+        return StoredSequence(
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            truth,
+            found.trajectory,
+            found.stamps,
+            scale_per_m or MILLIMETRES,
+            None,
+            camera,
+            path,
+            (*found.notes, *(() if fps else counted_note(rate_hz, used_hz))),
+            used_hz,
+        )
+
+
+class RedwoodLayout(RecordedLayout):
+    """`image` or `rgb`, `depth` and a trajectory in Redwood's format."""
+
+    name = "redwood"
+    label = "Redwood"
+    meaning = "a sequence of the Redwood datasets: depth in mm, the PrimeSense's factory camera"
+    files = "rgb/ (or image/, colors/), depth/, *.log or *-traj.txt"
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there are colour and depth with a trajectory, or images named by number and time."""
+        if not _has_folders(folder, COLOURS) or _intrinsics_file(folder) or any(folder.glob("*.gt.freiburg")):
+            return False
+        if (folder / "pose").is_dir() or (folder / "intrinsic").is_dir() or (folder / "rgb.txt").is_file():
+            return False
+        timed = (re.fullmatch(TIMED, path.name) for path in (folder / "depth").glob("*-*.png"))
+        return bool(_trajectories(folder)) or any(timed)
+
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+        """Match images by their numbers, or by their times where their names say them; poses are in order of colour."""
+        colours = [name for name in COLOURS if (folder / name).is_dir()]
+        if len(colours) > 1:
+            raise InputError(folder, f"has {colours[0]} and {colours[1]}", remedy="leave one folder of colour in it")
+        images = folder / colours[0]
+        truth = _trajectory_file(folder, poses)
+        if any(re.fullmatch(TIMED, path.name) for path in images.iterdir()):
+            return _timed(folder, images, truth, poses)
+        used_hz = rate_hz or RECORDED_HZ
+        colour, depth = numbered_images(images, COLOUR), numbered_images(folder / "depth", DEPTH)
+        given = None if truth is None else _log(truth, colour)
+        found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
+        return StoredSequence(
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            truth,
+            found.trajectory,
+            found.stamps,
+            MILLIMETRES,
+            None,
+            PRIMESENSE,
+            None,
+            (*found.notes, *counted_note(rate_hz, used_hz)),
+            used_hz,
+            assumed=_ASSUMED,
+        )
+
+
+def _has_folders(folder: Path, colours: tuple[str, ...]) -> bool:
+    return (folder / "depth").is_dir() and any((folder / name).is_dir() for name in colours)
+
+
+def _intrinsics_file(folder: Path) -> Path | None:
+    return next((folder / name for name in INTRINSICS if (folder / name).is_file()), None)
+
+
+# --- intrinsics ---
+
+
+def _document(path: Path) -> dict[str, Any]:
+    document = parse_given_json(read_text(path), path)
+    if not isinstance(document, dict) or "intrinsic_matrix" not in document:
+        raise InputError(path, "holds no intrinsic_matrix", remedy="as Open3D writes it")
+    return document
+
+
+def _camera(path: Path, told: dict[str, Any]) -> Intrinsics:
+    values = told["intrinsic_matrix"]
+    numbers = [finite_number(value) for value in values] if isinstance(values, list) else []
+    found = [number for number in numbers if number is not None]
+    if len(found) != 9 or len(numbers) != 9:
+        raise InputError(path, "has to be nine numbers, column by column", where="intrinsic_matrix")
+    sizes = [finite_number(told.get(name)) for name in ("width", "height")]
+    for name, size in zip(("width", "height"), sizes, strict=True):
+        if size is None or not size.is_integer():
+            raise InputError(path, "has to be whole pixels", where=name)
+    wide, high = (int(size) for size in sizes if size is not None)
+    return intrinsics_of_matrix(path, np.array(found).reshape(3, 3).T, (wide, high))
+
+
+def _positive(path: Path, told: dict[str, Any], name: str) -> float | None:
+    if name not in told:
+        return None
+    number = finite_number(told[name])
+    if number is None or number <= 0:
+        raise InputError(path, "has to be a number above 0", where=name)
+    return number
+
+
+# --- poses ---
+
+
+def _trajectories(folder: Path) -> list[Path]:
+    return sorted({path for pattern in TRAJECTORIES for path in folder.glob(pattern) if path.is_file()})
+
+
+def _trajectory_file(folder: Path, policy: PosePolicy) -> Path | None:
+    """Return the one file of poses; None where none is wanted. Raises InputError where there is none or are several."""
+    if policy == "none":
+        return None
+    found = _trajectories(folder)
+    if len(found) > 1:
+        raise InputError(folder, f"has {found[0].name} and {found[1].name}", remedy="leave one file of poses in it")
+    if not found and policy != "keep":
+        remedy = "put a .log of them there; poses: none uses the images without ground truth"
+        raise InputError(folder, "holds no file of poses", remedy=remedy)
+    return found[0] if found else None
+
+
+def _log(path: Path, colour: dict[int, Path]) -> NumberedPoses:
+    """Return the poses of a .log by the numbers of the images: the first belongs to the first image."""
+    counted = _counted_poses(path)
+    first = min(colour, default=0)
+    return NumberedPoses(path, {first + number: c2w for number, c2w in counted.items()})
+
+
+def _counted_poses(path: Path) -> dict[int, NDArray[np.float64]]:
+    found = log_poses(text_rows(path, read_numbers(path)))
+    assert found.numbers is not None
+    return dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True))
+
+
+def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -> StoredSequence:
+    """Read images that are named by number and microseconds; a pose belongs to the colour image of its number."""
+    colour, depth = _stamped(images), _stamped(folder / "depth")
+    path = None
+    if truth is not None:
+        counted = {row: c2w for row, c2w in _counted_poses(truth).items() if row < len(colour.files)}
+        rows = list(counted)
+        path = Trajectory(np.array([counted[row] for row in rows]), colour.stamps.seconds[rows])
+    found = associate_frames(folder, colour, depth, path, policy=policy)
+    return StoredSequence(
+        folder,
+        found.rgb_files,
+        found.depth_files,
+        truth,
+        found.path,
+        found.stamps,
+        MILLIMETRES,
+        images,
+        PRIMESENSE,
+        None,
+        found.notes,
+        assumed=_ASSUMED,
+    )
+
+
+def _stamped(folder: Path) -> StampedFiles:
+    files = numbered_images(folder, r"([0-9]+)-[0-9]+\.(?:jpg|png)")
+    ordered = [files[number] for number in sorted(files)]
+    if not ordered:
+        raise InputError(folder, "holds no image named by number and time", remedy="0000001-000000000000.jpg and so on")
+    stamps_us = [int(path.stem.partition("-")[2][:18]) for path in ordered]
+    late = next((row for row in range(1, len(stamps_us)) if stamps_us[row] <= stamps_us[row - 1]), None)
+    if late is not None:
+        raise InputError(ordered[late], "is not later than the image before it, by the times in their names")
+    return StampedFiles(Stamps.of_ns(stamp_us * 1000 for stamp_us in stamps_us), tuple(ordered))

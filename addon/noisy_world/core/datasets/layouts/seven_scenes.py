@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames of three files each: 7-Scenes, and BundleFusion with a file of the calibration beside them.
+
+7-Scenes: https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (frame-XXXXXX.color.png, .depth.png
+in millimetres, .pose.txt camera-to-world; "invalid depth is set to 65535"). BundleFusion:
+https://graphics.stanford.edu/projects/bundlefusion/ ("depth in millimetres", info.txt, poses of -inf where tracking was
+lost); keys of info.txt as ScanNet/SensReader writes them (sensorData.h, saveToImages).
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import InputError
+from ...geometry import Intrinsics
+from ...optics import DepthCamera, Optics
+from ...trajectories.matrix_poses import folder_poses
+from ..json_text import finite_number
+from ..known_poses import PosePolicy
+from ..stored import StoredSequence, read_text, same_camera
+from .numbered import NumberedPoses, numbered_frames, numbered_images
+from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
+
+COLOUR = r"frame-([0-9]+)\.color\.(?:png|jpg)"
+DEPTH = r"frame-([0-9]+)\.depth\.png"
+CALIBRATIONS = ("info.txt", "_info.txt")
+NO_DEPTH = 65535  # "invalid depth is set to 65535"
+# "In the KinectFusion pipeline we used the following default intrinsics for the depth camera: principle point
+# (320,240), focal length (585,585)"; "the RGB and depth camera have not been calibrated".
+KINECT = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
+UNCALIBRATED = (
+    "the dataset's depth camera of fx = fy = 585 and (320, 240) stands for both: colour was never calibrated, and "
+    "depth is not registered to it; camera says another"
+)
+
+
+class SevenScenesLayout(RecordedLayout):
+    """`frame-000000.color.png`, `frame-000000.depth.png` and `frame-000000.pose.txt`."""
+
+    name = "seven_scenes"
+    label = "7-Scenes"
+    meaning = "a sequence of Microsoft's 7-Scenes: depth in mm, 65535 is void; poses camera-to-world"
+    files = "frame-000000.color.png, frame-000000.depth.png, frame-000000.pose.txt"
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there are colour images of frames, and no calibration."""
+        return _has_frames(folder) and _calibration(folder) is None
+
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+        """Match images and poses by their numbers."""
+        return _read(folder, rate_hz, poses, MILLIMETRES, None)
+
+
+class BundleFusionLayout(RecordedLayout):
+    """The files of 7-Scenes, and `info.txt` with the intrinsics of both cameras."""
+
+    name = "bundlefusion"
+    label = "BundleFusion"
+    meaning = "a sequence of BundleFusion, or ScanNet's images as SensReader writes them: info.txt has both cameras"
+    files = "frame-000000.color.jpg, frame-000000.depth.png, frame-000000.pose.txt, info.txt"
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there are colour images of frames, and a calibration."""
+        return _has_frames(folder) and _calibration(folder) is not None
+
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+        """Match images and poses by their numbers, and read both cameras."""
+        path = _calibration(folder)
+        assert path is not None, "recognised"
+        values = _info(path)
+        (scale_per_m,) = _numbers(path, values, "m_depthShift", 1)
+        if scale_per_m <= 0:
+            raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where="m_depthShift")
+        return _read(folder, rate_hz, poses, float(scale_per_m), path)
+
+
+def _has_frames(folder: Path) -> bool:
+    return any(folder.glob("frame-*.color.png")) or any(folder.glob("frame-*.color.jpg"))
+
+
+def _calibration(folder: Path) -> Path | None:
+    return next((folder / name for name in CALIBRATIONS if (folder / name).is_file()), None)
+
+
+def _read(
+    folder: Path, rate_hz: float | None, policy: PosePolicy, scale_per_m: float, calibration: Path | None
+) -> StoredSequence:
+    poses = None if policy == "none" else _poses(folder)
+    used_hz = rate_hz or RECORDED_HZ
+    images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
+    found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)
+    camera, optics = (KINECT, Optics()) if calibration is None else _cameras(calibration)
+    return StoredSequence(
+        folder,
+        found.rgb_files,
+        found.depth_files,
+        None if poses is None else folder,
+        found.trajectory,
+        found.stamps,
+        scale_per_m,
+        None,
+        camera,
+        calibration,
+        (*found.notes, *counted_note(rate_hz, used_hz)),
+        used_hz,
+        void_steps=(NO_DEPTH,),
+        optics=optics,
+        assumed="" if calibration else UNCALIBRATED,
+    )
+
+
+def _poses(folder: Path) -> NumberedPoses:
+    found = folder_poses(folder)
+    assert found.numbers is not None
+    return NumberedPoses(folder, dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True)))
+
+
+# --- info.txt ---
+
+
+def _info(path: Path) -> dict[str, str]:
+    lines = [line.partition("=") for line in read_text(path).splitlines()]
+    return {name.strip(): value.strip() for name, equals, value in lines if equals}
+
+
+def _numbers(path: Path, values: dict[str, str], name: str, count: int) -> NDArray[np.float64]:
+    words = values.get(name, "").split()
+    try:
+        numbers = [finite_number(float(word)) for word in words]
+    except ValueError:
+        numbers = []
+    found = [number for number in numbers if number is not None]
+    if len(found) != count or len(words) != count:
+        problem = f"is no {'number' if count == 1 else f'list of {count} numbers'}" if words else "is missing"
+        raise InputError(path, problem, where=name, remedy="as SensReader and BundleFusion write it")
+    return np.array(found)
+
+
+def _cameras(path: Path) -> tuple[Intrinsics, Optics]:
+    values = _info(path)
+    cameras = []
+    for kind in ("color", "depth"):
+        size_px = [int(_numbers(path, values, f"m_{kind}{side}", 1)[0]) for side in ("Width", "Height")]
+        matrix = _numbers(path, values, f"m_calibration{kind.capitalize()}Intrinsic", 16).reshape(4, 4)
+        cameras.append(intrinsics_of_matrix(path, matrix, (size_px[0], size_px[1])))
+    colour, depth = cameras
+    rgb_from_depth = None
+    for kind in ("Color", "Depth"):
+        name = f"m_calibration{kind}Extrinsic"
+        if name in values and not np.array_equal(_numbers(path, values, name, 16).reshape(4, 4), np.eye(4)):
+            problem = "is not the identity, and no document says between which frames it leads"
+            raise InputError(path, problem, where=name, remedy="register depth to colour, and set it to the identity")
+    optics = Optics() if same_camera(colour, depth) else Optics(DepthCamera(depth, rgb_from_depth))
+    return colour, optics

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What files say of cameras beyond one pinhole: a lens that distorts, and the camera of the depth images."""
+
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ...errors import InputError
+from ...geometry import rotation_error
+from ...optics import MODELS, DepthCamera, Distortion, DistortionModel, Optics, distortion_of
+from ..json_text import finite_number
+from ..stored import checked_intrinsics
+
+INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
+_RIGID = 5e-3  # entries of R^T R - 1, as for poses: rounding passes, scale does not
+
+
+def stated_optics(path: Path, document: dict[str, Any]) -> Optics:
+    """Return what the keys `depth_camera` and `distortion` of a JSON document say. Raises InputError."""
+    depth = _depth_camera(path, document["depth_camera"]) if "depth_camera" in document else None
+    distortion = _distortion(path, document["distortion"]) if "distortion" in document else None
+    return Optics(depth, distortion)
+
+
+def checked_distortion(path: Path, where: str, model: object, coefficients: object) -> Distortion | None:
+    """Return a lens as a file says it; None where all coefficients are zero. Raises InputError."""
+    numbers = [finite_number(value) for value in coefficients] if isinstance(coefficients, list) else [None]
+    found = tuple(number for number in numbers if number is not None)
+    if len(found) != len(numbers):
+        raise InputError(path, "has to be a list of finite numbers", where=where)
+    if not any(found):
+        return None
+    if model not in MODELS:
+        told = f"is of the model {str(model)[:40]}, but {' and '.join(MODELS)} can be read"
+        raise InputError(path, told, where=where, remedy="undistort the images, and set the coefficients to zeros")
+    try:
+        return distortion_of(cast("DistortionModel", model), found)
+    except ValueError as error:
+        raise InputError(path, f"holds {error}", where=where) from None
+
+
+def _distortion(path: Path, stated: object) -> Distortion | None:
+    if not isinstance(stated, dict):
+        raise InputError(path, "has to be a model and coefficients", where="distortion")
+    return checked_distortion(path, "distortion", stated.get("model"), stated.get("coefficients"))
+
+
+def _depth_camera(path: Path, stated: object) -> DepthCamera:
+    where = "depth_camera"
+    if not isinstance(stated, dict) or any(name not in stated for name in INTRINSICS):
+        raise InputError(path, f"has to have {', '.join(INTRINSICS)}", where=where)
+    places = tuple(f"{where}.{name}" for name in INTRINSICS)
+    camera = checked_intrinsics(path, places, tuple(stated[name] for name in INTRINSICS))
+    shares_lens = stated.get("shares_lens", False)
+    if not isinstance(shares_lens, bool):
+        raise InputError(path, "is neither true nor false", where=f"{where}.shares_lens")
+    rows = stated.get("rgb_from_depth")
+    return DepthCamera(camera, None if rows is None else _pose(path, f"{where}.rgb_from_depth", rows), shares_lens)
+
+
+def _pose(path: Path, where: str, rows: object) -> tuple[tuple[float, ...], ...]:
+    shape = [len(row) if isinstance(row, list) else 0 for row in rows] if isinstance(rows, list) else []
+    numbers = (
+        [finite_number(value) for row in rows for value in row] if isinstance(rows, list) and shape == [4] * 4 else []
+    )
+    found = [number for number in numbers if number is not None]
+    if len(found) != 16:
+        raise InputError(path, "has to be four rows of four finite numbers", where=where)
+    matrix = np.array(found).reshape(4, 4)
+    rigid = float(rotation_error(matrix[:3, :3])) <= _RIGID and np.linalg.det(matrix[:3, :3]) > 0
+    if not rigid or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        raise InputError(path, "is no rigid pose", where=where, remedy="write it row by row")
+    return tuple(tuple(row) for row in matrix.tolist())

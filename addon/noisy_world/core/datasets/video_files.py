@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Video files: their frames one after another, by OpenCV."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, StorageError
+
+SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
+WRITTEN = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}  # codecs that OpenCV's wheels write, by suffix
+
+
+@dataclass(frozen=True, eq=False)
+class VideoFile:
+    """What a video holds. stamps_s: (N,) when each frame is shown, seconds, increasing; N is counted, not stated."""
+
+    path: Path
+    size_px: tuple[int, int]
+    stamps_s: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.stamps_s)
+
+
+def read_video(path: Path) -> VideoFile:
+    """Read the size of a video and the times of its frames; all of it is decoded, as headers tell neither surely.
+
+    Raises InputError where it is no video, or holds no frame.
+    """
+    import cv2
+
+    capture = _opened(path)
+    try:
+        stamps_ms = []
+        there, first = capture.read()
+        if not there or first is None:
+            raise InputError(path, "holds no frame that OpenCV can decode")
+        rate_hz = float(capture.get(cv2.CAP_PROP_FPS))
+        while there:
+            stamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
+            there = capture.grab()
+    finally:
+        capture.release()
+    stamps_s = np.array(stamps_ms) / 1000
+    if not (np.isfinite(stamps_s).all() and np.all(np.diff(stamps_s) > 0)):
+        if not 0 < rate_hz < 1e4:
+            raise InputError(path, "tells neither when its frames are shown nor how many a second")
+        stamps_s = np.arange(len(stamps_ms)) / rate_hz
+    return VideoFile(path, (first.shape[1], first.shape[0]), stamps_s)
+
+
+class VideoReader:
+    """Reads frames of a video; in order it decodes each once, and going back begins anew."""
+
+    def __init__(self, video: VideoFile) -> None:
+        """Open it when the first frame is asked for."""
+        self._video = video
+        self._capture: Any = None
+        self._next = 0
+
+    def rgb(self, index: int) -> NDArray[np.uint8]:
+        """Return the colour of a frame, (H, W, 3), RGB. Raises InputError where it cannot be decoded."""
+        if self._capture is None or index < self._next:
+            self.close()
+            self._capture = _opened(self._video.path)
+        there = True
+        while there and self._next < index:
+            there = self._capture.grab()
+            self._next += 1
+        there, frame = self._capture.read() if there else (False, None)
+        self._next += 1
+        if not there or frame is None or (frame.shape[1], frame.shape[0]) != self._video.size_px:
+            raise InputError(self._video.path, f"frame {index} cannot be decoded, or has another size than the first")
+        return np.ascontiguousarray(frame[..., ::-1])
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._capture is not None:
+            self._capture.release()
+        self._capture, self._next = None, 0
+
+
+def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
+    """Write colour images (H, W, 3), RGB, all of one size, as a video to look at; return how many.
+
+    Raises StorageError where OpenCV cannot write it.
+    """
+    import cv2
+
+    writer, count = None, 0
+    try:
+        for rgb in frames:
+            if writer is None:
+                code = cv2.VideoWriter.fourcc(*WRITTEN[path.suffix.lower()])
+                writer = cv2.VideoWriter(str(path), code, rate_hz, (rgb.shape[1], rgb.shape[0]))
+                if not writer.isOpened():
+                    raise StorageError(f"{path}: OpenCV cannot write a video there")
+            writer.write(np.ascontiguousarray(rgb[..., ::-1]))
+            count += 1
+    finally:
+        if writer is not None:
+            writer.release()
+    return count
+
+
+def _opened(path: Path) -> Any:
+    import cv2
+
+    if not path.is_file():
+        raise InputError(path, "no such video")
+    capture = cv2.VideoCapture(str(path))
+    if not capture.isOpened():
+        raise InputError(
+            path, "is no video that OpenCV can read", remedy=f"it reads {', '.join(SUFFIXES)}, for instance"
+        )
+    return capture

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Falling rain and snow as a node group: shells of depth, each a tile of particles that is stretched along the fall.
+
+The particles of a shell fall with one speed and in one direction; each has its own depth and size, and so its own
+width, length, blur and faintness, and what is nearer hides it. All is in pixels of the reference width.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
+from ..core.node_graphs.groups import Canvas
+from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
+from ._linear_light import LUMINANCE
+from ._particles import NEAR_M
+from ._precipitation import EXTINCTION_EFFICIENCY
+from ._streaks import LEAST_WIDTH_PX, MOST_OPAQUE, SOFTNESS
+
+_GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True)
+class Laws:
+    """What falls, as nodes. name: as in a group's name.
+
+    sizes: graph; mm/h -> particles per cubic metre and mm of diameter, by 1000; mean diameter in mm.
+    speed: graph; diameter in mm -> speed of fall in still air, m/s.
+    """
+
+    name: str
+    sizes: Callable[[Graph, Socket], tuple[Value, Socket]]
+    speed: Callable[[Graph, Socket], Socket]
+
+
+def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
+    """Mix the image, of linear light, with the particles' light, by the transmission of streaks and veil."""
+    graph = canvas.graph
+    assert canvas.depth_m is not None
+    with graph.section("What falls"):
+        many, measured_mm = laws.sizes(graph, given["rate_mm_h"])
+        scale_mm = measured_mm * given["size"]
+        seen_to_m = graph.math("DIVIDE", scale_mm, given["least_mrad"], label="Where the mean particle is just seen")
+        count_m3 = measured_mm * many * 1e3
+    with graph.section("Distance"):
+        # Maximum returns its first operand where the second is NaN.
+        known_m = graph.math("MAXIMUM", 0.0, canvas.depth_m)
+        void = graph.math("LESS_THAN", known_m, 1e-12)
+        distance_m = graph.math("MULTIPLY_ADD", void, given["void_m"], known_m)
+        limit_m = graph.math("MINIMUM", distance_m, given["reach_m"])
+        nearness = graph.math("DIVIDE", 1.0, limit_m, label="Nearness of what hides")
+        # An image even where Depth is one number: the shells take their pixels from it.
+        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
+        nearness = graph.math("MULTIPLY_ADD", pixel.x, 0.0, nearness)
+    with graph.section("Camera"):
+        half = graph.math("TANGENT", given["view_deg"] * (math.pi / 360))
+        shared = {
+            "Nearness": nearness,
+            "Height": canvas.height_px,
+            "Scale": canvas.scale,
+            "Count": count_m3,
+            "Mean": scale_mm,
+            "Measured": measured_mm,
+            "Seen to": seen_to_m,
+            "Focal length": canvas.width_px / canvas.scale * 0.5 / half,
+            "Wind": given["wind_m_s"],
+            "Gusts": given["gusts_m_s"],
+            "Fall": given["fall"],
+            "Exposure": given["shutter_ms"] * 1e-3,
+            "Time": canvas.drift_frames / given["frame_rate_hz"],
+            "Aperture": given["aperture_mm"] * 1e-3,
+            "Focus": given["focus_m"],
+        }
+    with graph.section("Veil"):
+        # As `veil_depth` has it; the maximum holds the rounding near 0.
+        x = limit_m / seen_to_m
+        decayed = graph.math("EXPONENT", x * -1.0)
+        polynomial = graph.math("MULTIPLY_ADD", graph.math("MULTIPLY_ADD", x, 0.5, 2.0), x, 3.0)
+        integral = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", decayed, polynomial, x - 3.0), 0.0)
+        extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
+        veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
+        seen = graph.math("EXPONENT", veil * -1.0)
+    with graph.section("Streaks"):
+        part = _shell_graph(laws)
+        for number, shell in enumerate(shells()):
+            start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
+            inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
+            inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
+            seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    with graph.section("Over the image"):
+        return graph.mix(_light(canvas, given), canvas.image, graph.vector(seen, seen, seen))
+
+
+def _light(canvas: Canvas, given: Mapping[str, Socket]) -> Socket:
+    """Return the particles' light, as `light_of` has it."""
+    graph = canvas.graph
+    with graph.section("Light"):
+        channels = ("Red", "Green", "Blue")
+        levels = [graph.node("CompositorNodeLevels", {"Image": canvas.image, "Channel": name}) for name in channels]
+        mean = graph.vector(*(node.out("Mean", "float") for node in levels))
+        grey = graph.math("DOT_PRODUCT", mean, LUMINANCE)
+        tinted = graph.mix(graph.vector(grey, grey, grey), mean, graph.vector(*[given["tint"]] * 3))
+        return tinted * graph.vector(*[given["brightness"]] * 3)
+
+
+_INPUTS = {
+    "Nearness": "1 / metres of what hides, at each pixel",
+    "Height": "Rows of the image",
+    "Scale": "Pixels of the image in one of the reference width",
+    "Count": "Particles of all sizes in a cubic metre",
+    "Mean": "Mean diameter, mm",
+    "Measured": "Mean diameter of the measured particles, mm, which decides the speed",
+    "Seen to": "Metres at which the mean particle spans the least angle",
+    "Focal length": "In pixels",
+    "Wind": "Metres a second to the right",
+    "Gusts": "Standard deviation of each particle's own velocity, m/s",
+    "Fall": "Speed of fall, times that in still air",
+    "Exposure": "Seconds",
+    "Time": "Seconds that it has drifted",
+    "Aperture": "Metres",
+    "Focus": "Metres",
+    "Share": "Share of all particles that are in the shell",
+    "Middle": "Mean depth of the shell, in multiples of Seen to",
+}
+
+
+type Taken = Mapping[str, Socket]
+"""The inputs of a shell's group by name."""
+
+
+def _shell_graph(laws: Laws) -> Graph:
+    """Describe a shell's streaks: how much of the light behind passes each pixel."""
+    graph = Graph(f"NW {laws.name} shell", "How much light passes the streaks of the particles in a shell", alone=True)
+    start = graph.input(GroupInput("Start", "vector", (0.0, 0.0, 0.0), "Where on the tile the first pixel lies"))
+    taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in _INPUTS.items()}
+    places = [
+        graph.input(GroupInput(f"Depth {power}", "float", 0.0, f"Coefficient of a level to the power {power}"))
+        for power in range(len(shells()[0].places))
+    ]
+    with graph.section("Fall"):
+        fall_m_s = laws.speed(graph, taken["Measured"] * (taken["Middle"] + 1.0)) * taken["Fall"]
+        moved = graph.vector(taken["Wind"], fall_m_s)
+        speed_m_s = graph.math("MAXIMUM", graph.math("LENGTH", moved), 1e-3)
+        direction = moved / graph.vector(speed_m_s, speed_m_s, speed_m_s)
+        run_px = speed_m_s * taken["Focal length"] / taken["Seen to"] / taken["Middle"]  # a second
+    own, right_px, down_px = _nearest_particle(graph, taken, start, direction, run_px)
+    with graph.section("Its depth and size"):
+        level = graph.math("FLOOR", own)
+        place = graph.math("MULTIPLY_ADD", level, 1 / LEVELS, 0.5 / LEVELS)
+        depth = places[-1]
+        for coefficient in reversed(places[:-1]):
+            depth = graph.math("MULTIPLY_ADD", depth, place, coefficient)
+        per_m = graph.math("DIVIDE", 1.0, taken["Seen to"])
+        nearness = graph.math("DIVIDE", per_m, depth, label="1 / its depth in metres")
+        large = graph.math("MULTIPLY_ADD", own - level, EXCESS, depth, label="Its diameter, of the mean one's")
+        area, width_px = _area_and_width(graph, taken, large, nearness)
+        length_px = nearness * (speed_m_s * taken["Focal length"] * taken["Exposure"])
+    with graph.section("Its streak"):
+        # Its own direction, from another number of its own.
+        lean = (graph.math("FRACT", level * _GOLDEN) - 0.5) * (taken["Gusts"] / speed_m_s * math.sqrt(12))
+        beside = graph.math("MULTIPLY_ADD", lean, down_px, right_px)
+        before = graph.math("MULTIPLY_ADD", length_px, -0.5, graph.math("ABSOLUTE", down_px))
+        before = graph.math("MAXIMUM", before, 0.0)
+        apart = graph.math("SQRT", graph.math("MULTIPLY_ADD", beside, beside, before * before))
+        ramp = graph.math("MAXIMUM", width_px * SOFTNESS, 1.0)
+        edge = graph.math("MULTIPLY_ADD", width_px, 0.5, apart * -1.0)
+        covered = graph.clamp(graph.math("DIVIDE", edge, ramp) + 0.5)
+    with graph.section("What passes"):
+        track = graph.math("MULTIPLY_ADD", width_px, math.pi / 4, length_px) * width_px
+        share = graph.math("MINIMUM", graph.math("DIVIDE", area * (math.pi / 4), track), MOST_OPAQUE)
+        there = (nearness > taken["Nearness"]) * (nearness < 1 / NEAR_M)
+        graph.output("Seen", 1.0 - share * covered * there, "float", "Share of the light that passes")
+    return graph
+
+
+def _nearest_particle(
+    graph: Graph, taken: Taken, start: Socket, direction: Socket, run_px: Socket
+) -> tuple[Socket, Socket, Socket]:
+    """Return of the particle nearest to each pixel its own number, and how far it is aside and ahead, in pixels."""
+    with graph.section("Tile"):
+        # Particles in a pixel; a unit of the tile holds DENSITY of them, and is longer than wide as the streaks are.
+        solid = taken["Seen to"] / taken["Focal length"]
+        dense = graph.math("SQRT", taken["Count"] * taken["Share"] * taken["Seen to"] * (2 / DENSITY)) * solid
+        longer = graph.math("SQRT", graph.math("MULTIPLY_ADD", run_px, taken["Exposure"], 2.0))
+        across, along = dense * longer, dense / longer
+        drifted = start.y - run_px * taken["Time"] * along
+    with graph.section("The nearest particle"):
+        # Pixels are counted from below, and are smaller or larger than those of the reference width.
+        finer = graph.math("DIVIDE", 1.0, taken["Scale"])
+        top = taken["Height"] - 0.5
+        aside = graph.vector(direction.y * across, direction.x * across) * graph.vector(finer, finer)
+        ahead = graph.vector(direction.x * along, direction.y * along * -1.0) * graph.vector(finer, finer)
+        first_u = graph.math("MULTIPLY_ADD", aside.x, 0.5, start.x) - aside.y * top
+        first_v = graph.math("MULTIPLY_ADD", ahead.x, 0.5, drifted) - ahead.y * top
+        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": taken["Nearness"]}).out("Pixel", "vector")
+        u = graph.math("DOT_PRODUCT", pixel, aside) + first_u
+        v = graph.math("DOT_PRODUCT", pixel, ahead) + first_v
+        where = graph.vector(u * (1 / UNITS), v * (1 / UNITS), 1.0)
+        inputs = {"Image": graph.picture(TILE), "UV": where, "Interpolation": "Nearest"}
+        inputs |= {"Extension X": "Repeat", "Extension Y": "Repeat"}
+        found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+        split = graph.node("CompositorNodeSeparateColor", {"Image": found}, {"mode": "RGB"})
+        columns, rows, own = (split.out(name, "float") for name in ("Red", "Green", "Blue"))
+        turn = UNITS / 2
+        right_px = graph.math("WRAP", columns - u, turn, -turn) / across
+        down_px = graph.math("WRAP", rows - v, turn, -turn) / along
+    return own, right_px, down_px
+
+
+def _area_and_width(graph: Graph, taken: Taken, large: Socket, nearness: Socket) -> tuple[Socket, Socket]:
+    """Return the square of a particle's size on the image, and its streak's width, blurred by the lens, in pixels."""
+    size_px = large * (taken["Mean"] * taken["Focal length"] * 1e-3) * nearness
+    aperture_px = taken["Aperture"] * taken["Focal length"]
+    blur_px = (nearness - graph.math("DIVIDE", 1.0, taken["Focus"])) * aperture_px
+    area = graph.math("MULTIPLY", size_px, size_px)
+    wide = graph.math("SQRT", graph.math("MULTIPLY_ADD", blur_px, blur_px, area))
+    return area, graph.math("MAXIMUM", wide, LEAST_WIDTH_PX)

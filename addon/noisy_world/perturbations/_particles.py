@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the particles of rain and snow are at a moment: all that a camera can see, and few others.
+
+The air is divided into cubes, for each class of sizes its own, which fall and drift with the class. What is in a cube
+follows from a hash of the key, the class and the cube alone. So any moment is known without those before it, the air
+has no end, and only the cubes in sight are looked at.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._precipitation import Precipitation
+
+type Float64 = NDArray[np.float64]
+type Float32 = NDArray[np.float32]
+
+NEAR_M = 0.2  # chosen: nothing falls between a camera and its hood
+CLASS_RATIO = 2.0  # of a class's largest diameter to its least; chosen, the least time
+CELLS_DEEP = 6  # cubes along the distance to which a class is seen; chosen, likewise
+RAREST = 1e-3  # of classes of which fewer are in sight on average, the rest is one; chosen
+SWAY_RAD_S = (2.0, 6.0)  # a particle's own swaying; chosen, as flakes are seen to
+_GOLDEN = 0x9E3779B97F4A7C15
+_MASK = 2**64 - 1
+# Added to a particle's seed for its place in its cube, its size, its rate and its phase of swaying; sixteen such steps
+# are between two particles of a cube.
+_PLACE, _SIZE, _RATE, _PHASE, _NEXT = (np.uint64(_GOLDEN * k & _MASK) for k in (0, 1, 2, 3, 16))
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera in the air, whose axes are right, down, forward.
+
+    rotation: (3, 3), camera to air. position_m: (3,) in the air. velocity_m_s: (3,) in the air. turning_rad_s: (3,), in
+    the camera's axes. focal_px, middle_px: along x and y. size_px: width, height. farthest_m: nothing is seen beyond.
+    exposure_s: how long the shutter is open.
+    """
+
+    rotation: Float64
+    position_m: Float64
+    velocity_m_s: Float64
+    turning_rad_s: Float64
+    focal_px: tuple[float, float]
+    middle_px: tuple[float, float]
+    size_px: tuple[int, int]
+    farthest_m: float
+    exposure_s: float
+
+    def slopes(self) -> Float64:
+        """Return (2, 2): least and greatest x / z, and y / z, that the image shows, to its pixels' outer edges."""
+        return np.array(
+            [
+                ((-0.5 - middle) / focal, (size - 0.5 - middle) / focal)
+                for focal, middle, size in zip(self.focal_px, self.middle_px, self.size_px, strict=True)
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class Air:
+    """What falls, and how.
+
+    least_rad, reach_m: what is seen by itself, as in `_precipitation`. speed_m_s: of fall, by diameter. wind_m_s: to
+    the right. gusts_m_s: standard deviation of each particle's own velocity, along each axis.
+    """
+
+    particles: Precipitation
+    least_rad: float
+    reach_m: float
+    speed_m_s: Callable[[Float32], Float32]
+    wind_m_s: float
+    gusts_m_s: float
+
+
+@dataclass(frozen=True)
+class Particles:
+    """Particles before a camera, in its axes. position_m, velocity_m_s (relative to the camera): (N, 3); diameter_m."""
+
+    position_m: Float32
+    velocity_m_s: Float32
+    diameter_m: Float32
+
+
+def in_sight(air: Air, view: View, key: int, time_s: float) -> Particles:
+    """Return the particles that are seen by themselves while the shutter is open, and some just outside the image.
+
+    key: of the hash, a whole number below 2^64. time_s: in the middle of the exposure.
+    """
+    found = [
+        _of_class(air, view, bounds, _hashed(np.array([(key + number) & _MASK], np.uint64)), time_s)
+        for number, bounds in enumerate(classes(air))
+    ]
+    parts = [part for part in found if len(part.diameter_m)]
+    if not parts:
+        nothing = np.zeros((0, 3), np.float32)
+        return Particles(nothing, nothing, nothing[:, 0])
+    return Particles(
+        np.concatenate([part.position_m for part in parts]),
+        np.concatenate([part.velocity_m_s for part in parts]),
+        np.concatenate([part.diameter_m for part in parts]),
+    )
+
+
+def classes(air: Air) -> Iterator[tuple[float, float]]:
+    """Yield the classes' least and greatest diameters in metres, the last one without an end."""
+    low_m = air.least_rad * NEAR_M
+    while True:
+        high_m = low_m * CLASS_RATIO
+        reach_m = min(high_m / air.least_rad, air.reach_m)
+        if air.particles.count_m3 * np.exp(-high_m / air.particles.scale_m) * reach_m**3 < RAREST:
+            yield low_m, np.inf
+            return
+        yield low_m, high_m
+        low_m = high_m
+
+
+def _of_class(air: Air, view: View, bounds: tuple[float, float], key: NDArray[np.uint64], time_s: float) -> Particles:
+    low_m, high_m = bounds
+    scale_m = air.particles.scale_m
+    reach_m = min(high_m / air.least_rad, air.reach_m)
+    side_m = reach_m / CELLS_DEEP
+    middle_m = low_m * np.sqrt(CLASS_RATIO)
+    drift_m_s = np.array([air.wind_m_s, float(air.speed_m_s(np.array([middle_m], np.float32))[0]), 0.0])
+    seen_m = min(reach_m, view.farthest_m)
+    fastest_m_s = np.linalg.norm(drift_m_s - view.velocity_m_s) + 4 * air.gusts_m_s
+    fastest_m_s += np.linalg.norm(view.turning_rad_s) * seen_m
+    margin_m = fastest_m_s * view.exposure_s / 2 + 2 * air.gusts_m_s / SWAY_RAD_S[0]
+    cells = _cells_in_sight(view, drift_m_s * time_s, side_m, seen_m, margin_m)
+    if not len(cells):
+        nothing = np.zeros((0, 3), np.float32)
+        return Particles(nothing, nothing, nothing[:, 0])
+    share = np.exp(-low_m / scale_m), np.exp(-high_m / scale_m)
+    hashes = key
+    for axis in range(3):
+        hashes = _hashed(hashes + cells[:, axis].astype(np.uint64))
+    counts = _poisson(hashes, air.particles.count_m3 * (share[0] - share[1]) * side_m**3)
+    cell = np.repeat(np.arange(len(cells)), counts)
+    within = np.arange(len(cell)) - np.repeat(np.cumsum(counts) - counts, counts)
+    seeds = hashes[cell] + within.astype(np.uint64) * _NEXT
+    corners_m = (cells * side_m + (drift_m_s * time_s - view.position_m)) @ view.rotation
+    rotation = view.rotation.astype(np.float32)
+    position_m = corners_m.astype(np.float32)[cell] + (_uniform(seeds + _PLACE, 3) * np.float32(side_m)) @ rotation
+    position_m = position_m.astype(np.float32, copy=False)
+    kept = _near_image(view, position_m, seen_m, margin_m)
+    seeds, position_m = seeds[kept], position_m[kept]
+    chosen = _uniform(seeds + _SIZE, 1)[:, 0]
+    diameter_m = np.float32(-scale_m) * np.log(np.float32(share[0]) - chosen * np.float32(share[0] - share[1]))
+    kept = diameter_m >= np.float32(air.least_rad) * (position_m[:, 2] - np.float32(margin_m))
+    seeds, position_m, diameter_m = seeds[kept], position_m[kept], diameter_m[kept]
+    sway_m, velocity_m_s = _swaying(seeds, air.gusts_m_s, time_s)
+    velocity_m_s[:, 0] += np.float32(air.wind_m_s)
+    velocity_m_s[:, 1] += air.speed_m_s(diameter_m)
+    velocity_m_s -= view.velocity_m_s.astype(np.float32)
+    position_m = position_m + sway_m @ rotation
+    velocity_m_s = velocity_m_s @ rotation - np.cross(view.turning_rad_s.astype(np.float32), position_m)
+    z_m = position_m[:, 2]
+    kept = (z_m >= np.float32(NEAR_M)) & (z_m <= np.float32(seen_m))
+    kept &= diameter_m >= np.float32(air.least_rad) * z_m
+    return Particles(*(item[kept].astype(np.float32, copy=False) for item in (position_m, velocity_m_s, diameter_m)))
+
+
+def _near_image(view: View, position_m: Float32, seen_m: float, margin_m: float) -> NDArray[np.bool_]:
+    """Tell which of the positions (N, 3) the camera may see, or nearly: within `margin_m` of what it sees."""
+    z_m = position_m[:, 2]
+    kept = (z_m < np.float32(seen_m + margin_m)) & (z_m > np.float32(NEAR_M - margin_m))
+    for axis, (low, high) in enumerate(view.slopes()):
+        kept &= position_m[:, axis] >= np.float32(low) * z_m - np.float32(margin_m * np.hypot(1, low))
+        kept &= position_m[:, axis] <= np.float32(high) * z_m + np.float32(margin_m * np.hypot(1, high))
+    return kept
+
+
+def _cells_in_sight(view: View, moved_m: Float64, side_m: float, seen_m: float, margin_m: float) -> NDArray[np.int64]:
+    """Return (N, 3): the cubes that touch what the camera sees up to `seen_m`. moved_m: how far they have moved."""
+    slopes = view.slopes()
+    corners = np.array([(x, y, 1.0) for x in slopes[0] for y in slopes[1]]) * seen_m
+    corners_m = np.concatenate([corners, np.zeros((1, 3))]) @ view.rotation.T + view.position_m - moved_m
+    first = np.floor((corners_m.min(axis=0) - margin_m) / side_m).astype(np.int64)
+    last = np.floor((corners_m.max(axis=0) + margin_m) / side_m).astype(np.int64)
+    axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    centre_m = ((cells + 0.5) * side_m + (moved_m - view.position_m)) @ view.rotation
+    room_m = side_m * np.sqrt(0.75) + margin_m
+    z_m = centre_m[:, 2]
+    kept = (z_m > NEAR_M - room_m) & (z_m < seen_m + room_m)
+    for axis, (low, high) in enumerate(slopes):
+        kept &= centre_m[:, axis] >= low * z_m - room_m * np.hypot(1, low)
+        kept &= centre_m[:, axis] <= high * z_m + room_m * np.hypot(1, high)
+    return cells[kept]
+
+
+def _swaying(seeds: NDArray[np.uint64], gusts_m_s: float, time_s: float) -> tuple[Float32, Float32]:
+    """Return (N, 3) each: how far particles have swayed from their places, and their velocities of swaying."""
+    low, high = SWAY_RAD_S
+    rate_rad_s = low + (high - low) * _uniform(seeds + _RATE, 3).astype(np.float64)
+    phase = rate_rad_s * time_s + 2 * np.pi * _uniform(seeds + _PHASE, 3)
+    peak_m_s = np.sqrt(2) * gusts_m_s
+    return (peak_m_s / rate_rad_s * np.sin(phase)).astype(np.float32), (peak_m_s * np.cos(phase)).astype(np.float32)
+
+
+# --- whole numbers that look random ---
+
+
+def _hashed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return splitmix64's output of each state (Steele, Lea and Flood, 2014)."""
+    z = values + np.uint64(_GOLDEN)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+def _uniform(seeds: NDArray[np.uint64], count: int) -> Float32:
+    """Return (N, count) numbers between 0 and 1, up to three, each of 21 bits of a seed's hash."""
+    bits = _hashed(seeds)
+    found = np.empty((len(seeds), count), np.float32)
+    for place in range(count):
+        found[:, place] = (bits >> np.uint64(21 * place)) & np.uint64(2**21 - 1)
+    found += np.float32(0.5)
+    found *= np.float32(2.0**-21)
+    return found
+
+
+def _poisson(hashes: NDArray[np.uint64], mean: float) -> NDArray[np.int64]:
+    """Return for each hash a number of Poisson's distribution."""
+    highest = int(mean + 12 * np.sqrt(mean) + 20)
+    numbers = np.arange(1, highest + 1)
+    logs = np.concatenate([[0.0], np.cumsum(np.log(mean) - np.log(numbers))]) - mean
+    below = np.cumsum(np.exp(logs))
+    drawn = (_hashed(hashes) >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    return np.searchsorted(below, drawn, side="right").astype(np.int64)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What falling rain and snow share: their parameters, and their execution on arrays.
+
+Each pixel's light is image * t + light * (1 - t), linear, with t the transmission of the streaks before its depth and
+of the veil of all particles too small to be seen by themselves, as Koschmieder's law has it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import FrameContext
+from ..core.schema import key
+from ._bands import by_bands
+from ._linear_light import LUMINANCE, decoded, encoded
+from ._particles import Air, View, in_sight
+from ._patterns import three_channels
+from ._precipitation import Precipitation, veil_depth
+from ._streaks import Lens, optical_depth, streaks_of
+
+type Float32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Falling:
+    """The parameters of all that falls."""
+
+    rate_mm_h: float = key("water that falls", default=1.0, unit="mm/h", minimum=0.01, maximum=500)
+    size: float = key("a particle's diameter, times the measured one", default=1.0, minimum=0.05, maximum=20)
+    brightness: float = key("its light, times the scene's mean", default=1.0, minimum=0, maximum=100)
+    tint: float = key("how far its light has the colour of the scene's mean", default=0.25, minimum=0, maximum=1)
+    wind_m_s: float = key("wind to the right", default=0.0, unit="m/s", minimum=-50, maximum=50)
+    gusts_m_s: float = key(
+        "standard deviation of each particle's own velocity", default=0.0, unit="m/s", minimum=0, maximum=10
+    )
+    fall: float = key("speed of fall, times that in still air", default=1.0, minimum=0, maximum=10)
+    shutter_ms: float = key("how long the shutter is open", default=5.0, unit="ms", minimum=0, maximum=1000)
+    aperture_mm: float = key("diameter of the lens; 0 is a pinhole", default=2.0, unit="mm", minimum=0, maximum=100)
+    focus_m: float = key("planar depth of what is sharp", default=5.0, unit="m", minimum=0.1, maximum=10000)
+    least_mrad: float = key(
+        "what spans less is not drawn but veils", default=1.0, unit="mrad", minimum=0.2, maximum=100
+    )
+    reach_m: float = key("what is farther is not drawn but veils", default=20.0, unit="m", minimum=0.5, maximum=200)
+    void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
+    view_deg: float = key(
+        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
+    )
+    frame_rate_hz: float = key(
+        "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
+    )
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Rain or snow. particles: of a rate in mm/h. speed_m_s: of fall in still air, by the diameter in metres."""
+
+    particles: Callable[[float], Precipitation]
+    speed_m_s: Callable[[Float32], Float32]
+
+    def air(self, parameters: Falling) -> Air:
+        """Return what falls."""
+        return Air(
+            self.particles(parameters.rate_mm_h).sized(parameters.size),
+            parameters.least_mrad * 1e-3,
+            parameters.reach_m,
+            # A larger particle falls no faster than the measured one that it stands for.
+            lambda diameter_m: (
+                self.speed_m_s(diameter_m * np.float32(1 / parameters.size)) * np.float32(parameters.fall)
+            ),
+            parameters.wind_m_s,
+            parameters.gusts_m_s,
+        )
+
+
+def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameContext) -> Float32:
+    """Let it fall on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
+    import cv2
+
+    air = kind.air(parameters)
+    depth_m = np.where(context.depth_m > 0, context.depth_m, np.float32(parameters.void_m))
+    opaque = streaks_on(air, depth_m, parameters, context)
+    linear = by_bands(rgb, rgb.dtype, decoded)
+    light = light_of(linear, parameters)
+
+    def veiled(band: Float32, band_depth_m: Float32, band_opaque: Float32) -> Float32:
+        veil = veil_depth(band_depth_m, air.particles, air.least_rad, air.reach_m)
+        veil += band_opaque
+        seen = three_channels(np.asarray(cv2.exp(-veil), np.float32).reshape(veil.shape))
+        band -= light
+        band *= seen
+        band += light
+        return encoded(band)
+
+    return by_bands(linear, rgb.dtype, veiled, depth_m, opaque)
+
+
+def light_of(linear: Float32, parameters: Falling) -> Float32:
+    """Return (3,): the linear light of what falls before (H, W, 3) of linear light.
+
+    The mean's colour is in part the surfaces', not the light's, so it is made grey but for a share.
+    """
+    import cv2
+
+    mean = np.array(cv2.mean(linear)[:3])
+    grey = mean @ LUMINANCE
+    return (parameters.brightness * (grey + parameters.tint * (mean - grey))).astype(np.float32)
+
+
+def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameContext) -> Float32:
+    """Return (H, W): the optical depth of the streaks before each pixel."""
+    time_s = context.drift_frames / parameters.frame_rate_hz
+    view = view_of(depth_m, parameters, context)
+    hashed = int(context.pattern_stream().integers(2**64, dtype=np.uint64))
+    particles = in_sight(air, view, hashed, time_s)
+    streaks = streaks_of(particles, view, Lens(parameters.aperture_mm * 1e-3, parameters.focus_m))
+    return optical_depth(streaks, depth_m)
+
+
+def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> View:
+    """Return the camera of a frame in the air.
+
+    The air's axes are those of the sequence's first image, made level. Without a path the camera is level and at rest.
+    A pattern that is fixed goes with the camera; others stay in the air while it moves.
+    """
+    height, width = depth_m.shape
+    camera = context.intrinsics
+    if camera is None:
+        focal = width / 2 / math.tan(math.radians(parameters.view_deg / 2))
+        focal_px, middle_px = (focal, focal), ((width - 1) / 2, (height - 1) / 2)
+    else:
+        focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
+    lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
+    motion = context.motion
+    if motion is None or context.temporal == "fixed":
+        return View(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), *lens)
+    axes = level_axes(motion.first_c2w[:3, :3])
+    position_m = axes.T @ (motion.c2w[:3, 3] - motion.first_c2w[:3, 3])
+    return View(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s, *lens)
+
+
+def by_camera(intrinsics: Intrinsics) -> dict[str, float]:
+    """Return the parameter that intrinsics decide: the field of view."""
+    return {"view_deg": math.degrees(2 * math.atan(intrinsics.width_px / 2 / intrinsics.fx_px))}
+
+
+def level_axes(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (3, 3): the directions right, down and forward in the world, as columns, of a camera to world rotation.
+
+    Down is the world's axis that is nearest to down in the image; right is the image's, made level.
+    """
+    nearest = int(np.abs(rotation[:, 1]).argmax())
+    down = np.zeros(3)
+    down[nearest] = np.sign(rotation[nearest, 1])
+    right = rotation[:, 0] - down * (down @ rotation[:, 0])
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, down, np.cross(right, down)])

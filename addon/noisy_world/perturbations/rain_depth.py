@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rain by depth: streaks at their distances, hidden behind what is nearer, and a veil of drops too small to see."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.node_graphs.graph import Graph, Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.schema import key
+from ._falling_nodes import Laws, build_falling
+from ._precipitation import drop_speed_m_s, rain
+from ._weather import Falling, Kind, by_camera, fallen_on
+
+
+@dataclass(frozen=True)
+class RainDepth(Falling):
+    """Drops that fall through the scene, each a streak as long, wide, blurred and faint as its distance makes it.
+
+    Sizes follow Marshall and Palmer (1948), speeds Atlas (1973). What is too small to be seen by itself veils by
+    Koschmieder's law. A drop shows nearly the whole scene, upside down, so it is about as bright as its mean, and
+    brighter under a sky that the image does not show (Garg and Nayar, 2007).
+    """
+
+    rate_mm_h: float = key("rain that falls", default=25.0, unit="mm/h", minimum=0.01, maximum=500)
+    brightness: float = key("a drop's light, times the scene's mean", default=3.0, minimum=0, maximum=100)
+    wind_m_s: float = key("wind to the right", default=1.0, unit="m/s", minimum=-50, maximum=50)
+    gusts_m_s: float = key(
+        "standard deviation of each drop's own velocity", default=0.25, unit="m/s", minimum=0, maximum=10
+    )
+    shutter_ms: float = key("how long the shutter is open", default=2.5, unit="ms", minimum=0, maximum=1000)
+
+
+KIND = Kind(rain, drop_speed_m_s)
+
+
+def apply(rgb: NDArray[np.float32], parameters: RainDepth, context: FrameContext) -> NDArray[np.float32]:
+    """Let it rain on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
+    return fallen_on(KIND, rgb, parameters, context)
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Draw four shells of drops, and the veil."""
+    return build_falling(canvas, given, LAWS)
+
+
+def _sizes(graph: Graph, rate_mm_h: Socket) -> tuple[float, Socket]:
+    return 8.0, graph.math("POWER", rate_mm_h, 0.21) / 4.1
+
+
+def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
+    return graph.math("MAXIMUM", graph.math("EXPONENT", diameter_mm * -0.6) * -10.3 + 9.65, 0.0)
+
+
+LAWS = Laws("Rain", _sizes, _speed)
+
+PERTURBATION = ColourPerturbation(
+    name="rain_depth",
+    label="Rain by depth",
+    stage="environment",
+    order=24,
+    parameters=RainDepth,
+    severities={"rate_mm_h": (2.5, 10.0, 25.0, 50.0, 100.0)},
+    source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
+    apply=apply,
+    build=build,
+    linear=True,
+    needs_depth=True,
+    uses_motion=True,
+    by_camera=by_camera,
+    temporals=("fresh", "fixed", "drift"),
+)

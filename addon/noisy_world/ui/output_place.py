@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the panel's dataset lies."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..core.errors import InputError
+from ..core.home import with_home
+
+
+def output_folder(panel: Any) -> Path:
+    """Return the dataset's folder. Raises InputError where the panel names none."""
+    text = panel.output_folder.strip()
+    if not text:
+        raise InputError("Output", "no folder is named", remedy="choose one")
+    if text.startswith("//") and not bpy.data.filepath:
+        raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
+    try:
+        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
+    except LookupError as error:
+        raise InputError("Output", str(error)) from error

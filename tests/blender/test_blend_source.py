@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A .blend in a preset: its files and what of them is hashed, and the same dataset in whatever order it is made."""
+
+import json
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from own_scenes import new_scene, save
+from shard_workers import workers_here
+
+from noisy_world.blender.render_file import RenderFile
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory):
+    """A folder with a .blend that links a library, whose image is a file, and that holds a script."""
+    folder = tmp_path_factory.mktemp("hall")
+    new_scene()
+    image = bpy.data.images.new("paint", 4, 4)
+    image.filepath_raw, image.file_format = str(folder / "paint.png"), "PNG"
+    image.save()
+    material = bpy.data.materials.new("painted")
+    texture = material.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = image
+    material.node_tree.links.new(texture.outputs[0], material.node_tree.nodes["Principled BSDF"].inputs[0])
+    bpy.data.objects["Ball"].data.materials.append(material)
+    save(folder, "shelf")
+    scene = new_scene()
+    bpy.data.objects.remove(bpy.data.objects["Ball"])
+    with bpy.data.libraries.load(str(folder / "shelf.blend"), link=True, relative=True) as (_, wanted):
+        wanted.objects = ["Ball"]
+    scene.collection.objects.link(wanted.objects[0])
+    text = bpy.data.texts.new("start.py")
+    text.write(f"open({str(folder / 'ran')!r}, 'w')")
+    text.use_module = True
+    save(folder)
+    (folder / "hall.yaml").write_text(
+        "scenes: [{name: hall, blend: hall.blend, frames: '1:2'}]\n"
+        "settings: [{name: clean}, {name: fog, perturb: [{fog_depth: {severity: 3}}]},\n"
+        "  {name: noise, perturb: [{gaussian_noise: {severity: 1}}]}]\n"
+        "render: {backend: reference}\noutput: {image: png}\n"
+    )
+    return folder
+
+
+def made(preset, out, **several):
+    run = Run(
+        make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several
+    )
+    run.make_dataset()
+    files = (path for path in sorted(out.rglob("*")) if path.is_file() and path.name != "run.json")
+    return {str(path.relative_to(out)): path.read_bytes() for path in files}
+
+
+def test_shards_in_any_order_make_the_same_dataset_and_each_frame_is_rendered_once(hall, tmp_path, monkeypatch):
+    rendered = []
+    operator = RenderFile.render
+    monkeypatch.setattr(RenderFile, "render", lambda self, layer: rendered.append(layer) or operator(self, layer))
+    preset = hall / "hall.yaml"
+    alone = made(preset, tmp_path / "alone")
+    assert len(rendered) == 2  # of two frames in three settings, colour and depth together
+    backwards = workers_here(preset, tmp_path / "two", order=lambda shards: shards[::-1])
+    assert made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
+    assert not (hall / "ran").exists()
+    camera = json.loads(alone["manifest.json"])["camera"]
+    assert (camera["width_px"], camera["near_m"], camera["far_m"]) == (48, pytest.approx(0.1), 1000)
+
+
+def plan_of(hall, **keys):
+    path = hall / "other.yaml"
+    path.write_text(json.dumps({"scenes": [{"name": "hall", "blend": "hall.blend", "frames": "1:2", **keys}]}))
+    return make_plan(read_preset(path))
+
+
+def test_files_are_hashed_and_named_where_missing(hall):
+    source = plan_of(hall).scenes[0].source
+    before = source.hashes()
+    assert before["blend_files"] == "paint.png, shelf.blend"
+    assert source.stamps_s.tolist() == [0.0, 0.04]
+    paint = hall / "paint.png"
+    content = paint.read_bytes()
+    paint.write_bytes(content + b"\0")
+    after = source.hashes()
+    assert {name for name in before if before[name] != after[name]} == {"blend_files_sha256"}
+    paint.unlink()
+    with pytest.raises(InputError, match=r"scenes\.0\.blend: hall\.blend: misses Image paint \(.*paint\.png\); "):
+        plan_of(hall)
+    paint.write_bytes(content)
+
+
+def test_a_file_of_poses_drives_the_camera_and_its_stamps_the_scene(hall):
+    (hall / "path.txt").write_text(
+        "1305031102.1 0 0 0 0.70710678 0 0 -0.70710678\n"
+        "1305031102.14 0.1 0 0 0.70710678 0 0 -0.70710678\n"
+        "1305031102.1601 0.2 0 0 0.70710678 0 0 -0.70710678\n"
+    )
+    source = plan_of(hall, frames="3:9", trajectory="path.txt").scenes[0].source
+    assert np.abs(np.array(source.scene_frames) - [3, 4, 4.5025]).max() < 1e-4
+    assert source.scene_frames[1] == 4
+    assert source.trajectory().c2w[1, :3, 3].tolist() == [0.1, 0, 0]
+
+
+def test_a_preset_says_engine_and_samples_only_where_it_gives_them(hall):
+    path = hall / "rendered.yaml"
+    scenes = [{"name": "hall", "blend": "hall.blend", "frames": "1:2"}]
+    for render, found in (
+        ({}, ("cycles", 2)),
+        ({"samples": 1}, ("cycles", 1)),
+        ({"engine": "workbench"}, ("workbench", 8)),
+        ({"engine": "eevee", "samples": 3}, ("eevee", 3)),
+    ):
+        path.write_text(json.dumps({"scenes": scenes, "render": render}))
+        own = make_plan(read_preset(path)).scenes[0].source.gives.own
+        assert (own.engine, own.samples) == found
+    path.write_text(json.dumps({"scenes": scenes, "render": {"engine": "embree"}}))
+    with pytest.raises(InputError, match=r"render\.engine: is embree, which knows no lights or materials"):
+        make_plan(read_preset(path))

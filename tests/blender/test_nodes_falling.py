@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node groups of snow and rain by depth beside the execution on arrays: as much, as strong, hidden alike."""
+
+import bpy
+import numpy as np
+import pytest
+from cases import cases
+from group_tools import by_nodes, by_reference, radial_power, step_of
+from shown import evaluate_scene, image_of
+
+from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.nodes import ensure_group
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.perturbations import registry
+
+NAMES = ("snow_depth", "rain_depth")
+SIZE = (240, 360)
+
+
+def grey(level=0.15):
+    return np.full((*SIZE, 3), level, np.float32)
+
+
+@cases("name", NAMES)
+def test_streaks_are_as_many_as_strong_and_as_large(name):
+    depth_m = np.full(SIZE, 12.0, np.float32)
+    values = {"severity": 5, "least_mrad": 3.0, "gusts_m_s": 0.0, "depth_m": depth_m}
+    found, wanted = (np.array(make(name, grey(), range(6), **values)) for make in (by_nodes, by_reference))
+    change = [item.mean() - 0.15 for item in (found, wanted)]
+    assert change[0] == pytest.approx(change[1], rel=0.05)
+    powers = [sum(radial_power(image - image.mean(), bands=8) for image in item) for item in (found, wanted)]
+    assert np.abs(np.log(powers[0][3:] / powers[1][3:])).max() < np.log(1.35)
+
+
+@cases("name", NAMES)
+def test_the_veil_is_the_reference_s_and_nothing_is_seen_before_what_is_nearer(name):
+    depth_m = np.repeat(np.geomspace(0.19, 400, SIZE[0], dtype=np.float32)[:, None], SIZE[1], axis=1)
+    depth_m[:9] = 0
+    # Of particles that are nearly points none is drawn.
+    values = {"severity": 5, "size": 0.05, "least_mrad": 100.0, "rate_mm_h": 500.0, "depth_m": depth_m}
+    image = np.random.default_rng(1).random((*SIZE, 3), dtype=np.float32)
+    (found,), (wanted,) = (make(name, image, **values) for make in (by_nodes, by_reference))
+    assert np.abs(found - wanted).max() < 1e-3
+    depth_m[:] = 0.2
+    (hidden,) = by_nodes(name, grey(), severity=5, least_mrad=2.0, depth_m=depth_m)
+    assert np.ptp(hidden) < 1e-4
+
+
+@cases("name", NAMES)
+def test_what_is_brighter_than_white_comes_through(name, tmp_path):
+    """A group in an artist's compositor, in linear light, its Depth one number, before lamps of 4, 20 and 100."""
+    light = np.full((24, 36, 3), 0.2, np.float32)
+    light[4:8, 4:8], light[10:14, 4:8], light[16:20, 4:8] = 4, 20, 100
+    scene = bpy.data.scenes.new("Artist")
+    scene.render.resolution_x, scene.render.resolution_y = 36, 24
+    scene.render.compositor_precision, scene.render.compositor_device = "FULL", "CPU"
+    tree = scene.compositing_node_group = bpy.data.node_groups.new("Own", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    shown, end = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("NodeGroupOutput")
+    shown.image = image_of(light)
+    node = tree.nodes.new("CompositorNodeGroup")
+    node.node_tree = ensure_group(build_group(registry()[name]))
+    tree.links.new(shown.outputs["Image"], node.inputs["Image"])
+    tree.links.new(node.outputs["Image"], end.inputs[0])
+    for depth_m, apart in ((0.01, 1e-4), (3.0, 0.2)):
+        node.inputs["Depth"].default_value = depth_m
+        found = evaluate_scene(scene, tmp_path)
+        for row, value in ((5, 4), (11, 20), (17, 100)):
+            assert found[row, 5] == pytest.approx([value] * 3, rel=apart)
+    assert np.ptp(found[:, 12:]) > 1e-4  # and it falls
+
+
+def test_a_known_camera_decides_the_field_of_view():
+    depth_m = np.full((24, 36), 3.0, np.float32)
+    camera = Intrinsics(36, 24, 30.0, 30.0, 17.5, 11.5)
+    wide_deg = np.degrees(2 * np.arctan(18 / 30))
+    made = []
+    for view_deg, known in ((wide_deg, None), (90.0, camera), (90.0, None)):
+        chains = {"x": [step_of("snow_depth", severity=5, view_deg=view_deg)]}
+        with Compositor((36, 24), chains, 36, known) as compositor:
+            made.append(compositor.evaluate(grey()[:24, :36], {"x": (0, (7, "room", "s"))}, depth_m)[0]["x"])
+    assert np.array_equal(made[0], made[1])
+    assert not np.array_equal(made[1], made[2])

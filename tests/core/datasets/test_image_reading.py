@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images of recordings as several encoders write them, read as OpenCV reads them, or refused in a line that says why.
+
+PNG files are written here by hand, part by part; JPEG files by OpenCV and, where it is there, by Pillow.
+"""
+
+import hashlib
+import io
+import itertools
+import os
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from noisy_world.core.datasets import image_reading
+from noisy_world.core.datasets.image_files import read_header, whole_image
+from noisy_world.core.datasets.image_header import LARGEST_PIXELS
+from noisy_world.core.datasets.image_reading import read_colour, read_steps
+from noisy_world.core.errors import InputError
+
+RNG = np.random.default_rng(11)
+WIDE, HIGH = 21, 19
+SIZE = (WIDE, HIGH)
+ROWS, COLUMNS = np.mgrid[:HIGH, :WIDE]
+PIXELS = np.stack([COLUMNS * 11, ROWS * 12, (COLUMNS + ROWS) * 6], -1).astype(np.uint8)
+SAMPLINGS = [getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{name}") for name in (411, 420, 422, 440, 444)]
+# ISO/IEC 15948, 8.2: where each pass begins, and its steps.
+ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+@pytest.fixture(params=["strict", "OpenCV alone"])
+def decoder(request, monkeypatch):
+    """Either decoder of JPEG."""
+    if request.param == "strict":
+        pytest.importorskip("simplejpeg")
+    else:
+        monkeypatch.setattr(image_reading, "strict_decoder", lambda: None)
+    return request.param
+
+
+def part(name, content):
+    return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+
+def png(colour_type, bits, *, interlaced=False, before=b"", after=b"", raw=None, cut=2):
+    """A PNG of random pixels and filters, its pixels in two parts."""
+    passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
+    if raw is None:
+        raw = b"".join(rows(-(-(WIDE - x) // dx), -(-(HIGH - y) // dy), bits * SAMPLES[colour_type]) for x, y, dx, dy in passes)  # noqa: E501  # fmt: skip
+    data = zlib.compress(raw)
+    pixels = part(b"IDAT", data[: len(data) // cut]) + part(b"IDAT", data[len(data) // cut :])
+    palette = part(b"PLTE", RNG.bytes(3 * 2**bits)) if colour_type == 3 else b""
+    header = part(b"IHDR", struct.pack(">IIBBBBB", WIDE, HIGH, bits, colour_type, 0, 0, interlaced))
+    return b"\x89PNG\r\n\x1a\n" + header + before + palette + after + pixels + part(b"IEND", b"")
+
+
+def rows(wide, high, bits_a_pixel):
+    line = (wide * bits_a_pixel + 7) // 8
+    return b"".join(bytes([int(RNG.integers(5))]) + RNG.bytes(line) for _ in range(high))
+
+
+def read(tmp_path, data, size=SIZE):
+    path = tmp_path / "image"
+    path.write_bytes(data)
+    return read_colour(path, size)
+
+
+def as_opencv(data):
+    return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+# --- sound files ---
+
+
+def test_every_kind_of_png_is_read_as_opencv_reads_it(tmp_path, capfd):
+    kinds = {0: (1, 2, 4, 8), 2: (8, 16), 3: (1, 2, 4, 8)}
+    profile = part(b"iCCP", b"x\0\0" + zlib.compress(b"no profile"))  # of which libpng would print a warning
+    others = part(b"gAMA", struct.pack(">I", 45455)) + part(b"sRGB", b"\0"), part(b"tEXt", b"a\0b")
+    for colour_type, widths in kinds.items():
+        for bits, interlaced, extra in itertools.product(widths, (False, True), (False, True)):
+            before, after = others if extra else (b"", b"")
+            data = png(colour_type, bits, interlaced=interlaced, before=before, after=after)
+            found = read(tmp_path, data + b"trailing" * extra)
+            if bits < 16:
+                assert found.dtype == np.uint8
+                assert np.array_equal(found, as_opencv(data))
+                assert np.array_equal(found, read(tmp_path, data[:33] + profile + data[33:]))
+            else:  # kept: 16 bits as they stand in the file
+                steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
+                assert found.dtype == np.float32
+                assert np.array_equal(found, (steps / 65535).astype(np.float32))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_jpeg_as_opencv_writes_it(tmp_path, decoder):
+    for sampling, progressive, restart, optimised in itertools.product(SAMPLINGS, (0, 1), (0, 2), (0, 1)):
+        options = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling, cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
+        options += [cv2.IMWRITE_JPEG_RST_INTERVAL, restart, cv2.IMWRITE_JPEG_OPTIMIZE, optimised]
+        data = cv2.imencode(".jpg", PIXELS, options)[1].tobytes()
+        assert np.array_equal(read(tmp_path, data), as_opencv(data))
+    grey = cv2.imencode(".jpg", PIXELS[..., 0].copy())[1].tobytes()
+    assert np.array_equal(read(tmp_path, grey), as_opencv(grey))
+    for more in (b"\0" * 100, data, b"\xff"):
+        assert np.array_equal(read(tmp_path, data + more), as_opencv(data))
+
+
+def test_jpeg_as_pillow_writes_it(tmp_path, decoder):
+    image = pytest.importorskip("PIL.Image").fromarray(PIXELS)
+    upright = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x01\0\0\0\0\0\0"
+    for options in (
+        {"subsampling": 0}, {"subsampling": 1}, {"progressive": True}, {"optimize": True}, {"keep_rgb": True},
+        {"comment": b"\xff\xd9"}, {"icc_profile": b"x" * 70_000}, {"exif": upright}, {"exif": b"Exif\0\0no tiff"},
+        {"restart_marker_rows": 1}, {"qtables": "web_high"},
+    ):  # fmt: skip
+        file = io.BytesIO()
+        image.save(file, "JPEG", **options)
+        assert np.array_equal(read(tmp_path, file.getvalue()), as_opencv(file.getvalue())), options
+    file = io.BytesIO()
+    image.convert("CMYK").save(file, "JPEG")
+    assert np.array_equal(read(tmp_path, file.getvalue()), as_opencv(file.getvalue()))
+    assert read_header(tmp_path / "image").plainly is None
+
+
+def test_motion_jpeg_as_ffmpeg_writes_it(tmp_path, decoder):
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), 10, (WIDE * 2, HIGH * 2))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no video")
+    wide = np.ascontiguousarray(np.tile(PIXELS, (2, 2, 1)))
+    for _ in range(3):
+        writer.write(wide)
+    writer.release()
+    frames = path.read_bytes().split(b"\xff\xd8\xff")[1:]
+    assert len(frames) == 3
+    for frame in frames:
+        data = b"\xff\xd8\xff" + frame
+        assert np.array_equal(read(tmp_path, data, (WIDE * 2, HIGH * 2)), as_opencv(data))
+
+
+# --- what is kept, and what is refused ---
+
+
+def test_alpha_is_left_out_where_nothing_is_transparent(tmp_path):
+    for dtype in (np.uint8, np.uint16):
+        most = np.iinfo(dtype).max
+        pixels = RNG.integers(0, most, (HIGH, WIDE, 4)).astype(dtype)
+        pixels[..., 3] = most
+        data = cv2.imencode(".png", pixels)[1].tobytes()
+        found = read(tmp_path, data)
+        wanted = pixels[..., 2::-1] if dtype == np.uint8 else (pixels[..., 2::-1] / 65535).astype(np.float32)
+        assert np.array_equal(found, wanted)
+        assert read_header(tmp_path / "image").plainly is None
+        pixels[3, 4, 3] -= 1
+        with pytest.raises(InputError, match="has transparent pixels, of which nothing says the colour; lay it over"):
+            read(tmp_path, cv2.imencode(".png", pixels)[1].tobytes())
+    # One colour of which nothing says that it is seen through: grey 1, and palette's every colour.
+    same = b"\0" + b"\1" * WIDE
+    for colour_type, told, row in (
+        (0, b"\0\1", same),
+        (2, b"\0\1" * 3, b"\0" + b"\1" * 3 * WIDE),
+        (3, b"\0" * 256, same),
+    ):
+        with pytest.raises(InputError, match="transparent pixels"):
+            read(tmp_path, png(colour_type, 8, after=part(b"tRNS", told), raw=row * HIGH))
+
+
+def exif(value, order=">"):
+    return {">": b"MM\0*", "<": b"II*\0"}[order] + struct.pack(f"{order}IHHHIHHI", 8, 1, 0x112, 3, 1, value, 0, 0)
+
+
+def test_an_orientation_is_refused(tmp_path):
+    jpg = cv2.imencode(".jpg", PIXELS)[1].tobytes()
+    for value, order in itertools.product(range(1, 9), "<>"):
+        told = b"Exif\0\0" + exif(value, order)
+        files = {
+            "jpg": jpg[:2] + b"\xff\xe1" + struct.pack(">H", len(told) + 2) + told + jpg[2:],
+            "png": png(2, 8, before=part(b"eXIf", exif(value, order))),
+            "later": png(2, 8)[:-12] + part(b"eXIf", exif(value, order)) + part(b"IEND", b""),
+        }
+        for name, data in files.items():
+            if value == 1:
+                assert np.array_equal(read(tmp_path, data), as_opencv(data)), name
+                continue
+            with pytest.raises(InputError, match=f"has the Exif orientation {value}: viewers turn it"):
+                read(tmp_path, data)
+
+
+def huge(wide, high):
+    return png(2, 8)[:8] + part(b"IHDR", struct.pack(">IIBBBBB", wide, high, 8, 2, 0, 0, 0)) + png(2, 8)[33:]
+
+
+def test_limits_before_memory(tmp_path):
+    for data in (huge(60_000, 60_000), huge(1, 40_000), huge(2**31 - 1, 2**31 - 1)):
+        with pytest.raises(InputError, match=f"says that it is .* pixels; at most {LARGEST_PIXELS} pixels are read"):
+            read(tmp_path, data)
+    jpg = bytearray(cv2.imencode(".jpg", PIXELS)[1].tobytes())
+    at = jpg.index(b"\xff\xc0") + 5
+    jpg[at : at + 4] = b"\xff\xff\xff\xff"
+    with pytest.raises(InputError, match="says that it is 65535 x 65535 pixels"):
+        read(tmp_path, bytes(jpg))
+    path = tmp_path / "large.png"
+    with path.open("wb") as file:
+        file.truncate(2**31)
+    with pytest.raises(InputError, match="has 2147483648 bytes; images of at most"):
+        read_header(path)
+    os.mkfifo(tmp_path / "pipe.png")
+    with pytest.raises(InputError, match="is not there or no image"):
+        read_header(tmp_path / "pipe.png")
+    scans = cv2.imencode(".jpg", PIXELS, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
+    last = scans[scans.rindex(b"\xff\xda") : -2]
+    with pytest.raises(InputError, match="has more than 100 scans"):
+        read(tmp_path, scans[:-2] + last * 100 + b"\xff\xd9")
+
+
+WRONG = {
+    "other parts between those of the pixels": (
+        lambda: (data := png(2, 8))[: (at := data.rindex(b"IDAT") - 4)] + part(b"tEXt", b"a\0b") + data[at:],
+        "its parts do not follow one another",
+    ),
+    "an animation": (lambda: png(2, 8, before=part(b"acTL", struct.pack(">II", 2, 0))), "is an animation; write its"),
+    "a part that nobody knows": (lambda: png(2, 8, before=part(b"ABCD", b"")), "holds a part 'ABCD', without which"),
+    "no pixels": (lambda: png(2, 8)[:33] + part(b"IEND", b""), "is damaged: it holds no pixels"),
+    "the header is not first": (lambda: png(2, 8)[:8] + part(b"tEXt", b"a\0b") + png(2, 8)[8:], "do not follow"),
+    "bits that no grey has": (lambda: png(2, 8)[:8] + part(b"IHDR", struct.pack(">IIBBBBB", 3, 3, 3, 0, 0, 0, 0)) + png(2, 8)[33:], "its header is none of a PNG"),  # noqa: E501
+    "no size": (lambda: huge(0, 3), "it says 0 x 3 pixels"),
+    "another kind": (cv2.imencode(".bmp", PIXELS)[1].tobytes, "is neither PNG nor JPEG; convert it to PNG"),
+    "nothing": (lambda: b"", "is damaged: it is empty"),
+    "16-bit grey": (lambda: png(0, 16), "is a PNG of 16-bit grey, as depth and thermal images are"),
+}  # fmt: skip
+
+
+def test_what_is_no_colour_image(tmp_path):
+    for name, (make, words) in WRONG.items():
+        with pytest.raises(InputError) as error:
+            read(tmp_path, make())
+        assert words in str(error.value), name
+
+
+def test_what_is_no_depth_image(tmp_path):
+    path = tmp_path / "depth"
+    steps = RNG.integers(0, 65536, (HIGH, WIDE), dtype=np.uint16)
+    for make, words in (
+        (lambda: png(0, 8), "is a PNG of 8-bit grey, but depth has to be a PNG of 16-bit grey"),
+        (lambda: png(2, 16), "is a PNG of 16-bit colour, but depth"),
+        (lambda: png(4, 16), "is a PNG of 16-bit grey with alpha, but depth"),
+        (cv2.imencode(".jpg", PIXELS)[1].tobytes, "is a JPEG of 8-bit colour, but depth"),
+    ):
+        path.write_bytes(make())
+        with pytest.raises(InputError, match=words):
+            read_steps(path, SIZE)
+    path.write_bytes(cv2.imencode(".png", steps)[1].tobytes())
+    assert np.array_equal(read_steps(path, SIZE), steps)
+    with pytest.raises(InputError, match="is 21 x 19 pixels, but the first colour image is 21 x 20"):
+        read_steps(path, (21, 20))
+
+
+# --- damage ---
+
+
+def test_a_scan_that_is_damaged_is_refused_with_the_package(tmp_path):
+    pytest.importorskip("simplejpeg")
+    pixels = np.clip(np.kron(PIXELS, np.ones((4, 4, 1))) + RNG.normal(0, 9, (HIGH * 4, WIDE * 4, 3)), 0, 255)
+    data = cv2.imencode(".jpg", pixels.astype(np.uint8))[1].tobytes()
+    start, size = data.index(b"\xff\xda") + 20, (WIDE * 4, HIGH * 4)
+    for at in range(start, len(data) - 200, (len(data) - start) // 20):
+        with pytest.raises(InputError, match="is damaged: its decoder says"):
+            read(tmp_path, data[:at] + b"\xff\xd9", size)
+
+
+def test_a_file_is_held_against_what_was_written(tmp_path):
+    path = tmp_path / "colour.png"
+    data = cv2.imencode(".png", PIXELS)[1].tobytes()
+    path.write_bytes(data)
+    digest = hashlib.sha256(data).hexdigest()
+    assert np.array_equal(read_colour(path, SIZE, digest), PIXELS[..., ::-1])
+    path.write_bytes(cv2.imencode(".png", PIXELS + 1)[1].tobytes())
+    with pytest.raises(
+        InputError, match=r"is not as it was written: frames\.jsonl has another SHA-256 for it; copy it"
+    ):
+        read_colour(path, SIZE, digest)
+    path.write_bytes(data[:-30])
+    with pytest.raises(InputError, match="is damaged: it is cut short"):
+        read_colour(path, SIZE, digest)
+
+
+def test_sums_that_are_known_already_are_not_checked_again():
+    data = bytearray(png(2, 8))
+    data[-1] ^= 1
+    assert whole_image(bytes(data), sums=False)[0].size_px == SIZE

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings of others, read at their own conventions; what writes them is in tests/support/recorded_layouts.py."""
+
+import json
+
+import numpy as np
+import pytest
+from recorded_layouts import FRAMES, HALF_M, WRITERS, image, poses, scannet, text_of
+
+from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED, find_sequence
+from noisy_world.core.errors import InputError
+from noisy_world.core.optics import Distortion
+
+
+def intrinsics(camera):
+    return camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS))
+def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    written = WRITERS[name](folder)
+    assert [item for item, layout in {**LAYOUTS, **RECORDED}.items() if layout.recognises(folder)] == [name]
+    stored = find_sequence(folder, poses="keep")
+    known = [row for row in range(FRAMES) if row not in written.lost]
+    assert np.flatnonzero(stored.trajectory.known).tolist() == known
+    assert np.abs(stored.trajectory.c2w[known] - written.c2w[known]).max() < 1e-9
+    assert np.allclose(stored.stamps.rgb.seconds, np.array(written.numbers) / written.hz, rtol=0, atol=1e-12)
+    assert np.allclose(intrinsics(stored.known_camera)[2:], np.abs(written.colour_k)[2:], rtol=0, atol=1e-9)
+    depth_camera = stored.optics.depth.intrinsics if stored.optics.depth else stored.known_camera
+    assert np.allclose(intrinsics(depth_camera), written.depth_k, rtol=0, atol=1e-9)
+    rays = depth_camera.ray_directions()
+    for row in range(FRAMES):
+        frame = stored.frame(row)
+        assert abs(int(frame.rgb[5, 5, 2]) - 10 * row) <= 2
+        steps = np.where(written.steps[row] == 65535, 0, written.steps[row])
+        assert np.array_equal(np.rint(frame.depth_m.astype(float) * written.scale_per_m), steps)
+        assert not frame.depth_m[:2, :3].any()
+        if row not in written.lost:
+            # What a pixel shows lies on the box, seen from every frame: so do two frames that see one place.
+            c2w = stored.trajectory.c2w[row]
+            world = (rays * frame.depth_m.astype(float)[..., None])[2:] @ c2w[:3, :3].T + c2w[:3, 3]
+            off_m = np.abs((np.abs(world) - HALF_M).max(axis=-1))
+            assert off_m.max() < 1.5 / written.scale_per_m
+    dropped = find_sequence(folder)
+    assert len(dropped.trajectory) == len(known)
+    assert dropped.trajectory.posed is None
+    assert any("no valid pose" in note for note in dropped.notes) == bool(written.lost)
+    bare = find_sequence(folder, poses="none")
+    assert (len(bare.trajectory), bare.trajectory.known.any()) == (FRAMES, False)
+    if written.lost:
+        with pytest.raises(InputError, match=f"1 of 4 frames have no valid pose, the first is frame {written.lost[0]}"):
+            find_sequence(folder, poses="require")
+
+
+def test_a_lens_is_told(tmp_path):
+    WRITERS["nerfstudio"](tmp_path)
+    assert find_sequence(tmp_path).optics.distortion == Distortion("radial-tangential", (0.1, -0.05, 0.0, 0.0))
+
+
+def test_redwood_images_named_by_time(tmp_path):
+    c2w = poses()
+    for n, (rgb_us, depth_us) in enumerate([(0, 28), (33369, 33400), (66741, 66750)]):
+        image(tmp_path / f"rgb/{n + 1:07d}-{rgb_us:012d}.jpg", np.zeros((4, 4, 3), np.uint8))
+        image(tmp_path / f"depth/{n + 1:07d}-{depth_us:012d}.png", np.full((4, 4), 1500, np.uint16))
+    with pytest.raises(InputError, match=r"holds no file of poses; put a \.log of them there; poses: none"):
+        find_sequence(tmp_path)
+    bare = find_sequence(tmp_path, poses="none")
+    assert bare.stamps.rgb.ns == (0, 33_369_000, 66_741_000)
+    assert bare.stamps.depth.ns == (28_000, 33_400_000, 66_750_000)
+    (tmp_path / "a.log").write_text("".join(f"{n} {n} {n + 1}\n{text_of(c2w[n])}" for n in range(2)))
+    found = find_sequence(tmp_path)
+    assert np.abs(found.trajectory.c2w - c2w[:2]).max() < 1e-9
+    assert find_sequence(tmp_path, poses="keep").trajectory.known.tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "told"),
+    [
+        ("intrinsic/intrinsic_color.txt", "1 2 3\n", "is no matrix of four lines of four numbers"),
+        ("intrinsic/intrinsic_color.txt", text_of(np.diag([0.0, 5, 1, 1])), "fx: is 0, but has to be above 0"),
+        ("intrinsic/intrinsic_depth.txt", text_of(np.diag([5.0, 5, 1, 2])), "is no matrix of intrinsics"),
+        ("intrinsic/extrinsic_depth.txt", text_of(np.diag([-1.0, -1, 1, 1])), "does not say where it leads"),
+        ("pose/3.txt", "1 0 0 0\n0 1 0 0\n", "2 lines"),
+        ("color/03.jpg", "", "3.jpg have one number"),
+        ("color/99999999999999999999999.jpg", "", "its number is too large to count frames"),
+    ],
+)
+def test_what_is_wrong_is_one_line(file, text, told, tmp_path):
+    scannet(tmp_path)
+    (tmp_path / file).write_text(text)
+    with pytest.raises(InputError, match=told):
+        find_sequence(tmp_path)
+
+
+def test_an_intrinsic_json_that_is_none(tmp_path):
+    WRITERS["open3d"](tmp_path)
+    path = tmp_path / "intrinsic.json"
+    good = json.loads(path.read_text())
+    for change, told in (
+        ({"intrinsic_matrix": [1, 2]}, "nine numbers"),
+        ({"depth_scale": 0}, "depth_scale: has to be a number above 0"),
+        ({"width": 64.5}, "width: has to be whole pixels"),
+        ({"intrinsic_matrix": [5, 1, 0, 0, 5, 0, 2, 2, 1]}, "without skew"),
+    ):
+        path.write_text(json.dumps({**good, **change}))
+        with pytest.raises(InputError, match=told):
+            find_sequence(tmp_path)
+
+
+def test_tum_as_the_benchmark_gives_it(tmp_path):
+    folder = tmp_path / "rgbd_dataset_freiburg1_desk"
+    stamps = ["1305031453.359684", "1305031453.391690", "1305031453.423683"]
+    for stamp in stamps:
+        image(folder / f"rgb/{stamp}.png", np.zeros((480, 640, 3), np.uint8))
+    for stamp in ("1305031453.374112", "1305031453.404816"):
+        image(folder / f"depth/{stamp}.png", np.full((480, 640), 5000, np.uint16))
+    for name in ("rgb", "depth"):
+        files = sorted((folder / name).iterdir())
+        head = f"# {name}\n# file: 'rgbd_dataset_freiburg1_desk.bag'\n# timestamp filename\n"
+        (folder / f"{name}.txt").write_text(head + "".join(f"{file.stem} {name}/{file.name}\n" for file in files))
+    (folder / "accelerometer.txt").write_text("# accelerometer data\n1305031453.1 1 2 3\n")
+    rows = [f"{1305031453.3552 + n / 100:.4f} {n}.5 1.0 2.0 0.0 0.0 0.0 1.0\n" for n in range(20)]
+    (folder / "groundtruth.txt").write_text("".join(rows))
+    found = find_sequence(folder)
+    assert intrinsics(found.known_camera) == (640, 480, 517.3, 516.5, 318.6, 255.3)
+    assert found.optics.distortion.coefficients == (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)
+    assert found.stamps.rgb.ns == (1305031453359684000, 1305031453391690000)
+    assert found.trajectory.c2w[:, 0, 3].tolist() == [0.5, 4.5]
+    assert found.notes == ("1 of 3 colour images are left out: 1 with no depth image within 0.02 s",)
+    assert "calibration of this Kinect" in found.assumed
+    folder.rename(tmp_path / "desk")
+    assert find_sequence(tmp_path / "desk").known_camera is None

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""mode: keyed: a severity for each frame, one after another, of which the last one holds."""
+
+import pytest
+
+from noisy_world.core.datasets.differences import _step as difference
+from noisy_world.core.datasets.provenance import _step as described
+from noisy_world.core.errors import InputError
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+
+
+def step_of(name, **values):
+    (step,) = parse_steps([{name: values}], Place("preset.yaml", "perturb"), registry())
+    return step
+
+
+def test_each_frame_has_its_own_and_the_last_one_holds():
+    step = step_of("gaussian_noise", mode="keyed", levels=[0, 1, 2.5, 5], std=0.5)
+    for setting in ("one", "another"):
+        contexts = [step.context(FrameContext(index, (3, "room", setting))) for index in range(7)]
+        assert [step.severity_of(context) for context in contexts] == [0, 1, 2.5, 5, 5, 5, 5]
+    assert step.parameters(2.5).std == 0.5
+    alone = step_of("fog", mode="keyed", levels=[4])
+    assert alone.severity_of(alone.context(FrameContext(9, (0, "a", "b")))) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "told"),
+    [
+        ("fog", {"mode": "keyed"}, "mode: is keyed, which goes with levels"),
+        ("fog", {"mode": "keyed", "severity": 3}, "mode: is keyed, which goes with levels"),
+        ("fog", {"mode": "keyed", "levels": []}, "levels: is "),
+        ("fog", {"mode": "keyed", "levels": [0.5]}, "levels.0: is 0.5, out of range"),
+        ("fog", {"mode": "keyed", "levels": [1], "severity": 2}, "levels: stands beside severity"),
+        ("fog", {"mode": "keys"}, "has to be static, dynamic or keyed"),
+        ("fog", {"levels": [1]}, "goes with mode: dynamic or keyed"),
+    ],
+)
+def test_what_is_wrong_is_told_in_a_line(name, values, told):
+    with pytest.raises(InputError, match="preset") as caught:
+        step_of(name, **values)
+    assert told in str(caught.value)
+
+
+def test_a_dataset_knows_the_mode_and_the_severities():
+    keyed, other, drawn = (
+        described(step_of("fog", mode=mode, levels=levels))
+        for mode, levels in (("keyed", [1, 2]), ("keyed", [1, 3]), ("dynamic", [1, 2]))
+    )
+    assert "keyed" not in drawn
+    assert difference(drawn, keyed) == ("mode", "was dynamic, is keyed")
+    assert difference(keyed, other)[0] == "levels"

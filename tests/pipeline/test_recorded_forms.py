@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings of others put through a preset: cameras of their own, lenses, frames without poses."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
+from written import run
+
+from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.datasets.registration import Registration
+from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.optics import DepthCamera, Distortion
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturb import frames
+from noisy_world.planning import make_plan
+
+BOTH = [{"fog_depth": {"severity": 3}}, {"depth_gaussian_noise": {"severity": 2}}]
+
+
+def preset_of(folder, source, *, layout="tum", scene=(), steps=BOTH, output=()):
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "preset.json"
+    document = {
+        "seed": 3,
+        "scenes": [{"name": "box", "sequence": str(source), **dict(scene)}],
+        "render": {"backend": "reference"},
+        "settings": [{"name": "clean"}, {"name": "noisy", "perturb": steps}],
+        "output": {"layout": layout, **dict(output)},
+    }
+    path.write_text(json.dumps(document))
+    return path
+
+
+def recording(tmp_path, name):
+    folder = tmp_path / name
+    folder.mkdir()
+    return folder, WRITERS[name](folder)
+
+
+@pytest.mark.parametrize("name", ["bundlefusion", "nerfstudio", "open3d"])
+@pytest.mark.parametrize("layout", ["replica", "tum", "euroc"])
+def test_what_is_written_is_what_was_recorded(name, layout, tmp_path):
+    source, _ = recording(tmp_path, name)
+    before = find_sequence(source)
+    run(preset_of(tmp_path / "p", source, layout=layout), tmp_path / "out")
+    after = find_sequence(tmp_path / "out/clean/box")
+    assert np.abs(after.trajectory.c2w - before.trajectory.c2w).max() < 1e-9
+    assert after.known_camera == before.known_camera
+    if before.optics.depth is not None:
+        assert after.optics.depth.intrinsics == before.optics.depth.intrinsics
+    assert after.optics.distortion == before.optics.distortion
+    for row in range(len(after.trajectory)):
+        one, other = before.frame(row).depth_m, after.frame(row).depth_m
+        assert one.shape == other.shape
+        assert np.abs(one - other).max() <= 0.5001 / after.depth_scale_per_m
+    noisy = find_sequence(tmp_path / "out/noisy/box").frame(0)
+    assert noisy.rgb.shape == before.frame(0).rgb.shape
+    assert noisy.depth_m.shape == before.frame(0).depth_m.shape
+    manifest = json.loads((tmp_path / "out/manifest.json").read_text())
+    assert ("depth_camera" in manifest["camera"]) == (before.optics.depth is not None)
+    if layout == "tum":
+        same = list(frames(source, BOTH, seed=3, setting="noisy", scene="box"))
+        assert np.array_equal(same[0].rgb, noisy.rgb)
+    notes = json.loads((tmp_path / "out/run.json").read_text())["notes"]
+    assert any("registered into colour" in note for note in notes) == (before.optics.depth is not None)
+
+
+def test_a_layout_that_cannot_say_it_refuses(tmp_path):
+    source, _ = recording(tmp_path, "nerfstudio")
+    path = preset_of(tmp_path / "p", source, layout="vslamlab")
+    with pytest.raises(InputError, match=r"scenes\.0\.sequence: depth has a camera of its own.*register: true"):
+        make_plan(read_preset(path))
+    with pytest.raises(InputError, match=r"its lens distorts.*undistort: true"):
+        make_plan(read_preset(path, ["scenes.0.register=true"]))
+    run(path, tmp_path / "out", overrides=["scenes.0.register=true", "scenes.0.undistort=true"])
+    found = find_sequence(tmp_path / "out/clean/box")
+    assert found.optics.plain
+    assert found.frame(0).depth_m.shape == found.frame(0).rgb.shape[:2]
+    plain, _ = recording(tmp_path, "open3d")
+    for key, told in (("undistort", "says that the lens distorts"), ("register", "have one camera")):
+        with pytest.raises(InputError, match=rf"scenes\.0\.{key}: .*{told}"):
+            make_plan(read_preset(preset_of(tmp_path / "q", plain, scene={key: True})))
+
+
+# --- registration ---
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_registered_depth_is_what_the_colour_camera_sees(apart):
+    colour = Intrinsics(96, 72, 80.0, 81.0, 47.0, 36.0)
+    seen = (64, 48, 50.0, 50.5, 31.0, 24.0)
+    beside = np.eye(4)
+    if apart:
+        beside[:3, :3] = cv2.Rodrigues(np.array([0.01, -0.02, 0.015]))[0]
+        beside[:3, 3] = 0.05, -0.002, 0.01
+    c2w = poses(seed=9)[1]
+    depth_m = box_depth_m(seen, c2w @ beside).astype(np.float32)
+    depth_m[:, :4] = 0
+    camera = DepthCamera(Intrinsics(*seen), tuple(map(tuple, beside.tolist())) if apart else None)
+    found = Registration(colour, camera).depth_in_colour(depth_m)
+    truth = box_depth_m((96, 72, 80.0, 81.0, 47.0, 36.0), c2w)
+    there = found > 0
+    assert there.mean() > 0.8
+    # Half a depth pixel is two thirds of a colour pixel: off edges, depth changes by the slope times that.
+    slope = np.maximum(*(np.abs(part) for part in np.gradient(truth)))
+    assert (np.abs(found - truth)[there] <= 0.01 + 2.5 * slope[there]).mean() > 0.98
+    assert not Registration(colour, camera).depth_in_colour(np.zeros_like(depth_m)).any()
+
+
+def test_the_nearest_of_several_counts_and_one_camera_changes_nothing():
+    one = Intrinsics(8, 6, 7.0, 7.0, 3.5, 2.5)
+    depth_m = np.full((6, 8), 2.0, np.float32)
+    depth_m[2, 3] = 1.0
+    depth_m[0, 0] = 0.0
+    assert np.array_equal(Registration(one, DepthCamera(one)).depth_in_colour(depth_m), depth_m)
+    far = DepthCamera(one, ((1.0, 0, 0, 2.0 / 7), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)))
+    moved = Registration(one, far).depth_in_colour(depth_m)
+    # At 2 m the shift is a pixel, at 1 m two: the near one covers what was beside it.
+    assert moved[2, 5] == 1.0
+    assert moved[3, 5] == 2.0
+    assert not moved[:, 0].any()
+
+
+# --- lenses ---
+
+
+def test_a_lens_is_carried_or_taken_out(tmp_path):
+    k = (64, 48, 40.0, 41.0, 31.0, 23.5)
+    c2w = poses(count=1, seed=4)[0]
+    lens = Distortion("radial-tangential", (-0.25, 0.06, 0.001, -0.002))
+    camera = Intrinsics(*k)
+    # A distorted picture: each pixel looks along the ray that the lens brings there, by OpenCV's own inverse.
+    grid = np.stack(np.meshgrid(np.arange(64.0), np.arange(48.0)), axis=-1).reshape(-1, 1, 2)
+    xy = cv2.undistortPoints(grid, camera.matrix, np.array(lens.coefficients)).reshape(48, 64, 2)
+    rays = np.concatenate([xy, np.ones((48, 64, 1))], axis=-1) @ c2w[:3, :3].T
+    depth_m = (np.where(rays > 0, HALF_M - c2w[:3, 3], -HALF_M - c2w[:3, 3]) / rays).min(axis=-1)
+    source = tmp_path / "source"
+    shade = np.clip(xy[..., :1] * 80 + 128, 0, 255).astype(np.uint8)
+    image(source / "results/frame000000.png", np.repeat(shade, 3, axis=-1))
+    image(source / "results/depth000000.png", np.rint(depth_m * 5000).astype(np.uint16))
+    (source / "traj.txt").write_text(" ".join(map(repr, c2w.ravel().tolist())) + "\n")
+    told = dict(zip(("w", "h", "fx", "fy", "cx", "cy"), k, strict=True))
+    document = {"camera": {**told, "scale": 5000}, "distortion": lens.content()}
+    (source / "cam_params.json").write_text(json.dumps(document))
+    path = preset_of(tmp_path / "p", source, steps=[{"gaussian_noise": {"severity": 1}}])
+    run(path, tmp_path / "carried")
+    assert find_sequence(tmp_path / "carried/clean/box").optics.distortion == lens
+    run(path, tmp_path / "pinhole", overrides=["scenes.0.undistort=true"])
+    found = find_sequence(tmp_path / "pinhole/clean/box")
+    assert found.optics.plain
+    truth = box_depth_m(k, c2w)
+    slope = np.maximum(*(np.abs(part) for part in np.gradient(truth)))
+    made = found.frame(0).depth_m
+    assert (made > 0)[5:-5, 5:-5].all()
+    assert (np.abs(made - truth) <= 0.001 + 1.2 * slope)[made > 0].mean() > 0.98
+    across = camera.ray_directions()[..., 0] * 80 + 128
+    inner = np.s_[6:-6, 6:-6]
+    assert np.abs(found.frame(0).rgb[..., 0].astype(float) - across)[inner].max() < 2.0
+
+
+# --- poses ---
+
+
+def test_frames_without_a_pose(tmp_path):
+    source, written = recording(tmp_path, "scannet")
+    (lost,) = written.lost
+    path = preset_of(tmp_path / "p", source)
+    run(path, tmp_path / "kept", overrides=["scenes.0.poses=keep"])
+    assert len(list((tmp_path / "kept/clean/box/rgb").iterdir())) == 4
+    truth = (tmp_path / "kept/clean/box/groundtruth.txt").read_text().splitlines()[3:]
+    assert len(truth) == 3
+    assert find_sequence(tmp_path / "kept/clean/box", poses="keep").trajectory.known.tolist() == [
+        row != lost for row in range(4)
+    ]
+    with pytest.raises(InputError, match=r"scenes\.0\.poses: 1 of 4 frames have no pose, but Replica has one for each"):
+        make_plan(read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"]))
+    with pytest.raises(InputError, match="goes with sequence"):
+        make_plan(read_preset(path, ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']))
+
+
+@pytest.mark.parametrize("layout", ["replica", "tum", "euroc", "vslamlab"])
+def test_a_recording_without_ground_truth(layout, tmp_path):
+    source, _ = recording(tmp_path, "open3d")
+    (source / "scene/trajectory.log").unlink()
+    steps = [*BOTH, {"faster_motion": {"factor": 2}}]
+    path = preset_of(tmp_path / "p", source, layout=layout, scene={"poses": "none"}, steps=steps)
+    run(path, tmp_path / "out")
+    names = {item.name for item in (tmp_path / "out/noisy/box").rglob("*")}
+    assert not names & {"traj.txt", "groundtruth.txt", "groundtruth.csv", "state_groundtruth_estimate0"}
+    found = find_sequence(tmp_path / "out/noisy/box", poses="none")
+    assert not found.trajectory.known.any()
+    assert 1 <= len(found.rgb_files) < 4
+    moving = ['settings=[{"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 1}}]}]']
+    with pytest.raises(InputError, match="an existing sequence cannot be seen from elsewhere"):
+        make_plan(read_preset(path, moving))
+
+
+def test_a_camera_replaces_the_datasets_own(tmp_path):
+    source = tmp_path / "rgbd_dataset_freiburg2_xyz"
+    for name, pixels in (("rgb", np.zeros((480, 640, 3), np.uint8)), ("depth", np.full((480, 640), 5000, np.uint16))):
+        image(source / f"{name}/1.png", pixels)
+        (source / f"{name}.txt").write_text(f"1.0 {name}/1.png\n")
+    (source / "groundtruth.txt").write_text("1.0 0 0 0 0 0 0 1\n")
+    path = preset_of(tmp_path / "p", source)
+    (own,) = make_plan(read_preset(path)).renders
+    assert (own.camera.fx_px, own.optics.distortion.coefficients[0]) == (520.9, 0.2312)
+    ros = "camera={width: 640, height: 480, fx: 525, fy: 525, cx: 319.5, cy: 239.5}"
+    (given,) = make_plan(read_preset(path, [ros])).renders
+    assert (given.camera.fx_px, given.optics.plain) == (525.0, True)
+    with pytest.raises(
+        InputError, match=r"scenes\.0\.undistort: camera replaces the dataset's own, whose lens is known"
+    ):
+        make_plan(read_preset(path, [ros, "scenes.0.undistort=true"]))
+    (pinhole,) = make_plan(read_preset(path, ["scenes.0.undistort=true"])).renders
+    assert (pinhole.camera, pinhole.optics.plain) == (own.camera, True)
