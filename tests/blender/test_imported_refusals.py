@@ -14,8 +14,9 @@ from cases import cases
 from importing import import_here
 
 from noisy_world.core.errors import InputError, MissingDependencyError
+from noisy_world.blender.importing import program, usd_layers
 from noisy_world.sources import imported_meshes
-from noisy_world.sources.mesh_reading import forget_meshes, read_mesh
+from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
 
 REAL = imported_meshes._asked
 
@@ -73,6 +74,9 @@ def test_gltf_that_is_damaged(tmp_path):
     assert refusal(path) == "GLB of version 1; export it as glTF 2.0"
     assert refusal(changed(tmp_path, asset={"version": "1.0"})) == "glTF of version 1.0; export it as glTF 2.0"
     assert refusal(changed(tmp_path, nodes=[{"name": "nothing"}])).startswith("holds no faces")
+    assert refusal(changed(tmp_path, bufferViews=3 * [{"buffer": 3, "byteLength": 4}])).startswith(
+        "Blender's importer fails on it: "
+    )
 
 
 def test_values_that_are_not_finite(tmp_path):
@@ -113,6 +117,9 @@ def test_files_beside_it_that_are_missing_or_damaged(tmp_path):
     assert "walls.png" in refusal(room)
     (tmp_path / "room.mtl").unlink()
     assert refusal(room).startswith(f"its materials 'room.mtl' are missing in {tmp_path}; ")
+    room = rooms.write_usda(tmp_path)
+    room.write_bytes(room.read_bytes().replace(b"subdivision", b"sub\xa5ivision"))
+    assert refusal(room) == "USD's library cannot open it; the file is damaged: export it again"
     (tmp_path / "whole.usda").write_text("#usda 1.0\n( subLayers = [@./elsewhere.usda@] )\n")
     assert refusal(tmp_path / "whole.usda").startswith("refers to ")
 
@@ -141,3 +148,16 @@ def test_a_python_without_blender(tmp_path, monkeypatch):
     monkeypatch.setitem(os.sys.modules, "bpy", None)
     with pytest.raises(MissingDependencyError, match=r"^bpy: missing, and Blender's importers with it; "):
         read_mesh(rooms.write_glb(tmp_path))
+
+
+def test_a_blender_without_an_importer_or_without_pixars_library(tmp_path, monkeypatch):
+    room = rooms.write_usda(tmp_path)
+    with monkeypatch.context() as patched:
+        patched.setattr(usd_layers.importlib.util, "find_spec", lambda _name: None)
+        (note,) = read_mesh(room).notes
+        assert note.startswith("this Blender lacks the module pxr: ")
+        assert [file.name for file in files_of_mesh(room)] == ["walls.png"]
+    monkeypatch.setitem(program._OPERATORS, "USD", ("wm", "no_such_import"))
+    forget_meshes()
+    said = "this Blender is built without an importer of USD; export the mesh as PLY or glTF"
+    assert refusal(room) == said

@@ -123,8 +123,11 @@ def _asked(order: dict[str, object]) -> subprocess.CompletedProcess[str]:
 
 
 def _one_sentence(text: str) -> str:
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    return lines[0].removeprefix("Error: ")[:400] if lines else "Blender's importer refuses it"
+    lines = [line.strip() for line in text.splitlines() if line.strip()] or ["it says nothing"]
+    if "Traceback" in lines[0]:  # an importer written in Python fails where it did not expect to
+        last = next(line for line in reversed(lines) if not line.startswith("Location:"))
+        return f"Blender's importer fails on it: {last[:200]}; the file is damaged: export it again"
+    return lines[0].removeprefix("Error: ")[:400]
 
 
 def _command(order: str) -> list[str]:

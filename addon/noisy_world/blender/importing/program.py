@@ -38,6 +38,11 @@ def main(order: str) -> int:
         bpy.data.worlds.remove(world)  # of which only the file's own is to shine
     beside: tuple[str, ...] = ()
     up, look = _UP[wanted["format"]], None
+    module, operator = _OPERATORS[wanted["format"]]
+    if operator not in dir(getattr(bpy.ops, module)):
+        return _refuse(
+            f"this Blender is built without an importer of {wanted['format']}; export the mesh as PLY or glTF"
+        )
     try:
         if wanted["format"] == "USD":
             look = look_at(path)
@@ -115,6 +120,13 @@ _IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {
     "USD": _usd,
 }
 
+_OPERATORS = {
+    "glTF": ("import_scene", "gltf"),
+    "OBJ": ("wm", "obj_import"),
+    "STL": ("wm", "stl_import"),
+    "FBX": ("wm", "fbx_import"),
+    "USD": ("wm", "usd_import"),
+}
 _UP: dict[str, Up | None] = {"glTF": "y", "OBJ": "z", "STL": "z", "FBX": None, "USD": None}
 
 if __name__ == "__main__":

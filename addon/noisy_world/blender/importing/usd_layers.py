@@ -42,7 +42,8 @@ def look_at(path: Path) -> UsdLook:
         stage = Usd.Stage.Open(str(path))
         layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
     except Tf.ErrorException as error:
-        raise RuntimeError(str(error).splitlines()[-1]) from error
+        # Its own words may be bytes that are no text, and name files of the machine that built it.
+        raise RuntimeError("USD's library cannot open it; the file is damaged: export it again") from error
     files = {layer.realPath for layer in layers} | set(assets)
     beside = {name for name in files if Path(name).is_file() and not path.samefile(name)}
     up: Up = "y" if UsdGeom.GetStageUpAxis(stage) == "Y" else "z"
