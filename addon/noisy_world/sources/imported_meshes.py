@@ -28,7 +28,7 @@ from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
 
-REFUSED, MARK = 4, "@refused "  # as blender.importing.program ends and says why
+REFUSED, REFUSAL = 4, "refused.txt"  # as blender.importing.program ends, and where it says why
 _ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
 
 
@@ -99,9 +99,9 @@ def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:
 def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> ImportedScene:
     """Have another process import the file; return what it wrote. Raises InputError where it did not."""
     asked = _asked(order)
-    said = [line for line in asked.stdout.splitlines() if line.startswith(MARK)]
-    if asked.returncode == REFUSED and said:
-        raise InputError(path, _one_sentence(json.loads(said[-1].removeprefix(MARK))))
+    said = folder / REFUSAL
+    if asked.returncode == REFUSED and said.is_file():
+        raise InputError(path, _one_sentence(said.read_text(encoding="utf-8")))
     scene = read_imported(folder)
     if asked.returncode == 0 and scene is not None:
         return scene

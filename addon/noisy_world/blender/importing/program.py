@@ -21,8 +21,8 @@ from .lit import save_lit
 from .parts import imported_parts
 from .usd_layers import look_at
 
-REFUSED = 4  # the exit status where the importer refuses; the last line on standard output says why
-MARK = "@refused "
+REFUSED = 4  # the exit status where the importer refuses
+REFUSAL = "refused.txt"  # then says why, in the folder
 
 
 def main(order: str) -> int:
@@ -40,22 +40,22 @@ def main(order: str) -> int:
     up, look = _UP[wanted["format"]], None
     module, operator = _OPERATORS[wanted["format"]]
     if operator not in dir(getattr(bpy.ops, module)):
-        return _refuse(
-            f"this Blender is built without an importer of {wanted['format']}; export the mesh as PLY or glTF"
+        return _refused(
+            folder, f"this Blender is built without an importer of {wanted['format']}; export the mesh as PLY or glTF"
         )
     try:
         if wanted["format"] == "USD":
             look = look_at(path)
             if look.missing:
-                return _refuse(f"refers to {look.missing[0][:200]!r}, which is not there")
+                return _refused(folder, f"refers to {look.missing[0][:200]!r}, which is not there")
             up, beside = look.up, look.beside
         if problem := compression_problem(wanted["compression"]):
-            return _refuse(problem)
+            return _refused(folder, problem)
         _IMPORTERS[wanted["format"]](str(path), wanted["webp"], wanted["blend"] is not None)
         notes = _still()
         if wanted["blend"] is not None:
             if problem := save_lit(Path(wanted["blend"]), up, wanted["asked"]):
-                return _refuse(problem)
+                return _refused(folder, problem)
             write_imported(folder, ImportedScene((), (), (), up, beside, notes))
             return 0
         images = ImageFiles(folder)
@@ -69,16 +69,16 @@ def main(order: str) -> int:
         if look is not None and look.unknown:
             beside, notes = images.read, (*notes, look.unknown)
     except MissingImageError as error:
-        return _refuse(f"its texture {str(error)[:200]!r} is missing")
+        return _refused(folder, f"its texture {str(error)[:200]!r} is missing")
     except RuntimeError as error:  # so Blender says that an operator failed
-        return _refuse(str(error))
+        return _refused(folder, str(error))
     write_imported(folder, ImportedScene(parts, tuple(surfaces), tuple(images.images), up, beside, notes))
     return 0
 
 
-def _refuse(why: str) -> int:
-    sys.stdout.write(f"{MARK}{json.dumps(why)}\n")
-    sys.stdout.flush()
+def _refused(folder: Path, why: str) -> int:
+    # Not on standard output, where Blender leaves lines unended.
+    (folder / REFUSAL).write_text(why, encoding="utf-8")
     return REFUSED
 
 

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera in a JSON file, in each of the forms that people have it, and what is none."""
+
+import json
+
+import pytest
+
+from noisy_world.core.datasets.camera_file import read_camera_file
+from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
+
+CAMERA = Intrinsics(640, 480, 525.0, 524.0, 319.5, 239.5)
+PLAIN = {"width": 640, "height": 480, "fx": 525.0, "fy": 524.0, "cx": 319.5, "cy": 239.5}
+OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [525.0, 0, 0, 0, 524.0, 0, 319.5, 239.5, 1]}
+NERFSTUDIO = {"w": 640, "h": 480, "fl_x": 525.0, "fl_y": 524.0, "cx": 320.0, "cy": 240.0}
+REPLICA = {"camera": {"w": 640, "h": 480, "fx": 525.0, "fy": 524.0, "cx": 319.5, "cy": 239.5, "scale": 6553.5}}
+
+
+@pytest.mark.parametrize("document", [PLAIN, {"camera": PLAIN}, OPEN3D, NERFSTUDIO, REPLICA])
+def test_forms_of_a_camera(tmp_path, document):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(document))
+    assert read_camera_file(path) == CAMERA
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[1]", "no mapping"),
+        ('{"fx": 1}', "no intrinsics"),
+        ('{"camera": {"scale": 1000}}', "scale alone"),
+        ('{"width": 4, "height": 4, "intrinsic_matrix": [1]}', "nine numbers"),
+        (json.dumps({**PLAIN, "fx": -1}), "fx"),
+        ("{", "camera.json"),
+    ],
+)
+def test_what_is_no_camera_is_one_line(tmp_path, text, said):
+    path = tmp_path / "camera.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_camera_file(path)
