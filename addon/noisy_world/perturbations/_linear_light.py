@@ -16,7 +16,7 @@ def decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
     base *= np.float32(1 / 1.055)
     # OpenCV's power takes a fifth of numpy's time.
     power = np.asarray(cv2.pow(base, 2.4), np.float32).reshape(encoded.shape)
-    return np.where(encoded <= np.float32(0.04045), encoded * np.float32(1 / 12.92), power)
+    return np.multiply(encoded, np.float32(1 / 12.92), out=power, where=encoded <= np.float32(0.04045))
 
 
 def encoded(light: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -27,4 +27,4 @@ def encoded(light: NDArray[np.float32]) -> NDArray[np.float32]:
     power = np.asarray(cv2.pow(base, 1 / 2.4), np.float32).reshape(light.shape)
     power *= np.float32(1.055)
     power -= np.float32(0.055)
-    return np.where(light <= np.float32(0.0031308), light * np.float32(12.92), power)
+    return np.multiply(light, np.float32(12.92), out=power, where=light <= np.float32(0.0031308))
