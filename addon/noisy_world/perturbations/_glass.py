@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ._bands import by_bands
+from ._bands import bands
 from ._kernels import gaussian
 from ._linear_light import encoded
 from ._patterns import three_channels
@@ -105,15 +105,15 @@ def laid_over(rgb: Float32, linear: Float32, layer: Float32) -> Float32:
     import cv2
 
     large = np.asarray(cv2.resize(layer, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
-
-    def over(band: Float32, band_linear: Float32, band_layer: Float32) -> Float32:
+    result = rgb.copy()
+    for band, band_linear, band_layer in zip(bands(result), bands(linear), bands(large), strict=True):
         cover = np.ascontiguousarray(band_layer[..., 3])
         there = (cover > LEAST_COVER).astype(np.uint8)
-        if not there.any():
-            return band
-        light = np.asarray(cv2.cvtColor(band_layer, cv2.COLOR_BGRA2BGR), np.float32).reshape(band.shape)
-        light += band_linear
-        light -= three_channels(cover) * band_linear
-        return np.asarray(cv2.copyTo(encoded(light), there, band.copy()), np.float32).reshape(band.shape)
-
-    return by_bands(rgb, rgb.dtype, over, linear, large)
+        if there.any():
+            light = np.asarray(cv2.cvtColor(band_layer, cv2.COLOR_BGRA2BGR), np.float32).reshape(band.shape)
+            light += band_linear
+            seen = three_channels(cover).reshape(band.shape)
+            seen *= band_linear
+            light -= seen
+            cv2.copyTo(encoded(light), there, band)
+    return result

@@ -34,14 +34,14 @@ def glass_nodes(canvas: Canvas, focus_px: Socket) -> GlassNodes:
         coarse = graph.clamp(focus_px * PER_BLUR, 1.0, COARSEST)
         coarse = graph.math("MAXIMUM", coarse, 1.0 / canvas.scale)
         finer = graph.math("DIVIDE", 1.0, coarse)
-        share = _share(graph, _whole(graph.vector(width, height) * graph.vector(finer, finer)))
+        share = share_of(graph, _whole(graph.vector(width, height) * graph.vector(finer, finer)))
         x = share.x * width
         y = graph.math("MULTIPLY_ADD", share.y, height * -1.0, height)
         sigma = graph.math("MAXIMUM", focus_px, LEAST_BLUR_PX) * SIGMA / coarse
     return GlassNodes(x, y, width, height, sigma)
 
 
-def _share(graph: Graph, size_px: Socket) -> Socket:
+def share_of(graph: Graph, size_px: Socket) -> Socket:
     """Return where the pixels of a new image of a size, whole numbers, lie: from 0 to 1 along its sides."""
     blank = graph.node("CompositorNodeBlankImage", {"Size": size_px}).out("Image", "color")
     return graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Normalized", "vector")
@@ -66,7 +66,7 @@ def reduced_nodes(canvas: Canvas) -> Socket:
         size = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
         for _ in range(HALVINGS):
             size = _whole(size * (0.5, 0.5, 0.0))
-            image = sampled(image, _share(graph, size))
+            image = sampled(image, share_of(graph, size))
     return image
 
 
