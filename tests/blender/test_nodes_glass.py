@@ -24,7 +24,7 @@ DROPS = (
 DIRT = (
     {"severity": 5},
     {"severity": 3, "size": 0.3, "streaks": 1.0, "smudges": 1.0, "wiped_deg": -130.0},
-    {"severity": 1, "size": 4.0, "streaks": 0.0, "reach_px": 10.0, "veil": 4.0, "temporal": "fresh"},
+    {"severity": 1, "size": 4.0, "streaks": 0.0, "reach_px": 10.0, "glare": 4.0, "temporal": "fresh"},
 )
 
 

@@ -11,7 +11,7 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import lens_dirt, registry
 from noisy_world.perturbations._dirt_tile import tile
-from noisy_world.perturbations._glare import PARTS, Glare, glare_of
+from noisy_world.perturbations._glare import PARTS, Spread, glare_of
 
 ITEM = lens_dirt.PERTURBATION
 
@@ -43,21 +43,21 @@ def test_before_an_even_wall_dirt_is_what_dust_absorbs():
 def test_what_is_scattered_is_mixed_by_its_share():
     rng = np.random.default_rng(2)
     rgb = rng.random((64, 96, 3), dtype=np.float32)
-    values = {"dust": 0.5, "smudges": 0.4, "scratches": 0.6, "veil": 3.0}
+    values = {"dust": 0.5, "smudges": 0.4, "scratches": 0.6, "glare": 3.0}
     found = linear(seen(rgb, **values))
     dirt = lens_dirt.dirt_before(where(), (64, 96), 1.0).astype(np.float64)
     scattered = dirt @ [0.5 * 0.4, 0.4, 0.6]
     left = 1 - scattered - dirt[..., 0] * 0.5 * 0.6
-    veil = (found - linear(rgb) * left[..., None]) / (3 * scattered[..., None])
+    spread = (found - linear(rgb) * left[..., None]) / (3 * scattered[..., None])
     # All that is left is far smoother than the frame, and as bright.
-    assert np.abs(np.diff(veil, axis=1)).max() < 0.03
-    assert veil.mean() == pytest.approx(linear(rgb).mean(), rel=0.1)
+    assert np.abs(np.diff(spread, axis=1)).max() < 0.03
+    assert spread.mean() == pytest.approx(linear(rgb).mean(), rel=0.1)
 
 
 def test_glare_is_a_sum_of_gaussians_and_loses_no_light():
     small = np.zeros((161, 201, 3), np.float32)
     small[80, 100] = (50, 100, 200)
-    found = glare_of(small, Glare(12.0, 0.0, 0.3))
+    found = glare_of(small, Spread(12.0, 0.0, 0.3))
     assert found.sum(axis=(0, 1)) == pytest.approx([50, 100, 200], rel=0.01)
     for rows, columns in ((0, 0), (3, 4), (-20, 15), (0, 40)):
         squared = rows**2 + columns**2
@@ -74,7 +74,7 @@ def test_glare_is_a_sum_of_gaussians_and_loses_no_light():
 def test_streaks_run_across_the_wiping(turn_deg):
     small = np.zeros((141, 141, 3), np.float32)
     small[68:73, 68:73] = 1
-    found = glare_of(small, Glare(10.0, 1.0, np.radians(turn_deg)))[..., 0].astype(np.float64)
+    found = glare_of(small, Spread(10.0, 1.0, np.radians(turn_deg)))[..., 0].astype(np.float64)
     assert found.sum() == pytest.approx(25, rel=0.05)
     rows, columns = np.mgrid[:141, :141] - 70
     moments = [(found * item).sum() / found.sum() for item in (columns**2, rows**2, rows * columns)]

@@ -26,11 +26,11 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         )
         scattered = graph.math("MULTIPLY_ADD", dirt.z, given["scratches"], scattered)
         scattered = graph.math("MINIMUM", scattered, 1.0 - absorbed)
-    veil = sampled(_glare(canvas, given), share)
+    glare = sampled(_glare(canvas, given), share)
     with graph.section("Over the image"):
-        lit, left = scattered * given["veil"], 1.0 - absorbed - scattered
+        lit, left = scattered * given["glare"], 1.0 - absorbed - scattered
         seen = canvas.image * graph.vector(left, left, left)
-        return graph.math("MULTIPLY_ADD", veil, graph.vector(lit, lit, lit), seen)
+        return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
 
 
 def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:

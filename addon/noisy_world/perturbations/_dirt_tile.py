@@ -99,7 +99,7 @@ def _grease() -> Float32:
         ridges = np.sin(np.hypot(along * np.float32(0.6), across + 17) * np.float32(2 * math.pi / 4.2) + swirl * 3)
         shape = np.exp(-((along / 34) ** 4) - (across / 24) ** 4)
         layer[rows, columns] += shape * (np.float32(0.32) + np.float32(0.16) * ridges)
-    return _softened(layer, 1.0)
+    return _softened(np.asarray(layer, np.float32), 1.0)
 
 
 def _scratches() -> Float32:

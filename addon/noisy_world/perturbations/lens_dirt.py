@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Dirt on the front glass: dust, grease and scratches, and the veil and streaks of bright light on them."""
+"""Dirt on the front glass: dust, grease and scratches, and the glare and streaks of bright light on them."""
 
 import math
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from ..core.schema import key
 from ._bands import by_bands
 from ._dirt_nodes import build_dirt
 from ._dirt_tile import TEXEL_PX, tile
-from ._glare import Glare, glare_of
+from ._glare import Spread, glare_of
 from ._glass import HALVINGS, reduced
 from ._linear_light import decoded, encoded
 from ._patterns import kept_for_sequence, three_channels
@@ -31,7 +31,7 @@ class LensDirt:
     """Dust, smears of grease and scratches on the glass before the lens, out of focus.
 
     image * (1 - absorbed - scattered) + scattered * glare, as Gu, Ramamoorthi, Belhumeur and Nayar (2009) have it, in
-    linear light: glare is the image spread far, so lamps veil the dirt around them and draw streaks.
+    linear light: glare is the image spread far, so lamps light up the dirt around them and draw streaks.
     """
 
     dust: float = key("share of light that the densest speck takes away", default=0.35, minimum=0, maximum=1)
@@ -47,7 +47,7 @@ class LensDirt:
         minimum=-180,
         maximum=180,
     )
-    veil: float = key("scattered light, times what is taken away for it", default=1.0, minimum=0, maximum=20)
+    glare: float = key("scattered light, times what is taken away for it", default=1.0, minimum=0, maximum=20)
 
 
 def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:
@@ -55,18 +55,17 @@ def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:
     import cv2
 
     linear = by_bands(rgb, rgb.dtype, decoded)
-    turn_rad = math.radians(parameters.wiped_deg + 90)
-    glare = Glare(parameters.reach_px / 2**HALVINGS, parameters.streaks, turn_rad)
-    small = glare_of(reduced(linear), glare)
-    veil = np.asarray(cv2.resize(small, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    spread = Spread(parameters.reach_px / 2**HALVINGS, parameters.streaks, math.radians(parameters.wiped_deg + 90))
+    small = glare_of(reduced(linear), spread)
+    glare = np.asarray(cv2.resize(small, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
-    def dirty(band: Float32, band_veil: Float32, band_dirt: Float32) -> Float32:
+    def dirty(band: Float32, band_glare: Float32, band_dirt: Float32) -> Float32:
         absorbed, scattered = lost(band_dirt, parameters)
-        seen = band_veil.reshape(band.shape) * three_channels(scattered * np.float32(parameters.veil))
+        seen = band_glare.reshape(band.shape) * three_channels(scattered * np.float32(parameters.glare))
         seen += three_channels(1 - absorbed - scattered).reshape(band.shape) * band
         return encoded(seen)
 
-    return by_bands(linear, rgb.dtype, dirty, veil, dirt_before(context, rgb.shape[:2], parameters.size))
+    return by_bands(linear, rgb.dtype, dirty, glare, dirt_before(context, rgb.shape[:2], parameters.size))
 
 
 def lost(dirt: Float32, parameters: LensDirt) -> tuple[Float32, Float32]:
