@@ -82,7 +82,7 @@ def test_a_drop_shows_the_scene_upside_down_and_smaller():
     sheet, parameters = one_drop(shape, middle, radius_px, contact_deg=40.0, rim=0.0, glint=0.0)
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float32) + 0.5
     linear = np.stack([columns / 300, rows / 200, np.ones_like(rows)], axis=2)
-    small = reduced(linear)
+    small = reduced(linear, 3)
     layer = refracted(small, small.mean(axis=(0, 1)), sheet, focal_px, parameters)
     cover = layer[..., 3]
     assert cover.sum() == pytest.approx(np.pi * radius_px**2, rel=0.01)

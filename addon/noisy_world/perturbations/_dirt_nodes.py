@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
 from ._dirt_tile import SIZE, TEXEL_PX, TILE
-from ._glare import ACROSS, ALONG, PARTS
-from ._glass import HALVINGS
+from ._glare import ACROSS, ALONG, HALVINGS, PARTS
 from ._glass_nodes import reduced_nodes, sampled, share_of
 
 type Given = Mapping[str, Socket]
@@ -56,7 +55,7 @@ def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:
 def _glare(canvas: Canvas, given: Given) -> Socket:
     """Return the scattered light, on a smaller image, as `glare_of` does."""
     graph = canvas.graph
-    small = reduced_nodes(canvas)
+    small = reduced_nodes(canvas, HALVINGS)
     with graph.section("Glare"):
         reach = given["reach_px"] / canvas.scale * (0.5**HALVINGS)
         total = _streaked(graph, small, reach, given["wiped_deg"]) * graph.vector(*[given["streaks"]] * 3)

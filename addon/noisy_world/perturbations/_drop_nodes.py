@@ -129,7 +129,7 @@ def _class_nodes(canvas: Canvas, own: Given, sheet: SheetNodes) -> SheetNodes:
 def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNodes) -> tuple[Socket, Socket]:
     """Return the light of the drops, 0 beside them, and where they are, as `refracted` does."""
     graph = canvas.graph
-    small = reduced_nodes(canvas)
+    small = reduced_nodes(canvas, laws.HALVINGS)
     rho_squared, aside, down = sheet.rho_squared, sheet.aside, sheet.down
     assert isinstance(rho_squared, Socket)
     assert isinstance(aside, Socket)

@@ -30,7 +30,7 @@ def seen_through(rgb: Float32, parameters: LensDrops, context: FrameContext) -> 
     glass = pane(rgb.shape[:2], parameters.focus_px)
     camera = context.intrinsics
     focal_px = rgb.shape[1] / 2 / math.tan(math.radians(parameters.view_deg) / 2) if camera is None else camera.fx_px
-    small = reduced(linear)
+    small = reduced(linear, laws.HALVINGS)
     mean = small.mean(axis=(0, 1))
     layer = np.empty((*glass.shape, 4), np.float32)
     for top, sheet in sheets(glass, parameters, white_noise(context), context.drift_frames):

@@ -15,6 +15,7 @@ from ._kernels import gaussian
 
 type Float32 = NDArray[np.float32]
 
+HALVINGS = 3  # from the frame to the image that is spread
 # Share, and standard deviation as a multiple of the reach; chosen.
 PARTS = ((0.5, 0.1), (0.3, 0.4), (0.2, 1.5))
 ALONG, ACROSS = 1.6, 0.05  # standard deviations of a streak, of the reach

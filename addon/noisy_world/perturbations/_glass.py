@@ -23,7 +23,6 @@ PER_BLUR = 0.6  # pixels of the frame to one of the glass's image, for each pixe
 LEAST_BLUR_PX = 1.0  # the radius that smooths outlines on a sharp glass
 LEAST_COVER = 1e-4  # of a pixel: less is not seen
 SIGMA = 0.5  # of a disc's radius: its standard deviation along a line
-HALVINGS = 3  # from the frame to the image that drops show
 
 
 @dataclass(frozen=True)
@@ -62,11 +61,11 @@ def coarseness(focus_px: float) -> float:
     return min(max(focus_px * PER_BLUR, 1.0), COARSEST)
 
 
-def reduced(linear: Float32) -> Float32:
-    """Return (H, W, 3) halved three times, each pixel the mean of four."""
+def reduced(linear: Float32, times: int) -> Float32:
+    """Return (H, W, 3) halved so many times, each pixel the mean of four."""
     import cv2
 
-    for _ in range(HALVINGS):
+    for _ in range(times):
         size = tuple(max(1, int(side / 2 + 0.5)) for side in linear.shape[1::-1])
         linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_LINEAR), np.float32)
     return linear

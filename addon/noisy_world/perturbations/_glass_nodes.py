@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
-from ._glass import COARSEST, HALVINGS, LEAST_BLUR_PX, PER_BLUR, SIGMA
+from ._glass import COARSEST, LEAST_BLUR_PX, PER_BLUR, SIGMA
 
 CHANNELS = ("Red", "Green", "Blue")
 _EXTEND = {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
@@ -59,12 +59,12 @@ def _whole(size_px: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("FLOOR", size_px + (0.5, 0.5, 0.0)), (1.0, 1.0, 0.0))
 
 
-def reduced_nodes(canvas: Canvas) -> Socket:
-    """Return the image halved three times, each pixel the mean of four."""
+def reduced_nodes(canvas: Canvas, times: int) -> Socket:
+    """Return the image halved so many times, each pixel the mean of four."""
     graph, image = canvas.graph, canvas.image
     with graph.section("The scene, smaller"):
         size = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
-        for _ in range(HALVINGS):
+        for _ in range(times):
             size = _whole(size * (0.5, 0.5, 0.0))
             image = sampled(image, share_of(graph, size))
     return image

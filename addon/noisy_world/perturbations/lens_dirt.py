@@ -15,8 +15,8 @@ from ..core.schema import key
 from ._bands import by_bands
 from ._dirt_nodes import build_dirt
 from ._dirt_tile import TEXEL_PX, tile
-from ._glare import Spread, glare_of
-from ._glass import HALVINGS, reduced
+from ._glare import HALVINGS, Spread, glare_of
+from ._glass import reduced
 from ._linear_light import decoded, encoded
 from ._patterns import kept_for_sequence, three_channels
 from ._white_noise import white_noise
@@ -56,7 +56,7 @@ def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:
 
     linear = by_bands(rgb, rgb.dtype, decoded)
     spread = Spread(parameters.reach_px / 2**HALVINGS, parameters.streaks, math.radians(parameters.wiped_deg + 90))
-    small = glare_of(reduced(linear), spread)
+    small = glare_of(reduced(linear, HALVINGS), spread)
     glare = np.asarray(cv2.resize(small, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
     def dirty(band: Float32, band_glare: Float32, band_dirt: Float32) -> Float32:
