@@ -117,7 +117,7 @@ def write(folder, rng):
                 path.write_bytes(mutate_bytes(data, rng))
     (folder / CUT).write_text(json.dumps(cut))
     task = {"poses": pick(rng, ("drop", "drop", "drop", "keep", "none", "require"))}
-    task |= {name: bool(rng.random() < 0.2) for name in ("undistort", "register")}
+    task |= {name: bool(rng.random() < 0.1) for name in ("undistort", "register")}
     (folder / TASK).write_text(json.dumps(task))
 
 
