@@ -184,11 +184,12 @@ class Perturbation:
     frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
-    counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the installed package
-    that brought it, set when it is found; None for our own.
+    natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default drift,
+    where it has that. counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the
+    installed package that brought it, set when it is found; None for our own.
 
-    Raises ValueError for a name, parameters or severities that are not as described, and for a parameter with the name
-    of a key that every perturbation has in a preset.
+    Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
+    parameter with the name of a key that every perturbation has in a preset.
     """
 
     name: str
@@ -199,6 +200,7 @@ class Perturbation:
     severities: Mapping[str, Sequence[float]]
     source: str
     temporals: tuple[Temporal, ...] = ()
+    natural_temporal: Temporal | None = None
     counts: frozenset[str] = frozenset()
     distribution: Distribution | None = None
 
@@ -215,6 +217,13 @@ class Perturbation:
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
+        if self.natural_temporal is not None and self.natural_temporal not in self.temporals:
+            raise ValueError(f"{self.name}: natural_temporal has to be one of its temporals")
+
+    @property
+    def natural(self) -> Temporal:
+        """How its pattern changes where nothing else is said to an artist. Raises IndexError where nothing is drawn."""
+        return self.natural_temporal or ("drift" if "drift" in self.temporals else self.temporals[0])
 
     def at_severity(self, severity: float, **given: Any) -> Any:
         """Return the parameters at a severity, interpolated linearly in the table; `given` override them.
