@@ -84,15 +84,17 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
     depth_m = np.where(context.depth_m > 0, context.depth_m, np.float32(parameters.void_m))
     opaque = streaks_on(air, depth_m, parameters, context)
     linear = by_bands(rgb, rgb.dtype, decoded)
-    light = light_of(linear, parameters)
+    # A row of it: three numbers beside an image take ten times as long.
+    light = np.tile(light_of(linear, parameters), depth_m.shape[1])
 
     def veiled(band: Float32, band_depth_m: Float32, band_opaque: Float32) -> Float32:
         veil = veil_depth(band_depth_m, air.particles, air.least_rad, air.reach_m)
         veil += band_opaque
         seen = three_channels(np.asarray(cv2.exp(-veil), np.float32).reshape(veil.shape))
-        band -= light
-        band *= seen
-        band += light
+        rows = band.reshape(len(band), -1)
+        rows -= light
+        rows *= seen.reshape(rows.shape)
+        rows += light
         return encoded(band)
 
     return by_bands(linear, rgb.dtype, veiled, depth_m, opaque)
