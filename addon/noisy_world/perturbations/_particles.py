@@ -121,17 +121,21 @@ def classes(air: Air) -> Iterator[tuple[float, float]]:
 class _Class:
     """Particles of a class of sizes. share: of all particles that are larger than low_m, and than high_m.
 
-    drift_m_s: velocity of its cubes, whose side is side_m; time_s: for how long they have drifted. seen_m: how far the
-    camera sees it. margin_m: how far beside the image a particle may be that is seen.
+    seen_m: how far the camera sees it. margin_m: how far beside the image a particle may be that is seen. side_m: of a
+    cube. drift_m_s: velocity of all cubes. time_s: for how long they have drifted. cells: (3, N), the cubes; hashes,
+    counts: (N,), of each, and how many particles it holds.
     """
 
     low_m: float
     share: tuple[float, float]
-    drift_m_s: Float64
-    side_m: float
-    time_s: float
     seen_m: float
     margin_m: float
+    side_m: float
+    drift_m_s: Float64
+    time_s: float
+    cells: NDArray[np.int64]
+    hashes: NDArray[np.uint64]
+    counts: NDArray[np.int64]
 
 
 def _of_class(
@@ -149,33 +153,33 @@ def _of_class(
     fastest_m_s += np.linalg.norm(view.turning_rad_s) * seen_m
     margin_m = float(fastest_m_s * view.exposure_s / 2 + sway_m)
     share = tuple(float(np.exp(-edge_m / air.particles.scale_m)) for edge_m in bounds)
-    of = _Class(low_m, (share[0], share[1]), drift_m_s, side_m, time_s, seen_m, margin_m)
     cells = _cells_in_sight(view, drift_m_s * time_s, side_m, seen_m, margin_m)
     hashes = key
     for axis in cells:
         hashes = _hashed(hashes + axis.astype(np.uint64))
     counts = _poisson(hashes, air.particles.count_m3 * (share[0] - share[1]) * side_m**3)
+    size = low_m, (share[0], share[1])
+    of = _Class(*size, seen_m, margin_m, side_m, drift_m_s, time_s, cells, hashes, counts)
     ends = np.cumsum(counts)
     at = 0
     while at < len(counts):
         to = max(int(np.searchsorted(ends, (ends[at - 1] if at else 0) + MANY)), at + 1)
-        yield _in_cells(air, view, of, cells[:, at:to], hashes[at:to], counts[at:to])
+        yield _in_cells(air, view, of, slice(at, to))
         at = to
 
 
-def _in_cells(
-    air: Air, view: View, of: _Class, cells: NDArray[np.int64], hashes: NDArray[np.uint64], counts: NDArray[np.int64]
-) -> Particles:
-    """Return a class's particles in cubes (3, N). Inside, places and velocities are (3, N), fast along an axis."""
+def _in_cells(air: Air, view: View, of: _Class, some: slice) -> Particles:
+    """Return a class's particles in some of its cubes. Inside, places and velocities are (3, N), fast along an axis."""
+    counts = of.counts[some]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    seeds = np.repeat(hashes, counts) + within.astype(np.uint64) * _NEXT
+    seeds = np.repeat(of.hashes[some], counts) + within.astype(np.uint64) * _NEXT
     moved_m = (of.drift_m_s * of.time_s - view.position_m)[:, None]
-    corners_m = _turned(cells * of.side_m + moved_m, view.rotation)
+    corners_m = _turned(of.cells[:, some] * of.side_m + moved_m, view.rotation)
     position_m = _turned(_uniform(seeds + _PLACE, 3) * np.float32(of.side_m), view.rotation)
     position_m += np.repeat(corners_m.astype(np.float32), counts, axis=1)
     kept = np.flatnonzero(_near_image(view, position_m, of.seen_m, of.margin_m))
     seeds, position_m = seeds[kept], position_m[:, kept]
-    larger, largest = np.float32(of.share)
+    larger, largest = np.float32(of.share[0]), np.float32(of.share[1])
     diameter_m = np.log(larger - _uniform(seeds + _SIZE, 1)[0] * (larger - largest))
     diameter_m *= np.float32(-air.particles.scale_m)
     kept = np.flatnonzero(diameter_m >= np.float32(air.least_rad) * (position_m[2] - np.float32(of.margin_m)))
@@ -197,12 +201,8 @@ def _in_cells(
 def _turned[T: np.floating](vectors: NDArray[T], rotation: Float64) -> NDArray[T]:
     """Return rotation.T @ vectors (3, N). For so narrow a product BLAS takes longer, on all cores."""
     turn = rotation.T.astype(vectors.dtype)
-    found = np.empty_like(vectors)
-    for row, part in zip(turn, found, strict=True):
-        np.multiply(vectors[0], row[0], out=part)
-        part += vectors[1] * row[1]
-        part += vectors[2] * row[2]
-    return found
+    x, y, z = vectors
+    return np.stack([x * row[0] + y * row[1] + z * row[2] for row in turn])
 
 
 def _crossed(vector: Float64, others: Float32) -> Float32:
@@ -229,7 +229,7 @@ def _cells_in_sight(view: View, moved_m: Float64, side_m: float, seen_m: float, 
     first = np.floor((corners_m.min(axis=0) - margin_m) / side_m).astype(np.int64)
     last = np.floor((corners_m.max(axis=0) + margin_m) / side_m).astype(np.int64)
     counts = last - first + 1
-    cells = np.indices(counts).reshape(3, -1) + first[:, None]
+    cells = np.indices(tuple(counts.tolist())).reshape(3, -1) + first[:, None]
     centre_m = _turned((cells + 0.5) * side_m + (moved_m - view.position_m)[:, None], view.rotation)
     room_m = side_m * np.sqrt(0.75) + margin_m
     z_m = centre_m[2]

@@ -122,7 +122,7 @@ def _walks(streaks: Streaks, size_px: tuple[int, int]) -> _Walks:
     along, beside = np.where(back, along + run, along), np.where(back, beside + rise, beside)
     run, rise = np.abs(run), np.where(back, -rise, rise)
     ramp = np.maximum(streaks.width_px * np.float32(SOFTNESS), np.float32(1))
-    reach = (streaks.width_px + ramp) / 2
+    reach = (streaks.width_px + ramp) * np.float32(0.5)
     slope = np.divide(rise, run, out=np.zeros_like(run), where=run > 0)
     aside = reach * np.sqrt(1 + slope * slope)
     walked = np.where(steep, height, width).astype(np.float32)
@@ -168,9 +168,7 @@ def _rounded_up(count: NDArray[np.int32]) -> NDArray[np.int32]:
     return ((count + (1 << fine) - 1) >> fine) << fine
 
 
-def _piece(
-    streaks: Streaks, walks: _Walks, some: NDArray[np.intp], across: int, depth_m: Float32
-) -> Iterator[Piece]:
+def _piece(streaks: Streaks, walks: _Walks, some: NDArray[np.intp], across: int, depth_m: Float32) -> Iterator[Piece]:
     """Yield the pixels that some streaks hide, and how much. across: the pixels looked at beside each step."""
     steps = walks.steps[some]
     who = np.repeat(some, steps)
