@@ -8,13 +8,14 @@ takes and gives encoded values.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, get_type_hints
 
 from ..errors import NoisyWorldError
 from ..labels import american, parameter_label
 from ..perturbing.kinds import ColourPerturbation, Perturbation
 from ..streams import stream
+from .camera import CameraSockets, camera_sockets
 from .graph import Graph, GroupInput, Kind, Socket, Value
 
 REFERENCE_WIDTH_PX = 1200  # of Replica's sequences, whose severities these are
@@ -47,7 +48,7 @@ class Canvas:
     width_px, height_px: of the input image, one number each. scale: pixels of the input image per pixel at the
     reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
     upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
-    that asks for it.
+    that asks for it. camera: how it stands and moves, in a group that asks for motion.
     """
 
     graph: Graph
@@ -60,6 +61,7 @@ class Canvas:
     key: Socket | None = None
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
+    camera: CameraSockets | None = None
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
         """Return three independent uniform numbers in [0, 1] for each position, of this seed and frame.
@@ -130,12 +132,13 @@ def build_group(perturbation: ColourPerturbation, capacity: Mapping[str, float] 
         )
     given = _parameters(graph, perturbation, served)
     timing = _timing(graph, perturbation)
+    camera = camera_sockets(graph) if perturbation.uses_motion else None
     reference = graph.input(REFERENCE_INPUT)
     enabled = graph.input(GroupInput("Enabled", "bool", True, "Off: the image passes unchanged"))
     encoded = graph.input(ENCODED_INPUT)
     source = to_linear(graph, image, encoded) if perturbation.linear else to_encoded(graph, image, encoded)
     with graph.section("Size"):
-        canvas = _canvas(source, reference, timing, depth_m)
+        canvas = replace(_canvas(source, reference, timing, depth_m), camera=camera)
         scaled = {
             key: value * canvas.scale if _unit(perturbation, key) == "px" else value for key, value in given.items()
         }
