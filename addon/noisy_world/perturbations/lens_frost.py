@@ -100,8 +100,7 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
         thick = np.asarray(cv2.addWeighted(ridge, -RIDGE_OPACITY, body, -1.0, 0.0), np.float32).reshape(ridge.shape)
         seen = np.asarray(cv2.exp(thick * np.float32(parameters.opacity)), np.float32).reshape(thick.shape)
         lean = right * towards[0] + down * towards[1]
-        white = np.clip(lean * np.float32(SHADE), DARKEST, LIGHTEST)
-        white += np.float32(1)
+        white = np.clip(lean * np.float32(SHADE), np.float32(DARKEST), np.float32(LIGHTEST)) + np.float32(1)
         white *= (np.float32(1) - seen) * np.float32(parameters.brightness)
         glints = np.clip(lean * np.float32(GLINT_SLOPE) - np.float32(GLINT_FROM), 0, 1)
         white += glints * glints * np.float32(parameters.glint)
@@ -147,10 +146,10 @@ def _part(level: Level, step: float, start: int, size: tuple[int, int]) -> Float
     columns, right = _places(length, step)
     rows, below = _places(deep, step)
     first, second = (strip.take((start + columns + k) % WIDTH_PX, axis=2) for k in (0, 1))
-    part = first * (1 - right) + second * right
+    part = first * (np.float32(1) - right) + second * right
     upper, lower = (part.take(np.clip(rows + k, 0, level.rows - 1), axis=1) for k in (0, 1))
     below = (below * np.float32(1 / 255))[:, None]
-    return upper * (np.float32(1 / 255) - below) + lower * below
+    return np.asarray(upper * (np.float32(1 / 255) - below) + lower * below, np.float32)
 
 
 def _places(count: int, step: float) -> tuple[NDArray[np.int64], Float32]:
