@@ -100,7 +100,8 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
         thick = np.asarray(cv2.addWeighted(ridge, -RIDGE_OPACITY, body, -1.0, 0.0), np.float32).reshape(ridge.shape)
         seen = np.asarray(cv2.exp(thick * np.float32(parameters.opacity)), np.float32).reshape(thick.shape)
         lean = right * towards[0] + down * towards[1]
-        white = np.clip(lean * np.float32(SHADE), np.float32(DARKEST), np.float32(LIGHTEST)) + np.float32(1)
+        white = np.asarray(np.clip(lean * np.float32(SHADE), DARKEST, LIGHTEST), np.float32)
+        white += np.float32(1)
         white *= (np.float32(1) - seen) * np.float32(parameters.brightness)
         glints = np.clip(lean * np.float32(GLINT_SLOPE) - np.float32(GLINT_FROM), 0, 1)
         white += glints * glints * np.float32(parameters.glint)
