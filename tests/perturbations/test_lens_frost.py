@@ -84,8 +84,8 @@ def surroundings(light, tint, rows, columns):
     sigma = 0.05 * min(light.shape[:2]) / 8
     mean = small.mean(axis=(0, 1))
     small = (
-        0.5 * ndimage.gaussian_filter(small, (sigma, sigma, 0), mode="nearest", radius=int(np.ceil(3 * sigma)))
-        + 0.5 * mean
+        0.4 * ndimage.gaussian_filter(small, (sigma, sigma, 0), mode="nearest", radius=int(np.ceil(3 * sigma)))
+        + 0.6 * mean
     )
     grey = (small @ [0.2126, 0.7152, 0.0722])[..., None]
     small = grey + tint * (small - grey)

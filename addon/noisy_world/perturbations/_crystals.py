@@ -31,7 +31,7 @@ RIDGE_OPACITY, RIDGE_RELIEF, BODY_RELIEF = 1.0, 1.0, 0.35  # of ridges and of th
 SHADE, DARKEST, LIGHTEST = 0.5, -0.2, 0.3  # how much lighter ice is that leans to the light, and its limits
 GLINT_SLOPE, GLINT_FROM = 4.0, 0.8  # a glint begins at the slope 0.8 / 4
 LIGHT_SHARE = 0.05  # standard deviation of what lights a piece of ice, in shorter sides of the frame
-MEAN_SHARE = 0.5  # of the whole frame's mean in that light
+MEAN_SHARE = 0.6  # of the whole frame's mean in that light
 HALVINGS = 3  # of the image, before it is blurred for that
 
 # What lies between the ridges, chosen by eye: ice about each ridge, haze over a fern, and rime along the edge, grainy.

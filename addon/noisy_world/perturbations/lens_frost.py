@@ -48,7 +48,7 @@ class LensFrost:
 
     coverage: float = key("how far it has grown; 1 is as far as it gets", default=0.55, minimum=0, maximum=1)
     opacity: float = key("optical depth of the thickest ice", default=1.6, minimum=0, maximum=20)
-    brightness: float = key("light that ice scatters, times that around it", default=1.8, minimum=0, maximum=20)
+    brightness: float = key("light that ice scatters, times that around it", default=1.6, minimum=0, maximum=20)
     tint: float = key("how far that light has the surroundings' colour", default=0.3, minimum=0, maximum=1)
     refraction_px: float = key("how far a slope of 1 displaces", default=10.0, unit="px", minimum=0, maximum=200)
     glint: float = key("light of glints, times that around them", default=1.0, minimum=0, maximum=50)
