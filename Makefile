@@ -36,8 +36,9 @@ demo: venv ## render presets/demo.yaml into out/demo
 picture: demo ## draw the README's picture anew
 	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
 
-ice: venv ## draw frost's pictures of ice anew
+ice: venv ## draw the ice of frost and lens_frost anew
 	$(PY) headless/tools/draw_ice.py
+	$(PY) headless/tools/draw_frost.py
 
 rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 	$(PY) headless/tools/rooms.py docs/rooms.jpg

@@ -39,7 +39,7 @@ PLATFORMS = {
     "windows-x64": "win_amd64",
 }
 SCRIPTS = ("generate.py", "export_mesh.py", "track.py", "installation.py")
-PACKAGE_FILES = (".py", ".jpg")
+PACKAGE_FILES = (".py", ".jpg", ".png")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"
 LIBRARY_SCRIPTS = ("tools/assets.py", "tools/showcase.py")

@@ -69,6 +69,16 @@ SEEN: dict[str, dict[str, str]] = {
         "influence": "Higher: the ice on the lens gets brighter",
         "creep_px": "Higher: with the pattern Drift, the ice moves faster",
     },
+    "lens_frost": {
+        "coverage": "Higher: ferns of ice reach further from the border towards the middle",
+        "opacity": "Higher: the ice gets denser, and hides what is behind it",
+        "brightness": "Higher: the ice gets lighter",
+        "tint": "Higher: the ice has the colors of what is around it; 0 is white ice",
+        "refraction_px": "Higher: crystals displace what is behind them further",
+        "glint": "Higher: brighter glints on the crystals' edges",
+        "growth_per_s": "Higher: with the pattern Drift, ice grows faster; below 0 it thaws",
+        "frame_rate_hz": "Higher: with the pattern Drift, ice grows less from frame to frame",
+    },
     "snow_depth": {
         "rate_mm_h": "Higher: more and larger flakes, and what is far goes white",
         "brightness": "Higher: flakes and the white in the distance get lighter",
