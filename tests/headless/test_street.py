@@ -34,7 +34,8 @@ def test_the_example_is_ready_to_play(opened):
     screen = bpy.context.window_manager.windows[0].screen
     (view,) = (area.spaces.active for area in screen.areas if area.type == "VIEW_3D")
     assert (view.shading.type, view.shading.use_compositor) == ("MATERIAL", "ALWAYS")
-    assert view.shading.use_scene_lights and view.shading.use_scene_world
+    assert view.shading.use_scene_lights
+    assert view.shading.use_scene_world
     assert view.region_3d.view_perspective == "CAMERA"
     (editor,) = (area.spaces.active for area in screen.areas if area.type == "NODE_EDITOR")
     assert editor.tree_type == "CompositorNodeTree"
@@ -62,7 +63,7 @@ def test_its_compositing_is_a_chain_of_four_groups(opened):
 
 def test_nothing_in_it_asks_for_a_file_or_the_add_on(opened):
     assert not bpy.data.libraries
-    assert not [text for text in bpy.data.texts]
+    assert not list(bpy.data.texts)
     assert all(image.packed_file for image in bpy.data.images if image.source == "FILE")
 
 
@@ -80,7 +81,8 @@ def test_a_frame_is_lit_and_has_its_depth(opened):
     down = (rays @ c2w[:3, :3].T)[..., 2]
     on_road = np.s_[SIZE[1] - 6 :, 12:24]
     assert np.allclose(frame.depth_m[on_road], (-c2w[2, 3] / down)[on_road], atol=0.03)  # paint is 4 mm high
-    assert (frame.depth_m[0, SIZE[0] // 2] == 0) and (frame.rgb >= 0).all()
+    assert frame.depth_m[0, SIZE[0] // 2] == 0
+    assert (frame.rgb >= 0).all()
     assert frame.depth_m.max() > 50
     assert frame.rgb.mean() > 0.02
 
@@ -91,7 +93,8 @@ def test_the_path_is_continuous_and_made_of_rotations():
     assert np.allclose(turned @ turned.transpose(0, 2, 1), np.eye(3), atol=1e-12)
     assert np.allclose(np.linalg.det(turned), 1.0)
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
-    assert 0.01 < steps.min() and steps.max() < 0.06
+    assert steps.min() > 0.01
+    assert steps.max() < 0.06
 
 
 def test_a_frame_comes_back_from_its_file(tmp_path):
@@ -100,12 +103,14 @@ def test_a_frame_comes_back_from_its_file(tmp_path):
     frame = LitFrame(rgb, rng.random((5, 7), dtype=np.float32) * 60)
     write_frame(tmp_path / "a.exr", frame)
     read = read_frame(tmp_path / "a.exr")
-    assert np.array_equal(read.rgb, frame.rgb) and np.array_equal(read.depth_m, frame.depth_m)
+    assert np.array_equal(read.rgb, frame.rgb)
+    assert np.array_equal(read.depth_m, frame.depth_m)
 
 
 def test_the_frame_of_the_previews_has_lamps_sky_near_and_far():
     frame = thumbnail()
     assert frame.depth_m.shape == (SIDE_PX, SIDE_PX)
     assert frame.rgb.max() > 40
-    assert (frame.depth_m == 0).any() and frame.depth_m.max() > 50
+    assert (frame.depth_m == 0).any()
+    assert frame.depth_m.max() > 50
     assert 2 < frame.depth_m[frame.depth_m > 0].min() < 8
