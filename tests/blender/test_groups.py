@@ -56,7 +56,8 @@ def test_every_perturbation_of_colour_has_a_group():
 @cases("name", NAMES)
 def test_sockets_say_what_the_parameters_say(trees, name):
     perturbation, tree = registry()[name], trees[name]
-    items = {item.name: item for item in tree.interface.items_tree if item.in_out == "INPUT"}
+    sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET"]
+    items = {item.name: item for item in sockets if item.in_out == "INPUT"}
     for field in fields(perturbation.parameters):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
         assert socket.description.lower() == american(info.meaning).lower()
@@ -71,9 +72,10 @@ def test_sockets_say_what_the_parameters_say(trees, name):
             assert largest * (1 - 1e-6) <= socket.max_value <= info.maximum * degrees * (1 + 1e-6)
     assert all(item.description for item in items.values())
     assert tree.description
-    random = {"Seed", "Frame Offset", "Redraw"} <= set(items)
-    assert random == bool(perturbation.temporals)
-    assert ("Drift" in items) == ("drift" in perturbation.temporals)
+    assert ({"Seed", "Frame Offset"} <= set(items)) == bool(perturbation.temporals)
+    assert ("Pattern" in items) == (len(perturbation.temporals) > 1)
+    if "Pattern" in items:
+        assert items["Pattern"].default_value == ("Drift" if "drift" in perturbation.temporals else "Fresh")
     assert ("Depth" in items) == perturbation.needs_depth
 
 

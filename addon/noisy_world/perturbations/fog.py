@@ -133,7 +133,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         level = graph.choose(given["uniform"], 0.5, haze, "float")
     with graph.section("Blend"):
         largest = graph.math("MAXIMUM", graph.math("MAXIMUM", image.r, image.g), image.b)
-        brightest = graph.node("CompositorNodeLevels", {"Image": largest, "Channel": "Red"}).out("Maximum", "float")
+        found = graph.node("CompositorNodeLevels", {"Image": largest, "Channel": "Red"}).out("Maximum", "float")
+        # A lamp brighter than white does not make the fog brighter.
+        brightest = graph.math("MINIMUM", found, 1.0)
         scale = brightest / (brightest + thickness)
         return (image + level * thickness) * scale
 

@@ -57,6 +57,13 @@ SEEN: dict[str, dict[str, str]] = {
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
     },
+    "haze": {
+        "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
+        "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",
+        "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
+        "blueness": "Higher: the haze itself gets bluer",
+        "void_m": "Lower: more of the sky is seen through the haze",
+    },
     "frost": {
         "intensity": "Lower: the picture behind the ice gets darker",
         "influence": "Higher: the ice on the lens gets brighter",

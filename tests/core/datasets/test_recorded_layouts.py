@@ -54,6 +54,24 @@ def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
             find_sequence(folder, poses="require")
 
 
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio"}))  # told by their poses
+def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
+    WRITERS[name](tmp_path)
+    for path in [path for path in tmp_path.rglob("*") if path.is_file()]:
+        if path.name.endswith((".pose.txt", ".log", "-traj.txt")) or path.parent.name == "pose":
+            path.unlink()
+    if name == "redwood":  # which is told by its poses, or by the times in its images' names
+        for path in [*tmp_path.glob("colors/*"), *tmp_path.glob("depth/*")]:
+            path.rename(path.with_stem(f"{path.stem}-{path.stem}"))
+    elif name == "scannet":
+        (tmp_path / "pose").rmdir()
+    with pytest.raises(InputError, match="pose"):
+        find_sequence(tmp_path)
+    kept = find_sequence(tmp_path, poses="keep")
+    assert (len(kept.trajectory), kept.trajectory.known.any(), kept.trajectory_path) == (FRAMES, False, None)
+    assert "4 of 4 frames have no valid pose; they are kept, and no pose is written for them" in kept.notes
+
+
 def test_a_lens_is_told(tmp_path):
     WRITERS["nerfstudio"](tmp_path)
     assert find_sequence(tmp_path).optics.distortion == Distortion("radial-tangential", (0.1, -0.05, 0.0, 0.0))

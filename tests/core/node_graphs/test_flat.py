@@ -63,6 +63,19 @@ def test_a_choice_that_is_known_leaves_the_other_branch_out(known, kept):
     assert "GeometryNodeSwitch" in idnames(flat(inner))  # here the group's user decides
 
 
+def test_a_menu_that_is_known_becomes_numbers():
+    inner = Graph("Menu", "A tint by words")
+    image = inner.input(IMAGE)
+    red, blue = inner.chosen(inner.input(GroupInput("Hue", "menu", "Blue", "Which", items=("Red", "Blue"))))
+    inner.output("Image", image * inner.vector(red, blue, 0.0))
+    for given, wanted in ({}, (0.0, 1.0)), ({"Hue": "Red"}, (1.0, 0.0)):
+        made = flat(used(inner, **given))
+        assert "GeometryNodeMenuSwitch" not in idnames(made)
+        (tint,) = (node for node in made.nodes if node.idname == "ShaderNodeCombineXYZ")
+        assert (tint.inputs["X"], tint.inputs["Y"]) == wanted
+    assert "GeometryNodeMenuSwitch" in idnames(flat(inner))
+
+
 @pytest.mark.parametrize("name", ["gaussian_noise", "jpeg_compression"])
 def test_what_is_evaluated_takes_the_frame_as_it_is(name):
     """The frame is encoded and every step is on, so nothing is converted and nothing chosen by that."""

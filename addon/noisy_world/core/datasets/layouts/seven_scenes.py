@@ -86,7 +86,8 @@ def _calibration(folder: Path) -> Path | None:
 def _read(
     folder: Path, rate_hz: float | None, policy: PosePolicy, scale_per_m: float, calibration: Path | None
 ) -> StoredSequence:
-    poses = None if policy == "none" else _poses(folder)
+    unposed = policy == "none" or (policy == "keep" and not any(folder.glob("frame-*.pose.txt")))
+    poses = None if unposed else _poses(folder)
     used_hz = rate_hz or RECORDED_HZ
     images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
     found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)
