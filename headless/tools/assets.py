@@ -27,7 +27,7 @@ from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from tools.lit_compositor import ColourStep, LitCompositor, shown
+from tools.lit_compositor import ColourStep, perturbed, shown
 from tools.showcase import shown_perturbations
 from tools.street.thumbnail import SIDE_PX, thumbnail, thumbnail_camera
 
@@ -79,8 +79,8 @@ def previews() -> dict[str, NDArray[np.uint8]]:
     """Return what each group makes of a lit frame, square, by the perturbation's name."""
     steps = {item.name: look_step(item.name) for item in shown_perturbations()}
     widths_px = {name: REFERENCES_PX.get(name, REFERENCE_PX) for name in steps}
-    with LitCompositor((SIDE_PX, SIDE_PX), steps, widths_px, thumbnail_camera()) as made:
-        return {name: shown(linear) for name, linear in made.perturb(thumbnail(), MOMENT).items()}
+    made = perturbed(thumbnail(), MOMENT, steps, widths_px, thumbnail_camera())
+    return {name: shown(linear) for name, linear in made.items()}
 
 
 def look_step(name: str) -> ColourStep:

@@ -17,8 +17,8 @@ import bpy
 
 from noisy_world.blender.render import muted_output
 from noisy_world.blender.typed import override
-from tools.street.chain import add_chain
-from tools.street.scene import FRAMES, build_street
+from tools.street.chain import CHAIN, show_behind_render
+from tools.street.scene import FPS, FRAMES, build_street
 
 SIZE_PX = (1200, 680)
 NODES_SHARE = 0.45  # of the area that the 3D view had
@@ -42,10 +42,9 @@ def write_example(path: Path, size_px: tuple[int, int] = SIZE_PX, frames: int = 
         bpy.ops.wm.read_homefile(use_factory_startup=True)
     scene = bpy.context.scene
     bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes, *bpy.data.materials, *bpy.data.worlds])
-    build_street(size_px, frames)
-    tree = add_chain(scene)
+    street = build_street(size_px, frames)
+    tree = show_behind_render(scene, CHAIN, street.c2w, FPS)
     scene.render.engine = "BLENDER_EEVEE"
-    scene.render.fps = 24
     scene.render.filepath = "//street_"
     scene.frame_set(0)
     arrange_window(tree)

@@ -21,7 +21,7 @@ from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
-from tools.lit_compositor import ColourStep, LitCompositor, shown
+from tools.lit_compositor import ColourStep, perturbed, shown
 from tools.street.frames import LitFrame, read_frame
 from tools.street.scene import intrinsics_of
 
@@ -58,12 +58,8 @@ def sheet(name: str, frame: LitFrame) -> NDArray[np.uint8]:
     """Return the clean frame and the effect at three severities, two by two, with a line each."""
     wide, high = frame.depth_m.shape[1], frame.depth_m.shape[0]
     steps = {f"{level}": severe(name, level) for level in SEVERITIES}
-    with LitCompositor(
-        (wide, high), steps, reference_width_px=REFERENCE_PX, camera=intrinsics_of((wide, high))
-    ) as made:
-        pictures = {"clean": frame.rgb} | {
-            f"{name}, severity {level}": rgb for level, rgb in made.perturb(frame, INDEX).items()
-        }
+    made = perturbed(frame, INDEX, steps, dict.fromkeys(steps, REFERENCE_PX), intrinsics_of((wide, high)))
+    pictures = {"clean": frame.rgb} | {f"{name}, severity {level}": rgb for level, rgb in made.items()}
     tiles = [labelled(label, shown(rgb)) for label, rgb in pictures.items()]
     return np.concatenate([np.concatenate(tiles[:2], axis=1), np.concatenate(tiles[2:], axis=1)])
 

@@ -9,6 +9,7 @@ import pytest
 from worlds import ROOT
 
 sys.path.append(str(ROOT / "headless"))
+from noisy_world.blender.typed import fcurves_of
 from tools import example
 from tools.street.chain import CHAIN
 from tools.street.frames import LitFrame, StreetCamera, read_frame, write_frame
@@ -58,6 +59,8 @@ def test_its_compositing_is_a_chain_of_four_groups(opened):
         if "Depth" in item.inputs:
             assert item.inputs["Depth"].links[0].from_node == node
         assert item.inputs["Reference Width"].default_value == SIZE[0]
+        keyed = [curve for curve in fcurves_of(tree.animation_data) if f'"{item.name}"' in curve.data_path]
+        assert len(keyed) == (12 if "Camera Location" in item.inputs else 0)
     assert bpy.context.scene.view_layers[0].use_pass_z
 
 
