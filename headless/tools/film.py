@@ -29,14 +29,19 @@ from tools.street.frames import LitFrame, read_frame
 from tools.street.scene import FPS
 
 REFERENCE_PX = 1200
+SKY_M = 500.0  # how far the sky is, for the fog: to where it would reach up
 LARGEST_BYTES = 2_000_000
 POSTER = 60  # the frame of the picture
 QUALITIES = ("HIGH", "MEDIUM", "LOW", "VERYLOW", "LOWEST")  # of Blender's encoder, from the best
-LABEL_PX, INK, SHADE = 14, (255, 255, 255), (0, 0, 0)
+STRIP_PX, INK, SHADE = 26, (235, 235, 235), 0.45  # of the captions
 
 # What comes in when, by eye: the effects are pulled like a lens or a weather would change, and stay.
 FILM = (
-    Link("fog_depth", {OVERRIDE: True, "Airlight": 0.42}, {"Visibility": ((5, 3000.0), (9, 400.0), (20, 90.0))}),
+    Link(
+        "fog_depth",
+        {OVERRIDE: True, "Airlight": 0.45},
+        {"Visibility": ((5, 20000.0), (8, 2500.0), (12, 600.0), (20, 170.0))},
+    ),
     Link("snow_depth", {"Frame Rate": 24.0}, {"Severity": ((18, 0.0), (21, 1.0), (34, 4.0))}),
     Link(
         "defocus_depth",
@@ -72,7 +77,7 @@ def film(folder: Path) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     cameras = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))
     names = sorted(name for name in cameras["c2w"] if (folder / name).exists())
     poses = np.array([cameras["c2w"][name] for name in names])
-    with LitScene((cameras["width"], cameras["height"]), 1) as scene:
+    with LitScene((cameras["width"], cameras["height"]), 1, SKY_M) as scene:
         groups = add_groups(scene.tree, scene.rgb, scene.depth_m, FILM, REFERENCE_PX)
         key_camera(scene.tree, groups, poses, FPS)
         scene.write([groups[-1].outputs["Image"]])
@@ -86,9 +91,9 @@ def captioned(picture: NDArray[np.uint8], number: int) -> NDArray[np.uint8]:
     """Write what has come in by this frame, low on the left."""
     text = "  +  ".join(name for first, name in SHOWN_FROM.items() if first <= number) or "Clean"
     drawn = picture.copy()
-    place = (LABEL_PX, picture.shape[0] - LABEL_PX)
-    for colour, thick in ((SHADE, 3), (INK, 1)):
-        cv2.putText(drawn, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thick, cv2.LINE_AA)
+    drawn[-STRIP_PX:] = drawn[-STRIP_PX:] * SHADE
+    place = (STRIP_PX // 2, picture.shape[0] - STRIP_PX // 3)
+    cv2.putText(drawn, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
     return drawn
 
 
@@ -97,10 +102,13 @@ def write_video(path: Path, pictures: list[Path], largest: int) -> int:
 
     Raises ValueError where even the lowest quality does not.
     """
-    height, width = cv2.imread(str(pictures[0])).shape[:2]
+    first = cv2.imread(str(pictures[0]))
+    assert first is not None
+    height, width = first.shape[:2]
     scene = bpy.data.scenes.new("Film")
     editor = scene.sequence_editor_create()
     strip = editor.strips.new_image("Film", str(pictures[0]), 1, 1)
+    assert isinstance(strip, bpy.types.ImageStrip)
     for item in pictures[1:]:
         strip.elements.append(item.name)
     scene.frame_start, scene.frame_end = 1, len(pictures)

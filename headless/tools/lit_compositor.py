@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.blender.scratch_images import write_plain_floats
-from noisy_world.blender.typed import inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
+from noisy_world.blender.typed import inputs, new_node, new_tree, outputs, override, set_pixels, set_value, use_as_data
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.chain import capacity_of, shown_values
 from noisy_world.core.node_graphs.groups import build_group
@@ -30,8 +30,9 @@ type ColourStep = Step[ColourPerturbation]
 class LitScene:
     """A scene that renders nothing: a frame with its depth as images, and what nodes behind them make of it."""
 
-    def __init__(self, size_px: tuple[int, int], results: int) -> None:
-        """Add the scene to the file. size_px: width, height; results: how many images it makes."""
+    def __init__(self, size_px: tuple[int, int], results: int, sky_m: float = SKY_M) -> None:
+        """Add the scene to the file. size_px: width, height; results: how many images it makes; sky_m: void's depth."""
+        self._sky_m = np.float32(sky_m)
         self._scratch = ScratchFolder(FLOATS * size_px[0] * size_px[1] * results)
         self._images = [_float_image(name, size_px) for name in ("Lit frame", "Lit depth")]
         self.tree = new_tree("Lit frame")
@@ -45,7 +46,7 @@ class LitScene:
     def _shown(self, image: bpy.types.Image) -> bpy.types.NodeSocket:
         node = new_node(self.tree, bpy.types.CompositorNodeImage)
         node.image = image
-        return node.outputs["Image"]
+        return outputs(node)["Image"]
 
     def write(self, results: Sequence[bpy.types.NodeSocket]) -> None:
         """Say which sockets are the results."""
@@ -62,7 +63,7 @@ class LitScene:
         """Return the results (H, W, 3), float32, scene-linear. now: the scene's frame, which keys are looked up at."""
         self._scene.frame_set(now)
         _fill(self._images[0], frame.rgb)
-        _fill(self._images[1], np.where(frame.depth_m > 0, frame.depth_m, np.float32(SKY_M))[..., None])
+        _fill(self._images[1], np.where(frame.depth_m > 0, frame.depth_m, self._sky_m)[..., None])
         path = self._scratch.path / "lit.exr"
         path.unlink(missing_ok=True)
         with muted_output(), override(scene=self._scene):

@@ -18,6 +18,7 @@ from noisy_world.blender.typed import (
     new_node,
     new_socket,
     new_tree,
+    outputs,
     set_value,
 )
 from noisy_world.core.node_graphs.camera import camera_values
@@ -45,8 +46,8 @@ class Link:
 
 # Chosen by eye for the street: a winter's evening, the cafe's board in focus.
 CHAIN = (
-    Link("fog_depth", {OVERRIDE: True, "Visibility": 90.0, "Airlight": 0.42}),
-    Link("snow_depth", {"Severity": 4.0, "Frame Rate": 24.0}),
+    Link("fog_depth", {OVERRIDE: True, "Visibility": 170.0, "Airlight": 0.45}),
+    Link("snow_depth", {"Severity": 3.0, "Frame Rate": 24.0}),
     Link("defocus_depth", {OVERRIDE: True, "Focus": 5.0, "F-Stop": 1.2, "Focal Length": 31.0}),
     Link("gaussian_noise", {OVERRIDE: True, "Std": 0.03}),
 )
@@ -60,7 +61,8 @@ def show_behind_render(
     new_socket(tree, "Image", "NodeSocketColor", output=True)
     layers = new_node(tree, bpy.types.CompositorNodeRLayers)
     layers.scene = scene
-    groups = add_groups(tree, layers.outputs["Image"], layers.outputs["Depth"], chain, scene.render.resolution_x)
+    passes = outputs(layers)
+    groups = add_groups(tree, passes["Image"], passes["Depth"], chain, scene.render.resolution_x)
     end = tree.nodes.new("NodeGroupOutput")
     tree.links.new(groups[-1].outputs["Image"], end.inputs["Image"])
     key_camera(tree, groups, c2w, fps)
