@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -51,6 +51,13 @@ screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path
 
 assets: venv ## write the asset library of node groups for Blender's asset browser
 	$(PY) headless/tools/assets.py
+
+example: venv ## write out/example/street.blend: a lit street with four node groups behind its render, ready to play
+	$(PY) headless/tools/example.py
+
+film: venv ## render the street's path and write docs/street.mp4 anew: an hour of a processor
+	$(PY) headless/tools/street_frames.py out/film/frames --samples 5
+	$(PY) headless/tools/film.py docs/street --frames out/film/frames
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
