@@ -16,7 +16,8 @@ type Given = Mapping[str, Socket]
 def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
     """Look at an image of linear light through dirt. given: a socket for each parameter of lens_dirt."""
     graph = canvas.graph
-    share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
+    with graph.section("Pixels"):
+        share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     dirt = _dirt(canvas, given["size"], share)
     with graph.section("What is lost"):
         absorbed = dirt.x * (given["dust"] * absorbed_share)
@@ -25,8 +26,9 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         )
         scattered = graph.math("MULTIPLY_ADD", dirt.z, given["scratches"], scattered)
         scattered = graph.math("MINIMUM", scattered, 1.0 - absorbed)
-    glare = sampled(_glare(canvas, given), share)
+    spread = _glare(canvas, given)
     with graph.section("Over the image"):
+        glare = sampled(spread, share)
         lit, left = scattered * given["glare"], 1.0 - absorbed - scattered
         seen = canvas.image * graph.vector(left, left, left)
         return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)

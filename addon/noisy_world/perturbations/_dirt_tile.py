@@ -34,7 +34,7 @@ def tile() -> NDArray[np.uint8]:
     return drawn
 
 
-TILE = Picture("NW Dirt", "1", tile)
+TILE = Picture("Dirt on a lens", "1", tile)
 
 
 def _around(position: tuple[float, float], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32]:

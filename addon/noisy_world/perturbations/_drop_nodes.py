@@ -24,12 +24,12 @@ def build_drops(canvas: Canvas, given: Given) -> Socket:
         given = {name: value / canvas.scale if name.endswith("_px") else value for name, value in given.items()}
     glass = glass_nodes(canvas, given["focus_px"])
     sheet = SheetNodes.of(graph, *_uneven(canvas, glass, given["size_px"]))
-    runs = sheet_graph("NW Running drops", "Drops that run down, and their beads", RUN_INPUTS, run_nodes, canvas)
+    runs = sheet_graph("Running Drops", "Drops that run down, and their beads", RUN_INPUTS, run_nodes, canvas)
     with graph.section("Drops that run"):
         inputs = {"Size": given["size_px"], "Height": glass.height_px, "Share": given["runs"]}
         inputs |= {"Run": canvas.drift_frames * given["run_px"]}
         sheet = sheet.after(canvas, runs, inputs, name="Running drops")
-    part = sheet_graph("NW Drops of a size", "Drops of an octave of diameters", _OWN, _class_nodes, canvas)
+    part = sheet_graph("Drops of a Size", "Drops of an octave of diameters", _OWN, _class_nodes, canvas)
     for number, share in enumerate(_shares(given)):
         with graph.section("Drops that sit"):
             largest = given["size_px"] * (laws.LARGEST * 0.5**number)

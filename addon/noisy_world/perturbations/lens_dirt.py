@@ -107,7 +107,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 PERTURBATION = ColourPerturbation(
     name="lens_dirt",
-    label="Dirt on the lens",
+    label="Lens dirt",
     stage="lens",
     order=62,
     parameters=LensDirt,
