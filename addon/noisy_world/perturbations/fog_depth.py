@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ._bands import by_bands
 from ._fog_air import fogged
 from ._fog_nodes import clumps_nodes, distance_nodes, glow_nodes, thinned_nodes
 from ._fog_parameters import EXTINCTION, FogDepth, is_even
@@ -20,15 +21,18 @@ def apply(rgb: NDArray[np.float32], parameters: FogDepth, context: FrameContext)
     """Fog (H, W, 3) by the context's planar depth (H, W), metres; 0 and NaN are void, infinite is allowed."""
     if not is_even(parameters):
         return fogged(rgb, parameters, context)
-    depth_m = context.depth_m
-    distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
-    seen = three_channels(np.exp(distance_m * np.float32(-EXTINCTION / parameters.visibility_m)))
-    light = _decoded(rgb)
     air = _decoded(np.array([parameters.airlight], dtype=np.float32))
-    light -= air
-    light *= seen
-    light += air
-    return _encoded(light)
+    rate = np.float32(-EXTINCTION / parameters.visibility_m)
+
+    def veiled(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
+        light = _decoded(band)
+        light -= air
+        light *= three_channels(np.exp(distance_m * rate)).reshape(light.shape)
+        light += air
+        return _encoded(light)
+
+    return by_bands(rgb, rgb.dtype, veiled, context.depth_m)
 
 
 def _decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
