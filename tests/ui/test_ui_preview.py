@@ -90,6 +90,20 @@ def test_a_slider_changes_sockets_alone_and_a_step_the_chain(scene):
     assert len(bpy.data.node_groups) == groups
 
 
+def test_a_chain_of_an_earlier_version_is_made_anew_and_nothing_of_it_is_left(scene):
+    steps = steps_of({"jpeg_compression": {"severity": 3}}, {"pixelate": {"severity": 3}})
+    refresh_chain(scene, steps, IDENTIFIERS)
+    names = {tree.name for tree in bpy.data.node_groups}
+    for tree in bpy.data.node_groups:  # as if its groups had been described otherwise
+        tree["noisy_world_stamp"] = "earlier"
+        if not tree.name.startswith(("Per", "Pre", "JPEG Comp", "Pix")):
+            tree.name = f"NW {tree.name}"
+    refresh_chain(scene, steps, IDENTIFIERS)
+    assert {tree.name for tree in bpy.data.node_groups} == names
+    hide_chain(scene)
+    assert len(bpy.data.node_groups) == 0
+
+
 def test_following_in_place_costs_little(scene):
     steps = [steps_of({"fog": {"severity": s, "mode": "dynamic"}}, {"gaussian_noise": {"severity": s}}) for s in (3, 4)]
     costs = {}

@@ -46,7 +46,7 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
         raise
     if old is not None:
         old.user_remap(tree)
-        bpy.data.node_groups.remove(old)
+        remove_group(old)
     _name(tree, graph.name)
     return tree
 
@@ -203,7 +203,8 @@ def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | 
 
 def _add_items(node: bpy.types.Node, items: int | tuple[str, ...]) -> None:
     """Give a switch its items; Blender makes it with two. items: how many, or their names."""
-    if isinstance(node, bpy.types.GeometryNodeIndexSwitch):
+    if isinstance(items, int):
+        assert isinstance(node, bpy.types.GeometryNodeIndexSwitch)
         for _ in range(len(node.index_switch_items), items):
             node.index_switch_items.new()
         return

@@ -124,7 +124,7 @@ def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
     return graph.math("FLOOR", graph.vector(upper_luma, lower_luma, chroma)) - CENTRE
 
 
-def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket, white: Value) -> Socket:
+def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket, white: Socket | float) -> Socket:
     """Transform the planes, quantise the coefficients, transform back; return the planes as whole numbers 0 to 255.
 
     Where `white` is above 1, they go as far beyond both ends: the code is that of T.81 for samples of more bits.
@@ -173,7 +173,7 @@ def _percent(quality: Socket) -> Socket:
 
 def _column() -> Graph:
     """Describe the group that quantises one horizontal frequency, which is one column of the tables."""
-    graph = Graph("NW JPEG column", "One horizontal frequency, quantised at its eight vertical frequencies")
+    graph = Graph("JPEG Column", "One horizontal frequency, quantised at its eight vertical frequencies")
     nothing = (0.0, 0.0, 0.0)
     image = graph.input(GroupInput("Image", "color", (*nothing, 1.0), "Its coefficient of each row of eight pixels"))
     first = graph.input(GroupInput("First", "vector", nothing, "Where each block's first row is, from 0 to 1"))
@@ -204,7 +204,7 @@ def _between_passes(image: Socket) -> Socket:
 
 def _quantise() -> Graph:
     """Describe the group that rounds a coefficient of every block to a multiple of the table's entry."""
-    graph = Graph("NW JPEG quantise", "A coefficient of every block, rounded to a multiple of its step")
+    graph = Graph("JPEG Quantize", "A coefficient of every block, rounded to a multiple of its step")
     value = graph.input(GroupInput("Coefficient", "vector", (0.0, 0.0, 0.0), "Of every block"))
     entry = graph.input(GroupInput("Entry", "vector", (16.0, 16.0, 17.0), "The tables' entry at quality 50"))
     percent = graph.input(GroupInput("Percent", "float", 100.0, "How coarse: 100 is quality 50"))

@@ -164,7 +164,7 @@ def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
 
 def _level_graph() -> Graph:
     """Describe one level of diamond and square, which doubles the field's points along a side."""
-    graph = Graph("NW Plasma level", "Doubles the points of a plasma on a torus: diamond, then square")
+    graph = Graph("Plasma Level", "Doubles the points of a plasma on a torus: diamond, then square")
     field = graph.input(GroupInput("Field", "float", 0.0, "The coarser plasma"))
     level = graph.input(GroupInput("Level", "float", 0.0, "How many levels are there already", 0.0))
     levels = graph.input(GroupInput("Levels", "float", 8.0, "How many there are to be: others pass the plasma on"))

@@ -191,7 +191,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, panel: Any, pla
     elif folder:
         told = told_as(folder)
         write(
-            layout, context, f"Told as {told}" if told else "No layout that is read", "CHECKMARK" if told else "ERROR"
+            layout, context, f"Layout: {told}" if told else "No layout that is read", "CHECKMARK" if told else "ERROR"
         )
     column = layout.column(heading="Treatment", align=True)
     column.prop(panel, "undistort")

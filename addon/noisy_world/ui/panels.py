@@ -133,9 +133,10 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
-        column = layout.column(align=True)
-        column.prop(panel, "deviation_rotation")
-        column.prop(panel, "deviation_translation_m")
+        if not footage.is_shown(panel) or panel.deviation_rotation or panel.deviation_translation_m:
+            column = layout.column(align=True)
+            column.prop(panel, "deviation_rotation")
+            column.prop(panel, "deviation_translation_m")
         layout.prop(panel, "speed_factor")
         paths.draw(layout, context)
 

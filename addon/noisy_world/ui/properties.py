@@ -208,7 +208,7 @@ def _panel_members() -> dict[str, Any]:
     camera = {"width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy"}
     members: dict[str, Any] = {
         "mesh_source": _enum(
-            name="Mesh",
+            name="Source",
             description="What the dataset shows",
             items=[
                 ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),

@@ -55,10 +55,11 @@ class StreetCamera:
         self.close()
 
 
-def write_frame(path: Path, frame: LitFrame) -> None:
-    """Write a frame as an EXR: RGB as half floats, depth as float32 in the channel Z."""
+def write_frame(path: Path, frame: LitFrame, *, exact_depth: bool = True) -> None:
+    """Write a frame as an EXR: RGB as half floats, depth as float32 in the channel Z, or as half floats too."""
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    channels = {"RGB": np.ascontiguousarray(frame.rgb.astype(np.float16)), "Z": np.ascontiguousarray(frame.depth_m)}
+    depth_m = frame.depth_m if exact_depth else frame.depth_m.astype(np.float16)
+    channels = {"RGB": np.ascontiguousarray(frame.rgb.astype(np.float16)), "Z": np.ascontiguousarray(depth_m)}
     with OpenEXR.File(header, channels) as file:
         file.write(str(path))
 
@@ -67,4 +68,4 @@ def read_frame(path: Path) -> LitFrame:
     """Read what `write_frame` wrote."""
     with OpenEXR.File(str(path)) as file:
         channels = file.channels()
-        return LitFrame(channels["RGB"].pixels.astype(np.float32), channels["Z"].pixels.copy())
+        return LitFrame(channels["RGB"].pixels.astype(np.float32), channels["Z"].pixels.astype(np.float32))

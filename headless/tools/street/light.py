@@ -22,7 +22,7 @@ def new_sky() -> bpy.types.World:
     assert tree is not None
     shader = Shader(tree)
     toward = shader.add("TexCoord", output="Generated")
-    x, y, z = shader.add("SeparateXYZ", {0: toward}).node.outputs
+    x, y, z = shader.parts(toward)
     height = shader.math("MAXIMUM", z, 0.0)
     glow = shader.between(shader.math("SUBTRACT", y, shader.math("MULTIPLY", height, 0.9)), -0.4, 1.0)
     low = shader.mix(glow, (0.16, 0.18, 0.27), (0.95, 0.42, 0.2))

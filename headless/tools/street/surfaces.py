@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from noisy_world.blender.typed import cycles as cycles_of
 from noisy_world.blender.typed import inputs, node_tree, outputs, set_value
 
 from .solids import GLOW
@@ -64,13 +65,17 @@ class Shader:
         """Return the place in the world."""
         return self.add("NewGeometry", output="Position")
 
+    def parts(self, vector: Value) -> list[bpy.types.NodeSocket]:
+        """Return a vector's three numbers."""
+        node = self.tree.nodes.new("ShaderNodeSeparateXYZ")
+        self.give(node.inputs[0], vector)
+        return list(node.outputs)
+
     def on_wall(self) -> bpy.types.NodeSocket:
         """Return the place on an upright wall: metres along it and up."""
         turned = self.add("SeparateXYZ", {0: self.add("NewGeometry", output="True Normal")})
         across = self.math("GREATER_THAN", self.math("ABSOLUTE", turned), 0.5)
-        place = self.tree.nodes.new("ShaderNodeSeparateXYZ")
-        self.give(place.inputs[0], self.position())
-        x, y, z = place.outputs
+        x, y, z = self.parts(self.position())
         along = self.add("Mix", {0: across, 2: x, 3: y}, data_type="FLOAT")
         return self.add("CombineXYZ", {0: along, 1: z})
 
@@ -249,6 +254,5 @@ def street_materials() -> dict[str, bpy.types.Material]:
     for material in made:
         if material.name in ("bulb", "lantern", "red light", "neon"):
             # Too small to light the street by chance: light objects do it.
-            cycles: Any = material.cycles  # pyright: ignore[reportAttributeAccessIssue]  Cycles is an add-on
-            cycles.emission_sampling = "NONE"
+            cycles_of(material).emission_sampling = "NONE"
     return {material.name: material for material in made}

@@ -102,7 +102,7 @@ def test_nodes_stand_to_the_right_of_what_they_depend_on_and_none_on_another(nam
 
 
 def test_a_group_that_gives_its_input_has_an_entry():
-    graph = Graph("NW nothing", "Gives what it takes")
+    graph = Graph("nothing", "Gives what it takes")
     graph.output("Image", graph.input(GroupInput("Image", "color", (0, 0, 0, 1), "in")))
     plan = arrange(graph)
     assert plan.positions == {}
@@ -115,7 +115,7 @@ def test_a_perturbation_without_nodes_says_who_carries_it_out():
 
 
 def test_random_numbers_have_a_purpose_and_a_seed():
-    graph = Graph("NW test", "A test's")
+    graph = Graph("test", "A test's")
     image = graph.input(GroupInput("Image", "color", (0, 0, 0, 1), "in"))
     seed, key = (graph.input(GroupInput(name, "float", 0.0, name)) for name in ("Seed", "Key"))
     canvas = Canvas(graph, image, seed, seed, seed, image, seed=seed, key=key)
@@ -134,7 +134,7 @@ def test_random_numbers_have_a_purpose_and_a_seed():
 
 def test_a_chain_applies_its_steps_one_after_another():
     steps = steps_of({"fog_depth": {"severity": 2}}, {"gaussian_noise": None}, {"gaussian_noise": None})
-    graph = build_chain("NW chain", steps)
+    graph = build_chain("chain", steps)
     groups = [node for node in graph.nodes if node.group is not None]
     assert [node.name for node in groups] == [step_node(step) for step in steps]
     assert len({node.name for node in groups}) == 3
@@ -142,7 +142,7 @@ def test_a_chain_applies_its_steps_one_after_another():
     for before, after in pairwise(groups):
         assert graph.nodes[after.inputs["Image"].node] is before
     assert "Depth" in [item.name for item in graph.inputs]
-    assert "Depth" not in [item.name for item in build_chain("NW chain", steps[1:]).inputs]
+    assert "Depth" not in [item.name for item in build_chain("chain", steps[1:]).inputs]
 
 
 def test_a_trail_longer_than_the_group_serves_asks_for_a_larger_one():

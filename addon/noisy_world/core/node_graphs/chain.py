@@ -173,12 +173,11 @@ def shown_values(
     if not table or not values["Enabled"]:
         return values
     severity = note.get("severity")
-    values[OVERRIDE] = severity not in SEVERITIES or not _is_by_table(step.perturbation, severity, values)
-    if not values[OVERRIDE]:
-        for name in table:
-            del values[socket_name(name)]
-        values[SEVERITY_INPUT.name] = float(severity)
-    return values
+    if severity not in SEVERITIES or not _is_by_table(step.perturbation, severity, values):
+        return values | {OVERRIDE: True}
+    names = [socket_name(name) for name in table]
+    kept = {name: value for name, value in values.items() if name not in names}
+    return kept | {OVERRIDE: False, SEVERITY_INPUT.name: float(severity)}
 
 
 def _is_by_table(perturbation: ColourPerturbation, severity: float, values: Mapping[str, Any]) -> bool:

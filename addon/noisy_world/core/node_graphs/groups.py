@@ -62,7 +62,7 @@ class Canvas:
     key: Socket | None = None
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
-    white: Value = 1.0
+    white: Socket | float = 1.0
     camera: CameraSockets | None = None
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
@@ -174,7 +174,7 @@ def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Sock
     flipped = graph.vector(0.5, height - 0.5)
     centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
     position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")
-    white: Value = 1.0 if clip is None else graph.choose(clip, 1.0, BRIGHTEST, "float")
+    white = 1.0 if clip is None else graph.choose(clip, 1.0, BRIGHTEST, "float")
     return Canvas(graph, image, width, height, scale, position, depth_m=depth_m, white=white)
 
 

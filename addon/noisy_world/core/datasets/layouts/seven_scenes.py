@@ -27,7 +27,8 @@ DEPTH = r"frame-([0-9]+)\.depth\.png"
 CALIBRATIONS = ("info.txt", "_info.txt")
 NO_DEPTH = 65535  # "invalid depth is set to 65535"
 # "In the KinectFusion pipeline we used the following default intrinsics for the depth camera: principle point
-# (320,240), focal length (585,585)"; "the RGB and depth camera have not been calibrated".
+# (320,240), focal length (585,585)"; "the RGB and depth camera have not been calibrated". naver/kapture's
+# kapture_import_7scenes.py quotes the same and uses 585, 320, 240.
 KINECT = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
 UNCALIBRATED = (
     "the dataset's depth camera of fx = fy = 585 and (320, 240) stands for both: colour was never calibrated, and "
