@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.groups import PURPOSES, seed_of
+from ..core.node_graphs.group_inputs import seed_of
+from ..core.node_graphs.groups import PURPOSES
 from ..core.perturbing.kinds import FrameContext
 
 type Float32 = NDArray[np.float32]
