@@ -40,7 +40,7 @@ FILM = (
     Link(
         "fog_depth",
         {OVERRIDE: True, "Airlight": 0.45},
-        {"Visibility": ((5, 20000.0), (8, 2500.0), (12, 600.0), (20, 170.0))},
+        {"Mask": ((4, 0.0), (9, 1.0)), "Visibility": ((5, 3000.0), (12, 600.0), (20, 170.0))},
     ),
     Link("snow_depth", {"Frame Rate": 24.0}, {"Severity": ((18, 0.0), (21, 1.0), (34, 4.0))}),
     Link(
