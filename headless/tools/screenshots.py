@@ -32,7 +32,7 @@ from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsic
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scene import add_mesh
 from noisy_world.blender.typed import group_of, new_node, new_socket, new_tree, override, set_value
-from noisy_world.core.node_graphs.groups import build_group, socket_name
+from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.room import build_room
@@ -284,12 +284,9 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
         perturbation = coloured(name)
         node = new_node(tree, bpy.types.CompositorNodeGroup)
         node.node_tree = ensure_group(build_group(perturbation))
-        node.label = perturbation.label
-        node.width = 230
+        node.width = group_of(node).default_group_node_width
         node.location = (290 * place, 60)
-        for parameter in perturbation.severities:
-            value = getattr(perturbation.at_severity(severity), parameter)
-            set_value(node.inputs[socket_name(parameter)], value)
+        set_value(node.inputs["Severity"], severity)
         tree.links.new(last, node.inputs["Image"])
         last = node.outputs["Image"]
     end = tree.nodes.new("NodeGroupOutput")

@@ -61,7 +61,7 @@ def test_a_keyed_chain_shows_what_the_generator_writes(tmp_path):
     with Compositor((100, 60), {"x": steps}, 100) as compositor:
         written = [compositor.evaluate(rgb, {"x": (k, IDENTIFIERS)})[0]["x"] for k in range(8)]
     scene = scene_of((100, 60))
-    chain = make_chain("NW mixed", steps, range(8), IDENTIFIERS)
+    chain = make_chain("mixed", steps, range(8), IDENTIFIERS)
     show_chain(scene, chain, image=image_of(rgb), encoded=True)
     differ = set()
     for k in (5, 0, 7, 3):
@@ -83,7 +83,7 @@ def test_a_render_and_its_image_are_perturbed_alike(tmp_path):
     scene.world.node_tree.nodes["Background"].inputs[0].default_value = (0.2, 0.5, 0.05, 1)
     steps = steps_of([{"gaussian_noise": {"severity": 2}}, {"brightness": {"severity": 3}}])
     scene.frame_set(0)
-    chain = make_chain("NW two", steps, range(1), IDENTIFIERS)
+    chain = make_chain("two", steps, range(1), IDENTIFIERS)
     show_chain(scene, chain)
     behind_render = evaluate_scene(scene, tmp_path)
     show_chain(scene, chain, image=image_of(np.full((32, 48, 3), (0.2, 0.5, 0.05), np.float32)))
@@ -104,8 +104,8 @@ def test_hiding_gives_back_what_was_there(empty):
     own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
     scene.compositing_node_group = own
     before = {tree.name for tree in bpy.data.node_groups}
-    show_chain(scene, make_chain("NW one", steps_of(MIXED), range(3), IDENTIFIERS))
-    show_chain(scene, make_chain("NW other", steps_of(MIXED[:1]), range(3), IDENTIFIERS))
+    show_chain(scene, make_chain("one", steps_of(MIXED), range(3), IDENTIFIERS))
+    show_chain(scene, make_chain("other", steps_of(MIXED[:1]), range(3), IDENTIFIERS))
     hide_chain(scene)
     hide_chain(scene)
     assert scene.compositing_node_group == own
@@ -185,7 +185,7 @@ def test_what_is_evaluated_is_what_the_groups_are(tmp_path):
     (made,) = many_by_nodes(chains, [rgb])
     scene.frame_set(0)
     for name, steps in chains.items():
-        show_chain(scene, make_chain("NW one", steps, range(1), IDENTIFIERS), image=image_of(rgb), encoded=True)
+        show_chain(scene, make_chain("one", steps, range(1), IDENTIFIERS), image=image_of(rgb), encoded=True)
         assert np.array_equal(evaluate_scene(scene, tmp_path), made[name]), name
 
 

@@ -20,7 +20,7 @@ NAMES = [item.name for item in registry().values() if isinstance(item, ColourPer
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
 
 
-def tinted(amount=0.5, name="NW Test"):
+def tinted(amount=0.5, name="Test"):
     """A small group: the image times a number."""
     graph = Graph(name, "A tint")
     image = graph.input(IMAGE)
@@ -56,7 +56,8 @@ def test_every_perturbation_of_colour_has_a_group():
 @cases("name", NAMES)
 def test_sockets_say_what_the_parameters_say(trees, name):
     perturbation, tree = registry()[name], trees[name]
-    items = {item.name: item for item in tree.interface.items_tree if item.in_out == "INPUT"}
+    sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET"]
+    items = {item.name: item for item in sockets if item.in_out == "INPUT"}
     for field in fields(perturbation.parameters):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
         assert socket.description.lower() == american(info.meaning).lower()
@@ -71,9 +72,10 @@ def test_sockets_say_what_the_parameters_say(trees, name):
             assert largest * (1 - 1e-6) <= socket.max_value <= info.maximum * degrees * (1 + 1e-6)
     assert all(item.description for item in items.values())
     assert tree.description
-    random = {"Seed", "Frame Offset", "Redraw"} <= set(items)
-    assert random == bool(perturbation.temporals)
-    assert ("Drift" in items) == ("drift" in perturbation.temporals)
+    assert ({"Seed", "Frame Offset"} <= set(items)) == bool(perturbation.temporals)
+    assert ("Pattern" in items) == (len(perturbation.temporals) > 1)
+    if "Pattern" in items:
+        assert items["Pattern"].default_value == ("Drift" if "drift" in perturbation.temporals else "Fresh")
     assert ("Depth" in items) == perturbation.needs_depth
 
 
@@ -120,8 +122,8 @@ def test_another_definition_takes_the_old_one_s_place(empty):
     node.node_tree = old
     new = ensure_group(tinted(0.25))
     assert node.node_tree == new
-    assert new.name == "NW Test"
-    assert [tree.name for tree in bpy.data.node_groups] == ["NW Test", "User"]
+    assert new.name == "Test"
+    assert [tree.name for tree in bpy.data.node_groups] == ["Test", "User"]
     assert new[STAMP] == tinted(0.25).stamp != tinted(0.5).stamp
 
 
@@ -140,22 +142,22 @@ def test_a_group_of_another_file_is_left_alone(empty, tmp_path):
 
 @cases("fault", ["node", "socket", "property", "picture", "inner"])
 def test_a_failed_build_leaves_nothing(empty, fault):
-    inner = Graph("NW Inner", "Inside")
+    inner = Graph("Inner", "Inside")
     inner.output("Image", inner.input(IMAGE) * 2.0)
 
     def no_picture():
         raise OSError("the picture cannot be read")
 
-    graph = Graph("NW Broken", "Fails")
+    graph = Graph("Broken", "Fails")
     image = graph.input(IMAGE)
     result = graph.group(inner, {"Image": image}).out("Image", "color")
-    good = Picture("NW good", "1", lambda: np.zeros((4, 4), np.uint8))
+    good = Picture("good", "1", lambda: np.zeros((4, 4), np.uint8))
     result = result + graph.picture(good)
     made = {
         "node": lambda: graph.node("CompositorNodeNoSuchThing", {"Image": result}),
         "socket": lambda: graph.node("CompositorNodeBlur", {"Picture": result}),
         "property": lambda: graph.node("ShaderNodeMath", {"Value": result}, {"operation": "GUESS"}),
-        "picture": lambda: graph.node("CompositorNodeImage", {}, picture=Picture("NW bad", "1", no_picture)),
+        "picture": lambda: graph.node("CompositorNodeImage", {}, picture=Picture("bad", "1", no_picture)),
         "inner": lambda: graph.group(inner, {"Imago": result}),
     }[fault]()
     graph.output("Image", made.out("Image", "color"))
@@ -167,11 +169,11 @@ def test_a_failed_build_leaves_nothing(empty, fault):
 
 def test_a_picture_is_packed_upright_and_exact(empty):
     values = np.arange(6 * 4 * 3, dtype=np.uint8).reshape(6, 4, 3)
-    image = ensure_picture(Picture("NW picture", "1", lambda: values))
+    image = ensure_picture(Picture("picture", "1", lambda: values))
     assert image.packed_file is not None
-    assert ensure_picture(Picture("NW picture", "1", lambda: 1 / 0)) == image
+    assert ensure_picture(Picture("picture", "1", lambda: 1 / 0)) == image
     pixels = np.array(image.pixels[:]).reshape(6, 4, 4)[::-1, :, :3]
     assert np.abs(pixels * 255 - values).max() < 1e-4
-    other = ensure_picture(Picture("NW picture", "2", lambda: values + 1))
-    assert [item.name for item in bpy.data.images] == ["NW picture"]
+    other = ensure_picture(Picture("picture", "2", lambda: values + 1))
+    assert [item.name for item in bpy.data.images] == ["picture"]
     assert other.pixels[0] != 0

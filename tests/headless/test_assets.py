@@ -16,7 +16,7 @@ from worlds import ROOT
 sys.path.append(str(ROOT / "headless"))
 from tools import assets
 
-from noisy_world.core.node_graphs.chain import socket_values
+from noisy_world.core.node_graphs.chain import shown_values
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
@@ -27,9 +27,9 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory, room):
+def library(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assets")
-    assert assets.write_library(folder) == len(PERTURBATIONS)  # on a frame of the room, which is there already
+    assert assets.write_library(folder) == len(PERTURBATIONS)
     return folder
 
 
@@ -77,8 +77,8 @@ def test_appended_groups_work_without_the_add_on(library, tmp_path, program):
     np.save(tmp_path / "frame.npy", rgb)
     values = {}
     for item in PERTURBATIONS:
-        sockets, _ = socket_values(step_of(item.name, severity=3), 5, IDENTIFIERS)
-        values[build_group(item).name] = sockets | {"Encoded": True, "Reference Width": 130}
+        sockets = shown_values(step_of(item.name, severity=3), 5, IDENTIFIERS)
+        values[build_group(item).name] = sockets | {"Encoded": True, "Clip": True, "Reference Width": 130}
     (tmp_path / "values.json").write_text(json.dumps(values))
     words = ["--", library / "noisy_world_assets.blend", tmp_path / "frame.npy", tmp_path / "values.json", tmp_path]
     command = [*program, str(SCRIPT), *map(str, words)]

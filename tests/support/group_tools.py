@@ -2,9 +2,14 @@
 
 from itertools import pairwise
 
+import bpy
 import numpy as np
+import OpenEXR
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
+from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import write_plain_floats
+from noisy_world.blender.typed import new_tree, set_pixels, use_as_data
 from noisy_world.core.node_graphs.chain import build_written
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
@@ -66,6 +71,55 @@ def many_by_nodes(chains, images, indices=(0,), *, identifiers=IDENTIFIERS, dept
             for image in images
             for k in indices
         ]
+
+
+def by_groups(nodes, image, folder, *, frame=5, depth_m=None):
+    """What the groups that people see make of a float image (H, W, 3), standing in a user's compositor, in one call.
+
+    nodes: by a label, the perturbation's name and the values of sockets; an array among these is linked as an image.
+    """
+    scene, tree = bpy.data.scenes.new("By groups"), new_tree("By groups")
+    scene.compositing_node_group = tree
+    render = scene.render
+    render.resolution_x, render.resolution_y = image.shape[1], image.shape[0]
+    render.compositor_device, render.compositor_precision = "CPU", "FULL"
+    scene.frame_set(frame)
+    file = tree.nodes.new("CompositorNodeOutputFile")
+    file.directory, file.file_name = str(folder), "by_groups"
+    write_plain_floats(file.format)
+
+    def linked(pixels):
+        node = tree.nodes.new("CompositorNodeImage")
+        node.image = bpy.data.images.new("By groups", image.shape[1], image.shape[0], alpha=False, float_buffer=True)
+        use_as_data(node.image)
+        rgba = np.ones((*image.shape[:2], 4), np.float32)
+        rgba[..., :3] = pixels[::-1] if pixels.ndim == 3 else pixels[::-1, :, None]
+        set_pixels(node.image, rgba)
+        return node.outputs["Image"]
+
+    groups = {name: ensure_group(build_group(registry()[name])) for name, _ in nodes.values()}
+    source, far = linked(image), None if depth_m is None else linked(depth_m)
+    for place, (label, (name, values)) in enumerate(nodes.items()):
+        node = tree.nodes.new("CompositorNodeGroup")
+        node.node_tree = groups[name]
+        tree.links.new(source, node.inputs["Image"])
+        if far is not None and "Depth" in node.inputs:
+            tree.links.new(far, node.inputs["Depth"])
+        for socket, value in ({"Reference Width": image.shape[1]} | values).items():
+            if isinstance(value, np.ndarray):
+                tree.links.new(linked(value), node.inputs[socket])
+            else:
+                node.inputs[socket].default_value = value
+        file.file_output_items.new("VECTOR", label.replace(" ", "_"))
+        tree.links.new(node.outputs["Image"], file.inputs[place])
+    with muted_output(), bpy.context.temp_override(scene=scene):
+        bpy.ops.render.render()
+    bpy.data.scenes.remove(scene)
+    path = folder / "by_groups.exr"
+    with OpenEXR.File(str(path), separate_channels=True) as layers:
+        channels = {name: part.pixels.copy() for name, part in layers.channels().items()}
+    path.unlink()
+    return {label: np.stack([channels[f"{label.replace(' ', '_')}.{axis}"] for axis in "XYZ"], -1) for label in nodes}
 
 
 def by_reference(name, image, frames=(0,), *, identifiers=IDENTIFIERS, depth_m=None, **values):

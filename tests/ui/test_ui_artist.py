@@ -141,11 +141,10 @@ def test_the_preview_shows_the_keyed_severity():
     key_severity(step, (0, 1.0), (4, 5.0))
     settings().preview = True
     preview.flush()
-    std = shown_chain(scene()).nodes["Gaussian noise"].inputs["Std"]
-    table = registry()["gaussian_noise"].severities["std"]
+    severity = shown_chain(scene()).nodes["Gaussian Noise"].inputs["Severity"]
     for frame in (0, 2, 4, 7):
         scene().frame_set(frame)
-        assert std.default_value == pytest.approx(table[min(frame, 4)])
+        assert severity.default_value == min(frame, 4) + 1
 
 
 # --- the user's own hand in the chain ---
@@ -156,8 +155,9 @@ def test_edits_in_the_chain_survive_a_slider():
     settings().preview = True
     preview.flush()
     chain = shown_chain(scene())
-    first, second = chain.nodes["Fog"], chain.nodes["Gaussian noise"]
+    first, second = chain.nodes["Fog"], chain.nodes["Gaussian Noise"]
     assert not preview.is_chain_edited(scene())
+    first.inputs["Override Severity"].default_value = second.inputs["Override Severity"].default_value = True
     first.inputs["Thickness"].default_value = 7.5
     second.inputs["Std"].default_value = 0.25
     second.inputs["Std"].keyframe_insert("default_value", frame=3)
@@ -174,9 +174,15 @@ def test_edits_in_the_chain_survive_a_slider():
     assert second.inputs["Std"].default_value == 0.25
     assert preview.is_chain_edited(scene())
     noise.mode = "static"
-    fog.severity = 5.0  # which sets the thickness
+    fog.severity = 5.0
     preview.flush()
-    assert first.inputs["Thickness"].default_value == pytest.approx(registry()["fog"].at_severity(5).thickness)
+    assert first.inputs["Severity"].default_value == 5.0
+    assert first.inputs["Override Severity"].default_value  # so the user's thickness stays in effect
+    assert first.inputs["Thickness"].default_value == 7.5
+    settings().steps[0].use_severity = False
+    settings().steps[0].fog.thickness = 1.25  # which sets the thickness
+    preview.flush()
+    assert first.inputs["Thickness"].default_value == 1.25
     assert bpy.ops.noisy_world.reset_chain() == {"FINISHED"}
     assert not preview.is_chain_edited(scene())
 

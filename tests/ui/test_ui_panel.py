@@ -14,7 +14,7 @@ from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
-from noisy_world.ui import described, presets
+from noisy_world.ui import described, document, presets
 
 
 # --- the list ---
@@ -38,6 +38,19 @@ def test_the_list_keeps_the_propagation_order():
     assert (settings().steps[0].severity, settings().active_step) == (5, 0)
     with pytest.raises(RuntimeError, match="acts only once"):
         bpy.ops.noisy_world.add_step(perturbation="desync")
+
+
+def test_weather_drifts_when_it_is_added_and_the_preset_says_so():
+    for name in ("fog", "frost", "snow_depth", "gaussian_noise", "contrast"):
+        bpy.ops.noisy_world.add_step(perturbation=name)
+    steps = {name: values for item in document.perturb_of(settings()) for name, values in item.items()}
+    assert {name: values.get("temporal") for name, values in steps.items()} == {
+        "fog": "drift",
+        "frost": "drift",
+        "snow_depth": "drift",
+        "gaussian_noise": None,  # presets begin with fresh
+        "contrast": None,
+    }
 
 
 def test_removing_all_leaves_nothing_selected():

@@ -66,22 +66,42 @@ def test_a_slider_changes_sockets_alone_and_a_step_the_chain(scene):
     scene.noisy_world.preview = True
     preview.flush()
     chain = shown_chain(scene)
-    tree, amount = scene.compositing_node_group, chain.nodes["Fog"].inputs[1].default_value
+    tree, sockets = scene.compositing_node_group, chain.nodes["Fog"].inputs
+    assert (sockets["Severity"].default_value, sockets["Override Severity"].default_value) == (3.0, False)
     groups = len(bpy.data.node_groups)
     fog.severity = 4.5
     preview.flush()
     assert scene.compositing_node_group == tree
     assert shown_chain(scene) == chain
-    assert chain.nodes["Fog"].inputs[1].default_value != amount
+    # Between levels by the parameters, which are then those of the generator to the bit; at levels by the severity.
+    assert sockets["Thickness"].default_value == 2.75
+    assert sockets["Override Severity"].default_value
+    fog.severity = 5.0
+    preview.flush()
+    assert (sockets["Severity"].default_value, sockets["Override Severity"].default_value) == (5.0, False)
     noise = add(scene, "gaussian_noise")
     preview.flush()
     assert [node.name for node in shown_chain(scene).nodes if node.bl_idname == "CompositorNodeGroup"] == [
         "Fog",
-        "Gaussian noise",
+        "Gaussian Noise",
     ]
     noise.enabled = False
     preview.flush()
     assert len(bpy.data.node_groups) == groups
+
+
+def test_a_chain_of_an_earlier_version_is_made_anew_and_nothing_of_it_is_left(scene):
+    steps = steps_of({"jpeg_compression": {"severity": 3}}, {"pixelate": {"severity": 3}})
+    refresh_chain(scene, steps, IDENTIFIERS)
+    names = {tree.name for tree in bpy.data.node_groups}
+    for tree in bpy.data.node_groups:  # as if its groups had been described otherwise
+        tree["noisy_world_stamp"] = "earlier"
+        if not tree.name.startswith(("Per", "Pre", "JPEG Comp", "Pix")):
+            tree.name = f"NW {tree.name}"
+    refresh_chain(scene, steps, IDENTIFIERS)
+    assert {tree.name for tree in bpy.data.node_groups} == names
+    hide_chain(scene)
+    assert len(bpy.data.node_groups) == 0
 
 
 def test_following_in_place_costs_little(scene):
@@ -264,9 +284,9 @@ def test_the_chain_follows_before_blender_draws(scene):
     fog = add(scene, "fog")
     scene.noisy_world.preview = True
     preview.flush()
-    before = shown_chain(scene).nodes["Fog"].inputs[1].default_value
+    before = shown_chain(scene).nodes["Fog"].inputs["Severity"].default_value
     fog.severity = 5.0
-    assert shown_chain(scene).nodes["Fog"].inputs[1].default_value != before
+    assert shown_chain(scene).nodes["Fog"].inputs["Severity"].default_value != before
     preview.flush()
     assert preview._follow() is None
 

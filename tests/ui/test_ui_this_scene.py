@@ -143,7 +143,7 @@ def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hal
     assert document.perturb_of(settings()) == [{"gaussian_noise": {"mode": "keyed", "levels": [1.0, 3.0, 5.0]}}]
     settings().preview = True
     preview.flush()
-    node = shown_chain(hall).nodes["Gaussian noise"]
+    node = shown_chain(hall).nodes["Gaussian Noise"]
     for frame, index in ((1, 0), (3, 1), (5, 2)):
         hall.frame_set(frame)
         assert node.inputs["Frame Offset"].default_value + frame == index

@@ -42,7 +42,8 @@ def make_chain(
     scene frame, by default the first. intrinsics: of the camera, if known.
     """
     old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
-    children = [] if old is None else _groups_in(old)
+    # By number, as a child that is made anew too is gone then.
+    children = set() if old is None else {group.session_uid for group in _groups_in(old)}
     tree = ensure_group(_described(name, steps))
     set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics)
     if tree != old:
@@ -66,10 +67,9 @@ def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
     return list(dict.fromkeys(item for item in groups if item is not None))
 
 
-def _remove_unused(groups: Sequence[bpy.types.NodeTree]) -> None:
-    for group in groups:
-        if group.users == 0:
-            remove_group(group)
+def _remove_unused(session_uids: set[int]) -> None:
+    for group in [item for item in bpy.data.node_groups if item.session_uid in session_uids and item.users == 0]:
+        remove_group(group)
 
 
 def show_chain(

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core.geometry import Intrinsics
-from ..core.node_graphs.chain import socket_values, step_node
+from ..core.node_graphs.chain import shown_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
 from .typed import action_of, fcurves_of, get_value, interpolation, new_action, set_value
@@ -60,7 +60,7 @@ def set_values(
             changes = len({value for _, value in known}) > 1
             before = get_value(socket) if changes else left_at.get(path, get_value(socket))
             # Each assignment makes Blender update everything that uses the group.
-            if np.float32(before) != np.float32(value):
+            if not _are_equal(before, value):
                 set_value(socket, value)
             left_at[path] = value
             if changes:
@@ -68,6 +68,11 @@ def set_values(
                 keyed.append(path)
     _remember(tree, LEFT_AT, left_at)
     _remember(tree, KEYED, keyed)
+
+
+def _are_equal(one: Any, other: Any) -> bool:
+    """Tell whether two values of a socket are equal: numbers as it holds them, or items of a menu."""
+    return one == other if isinstance(one, str) or isinstance(other, str) else np.float32(one) == np.float32(other)
 
 
 def _remember(tree: bpy.types.NodeTree, name: str, value: Any) -> None:
@@ -89,7 +94,7 @@ def _values(
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
-            by_severity[severity] = socket_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)[0]
+            by_severity[severity] = shown_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)
         values = by_severity[severity]
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
 
@@ -150,7 +155,7 @@ def is_edited(tree: bpy.types.NodeTree) -> bool:
         return True
     sockets = {socket.path_from_id("default_value"): socket for socket in _sockets(tree)}
     return any(
-        path not in sockets or np.float32(get_value(sockets[path])) != np.float32(value)
+        path not in sockets or not _are_equal(get_value(sockets[path]), value)
         for path, value in left_at.items()
         if path not in ours
     )

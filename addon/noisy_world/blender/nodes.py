@@ -10,17 +10,20 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Picture, Socket
+from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Panel, Picture, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
-from .typed import new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
+from .typed import interface, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
 
 STAMP = "noisy_world_stamp"
+MADE_AS = "noisy_world_made_as"  # of a group or image: the description's name, and the name that Blender gave
 PICTURE_VERSION = "noisy_world_version"
-GROUP_WIDTH_PX = 180.0  # chosen: wide enough for the names and values of parameters
+# Chosen, at Blender's own size of text: so that names are read whole, beside a number of some digits.
+LETTER_PX, VALUE_PX, LEAST_WIDTH_PX = 7, 70, 180
 _SOCKET_TYPES = {
     "float": "NodeSocketFloat",
     "int": "NodeSocketInt",
     "bool": "NodeSocketBool",
+    "menu": "NodeSocketMenu",
     "vector": "NodeSocketVector",
     "color": "NodeSocketColor",
 }
@@ -29,9 +32,10 @@ _SOCKET_TYPES = {
 def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     """Return the node group of a description: the one in the file where it is the same, a new one in its place if not.
 
-    A new group replaces the old one wherever this is used. If anything fails, the file is left as it was.
+    A new group replaces the old one wherever this is used; a user's own group of this name stays as it is. If anything
+    fails, the file is left as it was.
     """
-    old = _local(bpy.data.node_groups, graph.name)
+    old = made_before(bpy.data.node_groups, graph.name)
     if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp:
         return old
     before: set[bpy.types.ID] = {*bpy.data.node_groups, *bpy.data.images}
@@ -42,8 +46,8 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
         raise
     if old is not None:
         old.user_remap(tree)
-        bpy.data.node_groups.remove(old)
-    tree.name = graph.name
+        remove_group(old)
+    _name(tree, graph.name)
     return tree
 
 
@@ -57,8 +61,19 @@ def remove_group(tree: bpy.types.NodeTree) -> None:
                 remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.batch_remove([item])
 
 
-def _local[T: bpy.types.ID](collection: Iterable[T], name: str) -> T | None:
-    return next((item for item in collection if item.name == name and item.library is None), None)
+def made_before[T: bpy.types.ID](collection: Iterable[T], name: str) -> T | None:
+    """Return what was made for a description of this name: neither a user's own of that name, nor a copy of it."""
+    own = (item for item in collection if item.library is None)
+    return next((item for item in own if item.get(MADE_AS) == _made_as(name, item)), None)
+
+
+def _name(item: bpy.types.ID, name: str) -> None:
+    item.name = name
+    item[MADE_AS] = _made_as(name, item)
+
+
+def _made_as(name: str, item: bpy.types.ID) -> str:
+    return f"{name}\n{item.name}"
 
 
 def _remove_new(before: set[bpy.types.ID]) -> None:
@@ -83,36 +98,67 @@ def _build(graph: Graph) -> bpy.types.CompositorNodeTree:
     tree = new_tree(f"{graph.name} (unfinished)")
     tree.description = graph.description
     tree.color_tag = "FILTER"
-    identifiers = {item.name: _add_input(tree, item) for item in graph.inputs}
+    tree.default_group_node_width = width_of(graph)
+    panels = {item: _add_panel(tree, item) for item in dict.fromkeys(item.panel for item in graph.inputs) if item}
+    identifiers = {item.name: _add_input(tree, item, panels) for item in graph.inputs}
     for item in graph.outputs:
         socket = new_socket(tree, item.name, _SOCKET_TYPES[item.kind], output=True)
         socket.description = item.description
     plan = arrange(graph)
     frames = _frames(tree, plan)
-    made = {number: _add_node(tree, graph.nodes[number], children.get(number)) for number in plan.positions}
     entries = _entries(tree, plan, frames)
-    for number, node in made.items():
-        _put_at(node, plan.positions[number], frames.get(graph.nodes[number].section))
-        for name, value in graph.nodes[number].inputs.items():
-            target = _input(node, name)
+    # Blender updates the whole group with each change, which takes the longer the more nodes and links there are: so
+    # each node is finished before the next one is made.
+    made: dict[int, bpy.types.Node] = {}
+    for number in sorted(plan.positions):
+        item = graph.nodes[number]
+        made[number] = node = _add_node(tree, item, children.get(number))
+        _put_at(node, plan.positions[number], frames.get(item.section))
+        for name, value in item.inputs.items():
             if isinstance(value, Socket):
-                source = _source(value, made, entries.get(graph.nodes[number].section), identifiers)
-                tree.links.new(source, target)
+                source = _source(value, made, entries.get(item.section), identifiers)
+                tree.links.new(source, _input(node, name))
             else:
-                set_value(target, value)
+                set_value(_input(node, name), value)
     end = new_node(tree, bpy.types.NodeGroupOutput)
     end.is_active_output = True
     end.location = plan.output
     for item in graph.outputs:
         tree.links.new(_source(item.socket, made, entries.get(""), identifiers), end.inputs[item.name])
+    _set_menus(tree, graph)
     _tidy(tree)
     tree[STAMP] = graph.stamp
     return tree
 
 
-def _add_input(tree: bpy.types.NodeTree, item: GroupInput) -> str:
-    socket = new_socket(tree, item.name, _SOCKET_TYPES[item.kind], output=False)
+def width_of(graph: Graph) -> int:
+    """Return a width of a group's node at which its name and those of its sockets are read whole, in pixels."""
+    sockets = [len(item.name) * LETTER_PX + VALUE_PX for item in graph.inputs]
+    return max(LEAST_WIDTH_PX, len(graph.name) * LETTER_PX + VALUE_PX // 2, *sockets)
+
+
+def _add_panel(tree: bpy.types.NodeTree, panel: Panel) -> bpy.types.NodeTreeInterfacePanel:
+    return interface(tree).new_panel(panel.name, description=panel.description, default_closed=panel.closed)
+
+
+def _set_menus(tree: bpy.types.NodeTree, graph: Graph) -> None:
+    """Set the defaults of menus, which have items only when they are linked."""
+    defaults = {item.name: item.default for item in graph.inputs if item.kind == "menu"}
+    for socket in interface(tree).items_tree if defaults else ():
+        if isinstance(socket, bpy.types.NodeTreeInterfaceSocketMenu):
+            socket.default_value = defaults[socket.name]
+
+
+def _add_input(
+    tree: bpy.types.NodeTree, item: GroupInput, panels: Mapping[Panel, bpy.types.NodeTreeInterfacePanel]
+) -> str:
+    panel = None if item.panel is None else panels[item.panel]
+    socket = new_socket(tree, item.name, _SOCKET_TYPES[item.kind], output=False, panel=panel)
     socket.description = item.description
+    if item.toggles:
+        socket.is_panel_toggle = True
+    if item.kind == "menu":
+        return socket.identifier
     properties: dict[str, Any] = {}
     if item.kind in ("float", "int"):
         properties["subtype"] = item.subtype
@@ -139,16 +185,36 @@ def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | 
     node = tree.nodes.new(item.idname)
     properties: dict[str, Any] = {}
     if child is not None:
-        properties |= {"node_tree": child, "width": GROUP_WIDTH_PX}
+        properties |= {"node_tree": child, "width": child.default_group_node_width}
     if item.picture is not None:
         properties["image"] = ensure_picture(item.picture)
-    for name, value in (properties | dict(item.properties)).items():
+    properties |= item.properties
+    items = properties.pop("items", None)
+    for name, value in properties.items():
         setattr(node, name, value)
+    if items is not None:
+        _add_items(node, items)
     if item.label:
         node.label = item.label
     if item.name:
         node.name = item.name
     return node
+
+
+def _add_items(node: bpy.types.Node, items: int | tuple[str, ...]) -> None:
+    """Give a switch its items; Blender makes it with two. items: how many, or their names."""
+    if isinstance(items, int):
+        assert isinstance(node, bpy.types.GeometryNodeIndexSwitch)
+        for _ in range(len(node.index_switch_items), items):
+            node.index_switch_items.new()
+        return
+    assert isinstance(node, bpy.types.GeometryNodeMenuSwitch)
+    known = len(node.enum_items)
+    for place, name in enumerate(items):
+        if place < known:
+            node.enum_items[place].name = name
+        else:
+            node.enum_items.new(name)
 
 
 def _entries(
@@ -210,7 +276,7 @@ def _tidy(tree: bpy.types.NodeTree) -> None:
 
 def ensure_picture(picture: Picture) -> bpy.types.Image:
     """Return the image of a picture, packed into the file; it is made again if its version differs."""
-    old = _local(bpy.data.images, picture.name)
+    old = made_before(bpy.data.images, picture.name)
     if old is not None and old.get(PICTURE_VERSION) == picture.version:
         return old
     made = picture.make()
@@ -219,7 +285,7 @@ def ensure_picture(picture: Picture) -> bpy.types.Image:
     if old is not None:
         old.user_remap(image)
         bpy.data.images.remove(old)
-    image.name = picture.name
+    _name(image, picture.name)
     return image
 
 

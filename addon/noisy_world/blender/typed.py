@@ -61,12 +61,20 @@ def interface(tree: bpy.types.NodeTree) -> bpy.types.NodeTreeInterface:
     return tree.interface
 
 
-def new_socket(tree: bpy.types.NodeTree, name: str, kind: str, *, output: bool) -> bpy.types.NodeTreeInterfaceSocket:
+def new_socket(
+    tree: bpy.types.NodeTree,
+    name: str,
+    kind: str,
+    *,
+    output: bool,
+    panel: bpy.types.NodeTreeInterfacePanel | None = None,
+) -> bpy.types.NodeTreeInterfaceSocket:
     """Add an input or output to a group. kind: Blender's name, such as NodeSocketColor."""
     return interface(tree).new_socket(
         name,
         in_out="OUTPUT" if output else "INPUT",
         socket_type=kind,  # pyright: ignore[reportArgumentType]  the stubs know no kind but DEFAULT
+        parent=panel,
     )
 
 

@@ -43,7 +43,7 @@ def sample(graph: Graph, image: Socket, position: Value, interpolation: str = "N
 
 def frequencies() -> Graph:
     """Describe the group that turns runs of eight pixels into eight images of coefficients."""
-    graph = Graph("NW DCT frequencies", "The eight DCT coefficients of each run of eight pixels")
+    graph = Graph("DCT Frequencies", "The eight DCT coefficients of each run of eight pixels")
     image = graph.input(GroupInput("Image", "color", _BLACK, "The pixels"))
     first = graph.input(GroupInput("First", "vector", _NOTHING, "Where each run's first pixel is, from 0 to 1"))
     step = graph.input(GroupInput("Step", "vector", _NOTHING, "From one pixel of a run to the next"))
@@ -72,7 +72,7 @@ def _weighted(graph: Graph, values: Sequence[Socket], weights: Sequence[Value]) 
 
 def cosines() -> Graph:
     """Describe the group that gives the cosines by which coefficients 1 to 7 are weighted at each pixel of a run."""
-    graph = Graph("NW DCT cosines", "What each coefficient adds to the pixels of a run")
+    graph = Graph("DCT Cosines", "What each coefficient adds to the pixels of a run")
     position = graph.input(GroupInput("Place", "float", 0.0, "The pixel's number, from 0"))
     with graph.section("Angle"):
         within = graph.math("FLOORED_MODULO", position, 8.0)
@@ -94,7 +94,7 @@ BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
 
 def pixels() -> Graph:
     """Describe the group that turns eight images of coefficients into runs of eight pixels."""
-    graph = Graph("NW DCT pixels", "Runs of eight pixels from their DCT coefficients")
+    graph = Graph("DCT Pixels", "Runs of eight pixels from their DCT coefficients")
     position = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
     bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in BUNDLES]
     given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]

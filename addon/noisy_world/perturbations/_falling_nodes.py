@@ -130,7 +130,7 @@ type Taken = Mapping[str, Socket]
 
 def _shell_graph(laws: Laws) -> Graph:
     """Describe a shell's streaks: how much of the light behind passes each pixel."""
-    graph = Graph(f"NW {laws.name} shell", "How much light passes the streaks of the particles in a shell", alone=True)
+    graph = Graph(f"{laws.name} Shell", "How much light passes the streaks of the particles in a shell", alone=True)
     start = graph.input(GroupInput("Start", "vector", (0.0, 0.0, 0.0), "Where on the tile the first pixel lies"))
     taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in _INPUTS.items()}
     places = [

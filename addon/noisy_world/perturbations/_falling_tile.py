@@ -62,7 +62,7 @@ def _nearest(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return by_label[labels[_EDGE:-_EDGE, _EDGE:-_EDGE]]
 
 
-TILE = Picture("NW Falling particles", "1", _tile)
+TILE = Picture("Falling Particles", "1", _tile)
 
 
 @dataclass(frozen=True)

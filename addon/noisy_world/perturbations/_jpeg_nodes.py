@@ -52,7 +52,7 @@ def compressed(canvas: Canvas, quality: Socket) -> Socket:
     with canvas.graph.section("Bytes of YCbCr in three planes"):
         position = _positions(frame.planes, "Planes")
         planes = _planes(frame, _ycc(canvas), position)
-    decoded = _decoded(frame, planes, position, quality)
+    decoded = _decoded(frame, planes, position, quality, canvas.white)
     with canvas.graph.section("Back to RGB"):
         return _rgb(canvas, frame, decoded)
 
@@ -124,8 +124,11 @@ def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
     return graph.math("FLOOR", graph.vector(upper_luma, lower_luma, chroma)) - CENTRE
 
 
-def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket) -> Socket:
-    """Transform the planes, quantise the coefficients, transform back; return the planes as whole numbers 0 to 255."""
+def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket, white: Socket | float) -> Socket:
+    """Transform the planes, quantise the coefficients, transform back; return the planes as whole numbers 0 to 255.
+
+    Where `white` is above 1, they go as far beyond both ends: the code is that of T.81 for samples of more bits.
+    """
     graph = planes.graph
     with graph.section("Rows to frequencies"):
         starts = _positions(frame.planes * (1 / 8, 1.0, 1.0), "Runs of a row")
@@ -150,7 +153,7 @@ def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket) -
     with graph.section("Frequencies to rows"):
         values = graph.group(pixels(), columns | _weights(position, position.x), name="Frequencies to rows")
         rounded = graph.math("FLOOR", values.out("Image", "color") + (CENTRE + 0.5))
-        return graph.clamp(rounded, 0.0, 255.0)
+        return graph.clamp(rounded, (1.0 - white) * 255.0, white * 255.0)
 
 
 def _weights(position: Socket, along: Socket) -> dict[str, Socket]:
@@ -170,7 +173,7 @@ def _percent(quality: Socket) -> Socket:
 
 def _column() -> Graph:
     """Describe the group that quantises one horizontal frequency, which is one column of the tables."""
-    graph = Graph("NW JPEG column", "One horizontal frequency, quantised at its eight vertical frequencies")
+    graph = Graph("JPEG Column", "One horizontal frequency, quantised at its eight vertical frequencies")
     nothing = (0.0, 0.0, 0.0)
     image = graph.input(GroupInput("Image", "color", (*nothing, 1.0), "Its coefficient of each row of eight pixels"))
     first = graph.input(GroupInput("First", "vector", nothing, "Where each block's first row is, from 0 to 1"))
@@ -201,7 +204,7 @@ def _between_passes(image: Socket) -> Socket:
 
 def _quantise() -> Graph:
     """Describe the group that rounds a coefficient of every block to a multiple of the table's entry."""
-    graph = Graph("NW JPEG quantise", "A coefficient of every block, rounded to a multiple of its step")
+    graph = Graph("JPEG Quantize", "A coefficient of every block, rounded to a multiple of its step")
     value = graph.input(GroupInput("Coefficient", "vector", (0.0, 0.0, 0.0), "Of every block"))
     entry = graph.input(GroupInput("Entry", "vector", (16.0, 16.0, 17.0), "The tables' entry at quality 50"))
     percent = graph.input(GroupInput("Percent", "float", 100.0, "How coarse: 100 is quality 50"))

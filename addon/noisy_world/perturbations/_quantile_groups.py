@@ -36,7 +36,7 @@ def poisson_quantile(mean: Socket, uniform: Socket) -> Socket:
 
 @cache
 def _normal_group() -> Graph:
-    graph = Graph("NW Normal Numbers", "Turns uniform random numbers into standard normal ones, each channel by itself")
+    graph = Graph("Normal Numbers", "Turns uniform random numbers into standard normal ones, each channel by itself")
     uniform = graph.input(GroupInput("Uniform", "vector", (0.5, 0.5, 0.5), "Uniform random numbers in [0, 1]"))
     with graph.section("Rational function"):
         position = uniform * graph.math("MULTIPLY_ADD", uniform, -256.0, 256.0)
@@ -48,7 +48,7 @@ def _normal_group() -> Graph:
 
 @cache
 def _poisson_group() -> Graph:
-    graph = Graph("NW Poisson Numbers", "Turns uniform random numbers into Poisson ones, each channel by itself")
+    graph = Graph("Poisson Numbers", "Turns uniform random numbers into Poisson ones, each channel by itself")
     mean = graph.input(GroupInput("Mean", "vector", (1.0, 1.0, 1.0), "Expected numbers, from 0 to 256"))
     uniform = graph.input(GroupInput("Uniform", "vector", (0.5, 0.5, 0.5), "Uniform random numbers in [0, 1]"))
     with graph.section("Many: expansion about the normal"):

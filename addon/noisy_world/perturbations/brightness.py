@@ -83,7 +83,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("Value"):
         value = graph.math("MAXIMUM", graph.math("MAXIMUM", image.r, image.g), image.b)
     with graph.section("Gain"):
-        brighter = graph.math("MINIMUM", value + offset, 1.0)
+        brighter = graph.math("MINIMUM", value + offset, canvas.white)
         gain = brighter / graph.math("MAXIMUM", value, float(BLACK))
     with graph.section("Brighten"):
         black = value < float(BLACK)

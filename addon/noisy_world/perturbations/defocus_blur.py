@@ -69,7 +69,7 @@ def _rows() -> Graph:
     The rows at plus and minus `Row` and all rows between are at least as long as these two, so the box added here has
     2 `Row` + 1 rows.
     """
-    graph = Graph("NW Defocus blur rows", "Adds to a disk what its rows reach beyond those farther out")
+    graph = Graph("Defocus Blur Rows", "Adds to a disk what its rows reach beyond those farther out")
     image = graph.input(GroupInput("Image", "color", (0.0, 0.0, 0.0, 1.0), "The frame"))
     radius = graph.input(GroupInput("Radius", "float", 0.0, "The disk's radius", subtype="PIXEL"))
     row = graph.input(GroupInput("Row", "float", 0.0, "How far the two rows are from the middle", subtype="PIXEL"))

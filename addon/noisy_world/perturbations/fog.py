@@ -133,7 +133,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         level = graph.choose(given["uniform"], 0.5, haze, "float")
     with graph.section("Blend"):
         largest = graph.math("MAXIMUM", graph.math("MAXIMUM", image.r, image.g), image.b)
-        brightest = graph.node("CompositorNodeLevels", {"Image": largest, "Channel": "Red"}).out("Maximum", "float")
+        found = graph.node("CompositorNodeLevels", {"Image": largest, "Channel": "Red"}).out("Maximum", "float")
+        # A lamp brighter than white does not make the fog brighter.
+        brightest = graph.math("MINIMUM", found, 1.0)
         scale = brightest / (brightest + thickness)
         return (image + level * thickness) * scale
 
@@ -162,7 +164,7 @@ def _plasma_nodes(canvas: Canvas, built: Socket, smoothness: Socket) -> Socket:
 
 def _level_graph() -> Graph:
     """Describe one level of diamond and square, which doubles the field's points along a side."""
-    graph = Graph("NW Plasma level", "Doubles the points of a plasma on a torus: diamond, then square")
+    graph = Graph("Plasma Level", "Doubles the points of a plasma on a torus: diamond, then square")
     field = graph.input(GroupInput("Field", "float", 0.0, "The coarser plasma"))
     level = graph.input(GroupInput("Level", "float", 0.0, "How many levels are there already", 0.0))
     levels = graph.input(GroupInput("Levels", "float", 8.0, "How many there are to be: others pass the plasma on"))

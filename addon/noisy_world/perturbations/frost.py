@@ -97,7 +97,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 def _packed(item: _ice.Ice) -> Picture:
     path = _ice.picture_file(item.name)
-    return Picture(f"NW ice: {item.name}", hashlib.sha256(path.read_bytes()).hexdigest()[:16], lambda: path)
+    return Picture(f"Ice: {item.name}", hashlib.sha256(path.read_bytes()).hexdigest()[:16], lambda: path)
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:

@@ -135,7 +135,7 @@ def _table() -> NDArray[np.uint8]:
     return picture
 
 
-TABLE = Picture("NW Glass blur offsets", "1", _table)
+TABLE = Picture("Glass Blur Offsets", "1", _table)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:

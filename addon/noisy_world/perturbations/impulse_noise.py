@@ -67,7 +67,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         half = given["amount"] * 0.5
         salt, pepper = uniform > 1.0 - half, uniform < half
     with graph.section("Put in"):
-        return canvas.image + salt - pepper
+        # Of any brightness; of values in [0, 1] this is what adding the impulses and clipping gives.
+        return graph.math("MAXIMUM", canvas.image * (1.0 - pepper), salt)
 
 
 PERTURBATION = ColourPerturbation(

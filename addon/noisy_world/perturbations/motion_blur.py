@@ -93,7 +93,7 @@ def _padded(image: Socket, size: Socket, border_px: int) -> Socket:
 
 def _step() -> Graph:
     """Describe a step of the trail: it adds the shifted frame times the step's weight."""
-    graph = Graph("NW Motion blur step", "Adds the frame as a step of the trail sees it")
+    graph = Graph("Motion Blur Step", "Adds the frame as a step of the trail sees it")
     wide = graph.input(GroupInput("Widened", "color", (0.0, 0.0, 0.0, 1.0), "The frame with wide borders"))
     total = graph.input(GroupInput("Total", "vector", (0.0, 0.0, 0.0), "The sum so far"))
     weights = graph.input(GroupInput("Weights", "float", 0.0, "The sum of the weights so far"))

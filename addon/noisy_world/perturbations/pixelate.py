@@ -176,7 +176,7 @@ def _whole_and_rest(index: Socket, numerator: Socket, denominator: Socket, more:
 
 @cache
 def _division() -> Graph:
-    graph = Graph("NW Whole and Rest", "Divides Index x Numerator / Denominator + More into a whole number and a rest")
+    graph = Graph("Whole and Rest", "Divides Index x Numerator / Denominator + More into a whole number and a rest")
     index, numerator, denominator, more = (
         graph.input(GroupInput(name, "vector", (1.0, 1.0, 1.0), meaning))
         for name, meaning in (
@@ -207,7 +207,7 @@ def _way_at_border(border: Socket) -> Socket:
 
 @cache
 def _border() -> Graph:
-    graph = Graph("NW Border of Blocks", "Tells which block a pixel shows whose centre lies on the border of two")
+    graph = Graph("Border of Blocks", "Tells which block a pixel shows whose centre lies on the border of two")
     border = graph.input(GroupInput("Border", "vector", (1.0, 1.0, 1.0), "The border's number"))
     first, *others = TURNS
     product = first - border

@@ -177,7 +177,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with canvas.graph.section("Uniform noise"):
         uniform = canvas.random(0, canvas.position_px)
     with canvas.graph.section("Photons"):
-        return poisson_quantile(canvas.image * photons, uniform) * (1.0 / photons)
+        light = canvas.graph.math("MAXIMUM", canvas.image, 0.0)
+        return poisson_quantile(light * photons, uniform) * (1.0 / photons)
 
 
 PERTURBATION = ColourPerturbation(

@@ -175,7 +175,7 @@ def _normal_noise(canvas: Canvas, cells: Socket) -> Socket:
 def _layer_graph(radius_px: int) -> Graph:
     """Describe a layer of flakes with streaks of up to 2 radius + 1 pixels."""
     steps = (2 * radius_px + _ROWS - 1) // _ROWS + 1
-    graph = Graph(f"NW Snow layer ({radius_px} px)", "Flakes out of noise, each with a streak along the fall")
+    graph = Graph(f"Snow Layer ({radius_px} px)", "Flakes out of noise, each with a streak along the fall")
     pixel = graph.input(GroupInput("Pixel", "vector", (0.0, 0.0, 0.0), "Each pixel's column and row, from below"))
     size_px = graph.input(GroupInput("Size", "vector", (1.0, 1.0, 0.0), "Width and height of the frame"))
     noise = graph.input(GroupInput("Noise", "float", 0.0, "Standard normal noise"))
@@ -269,7 +269,7 @@ def _leant(graph: Graph, packed: Socket, pixel: Socket, *, slope: Socket, softne
 
 def _step_graph() -> Graph:
     """Describe what three rows (in the channels) add to the streaks of three other rows."""
-    graph = Graph("NW Snow step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
+    graph = Graph("Snow Step", "What three rows further up add to a streak: weights of a one-sided Gaussian")
     flakes = graph.input(GroupInput("Flakes", "color", (0.0, 0.0, 0.0, 1.0), "Three rows in the channels"))
     step = graph.input(GroupInput("Step", "float", 0.0, "How many times three rows further"))
     before = graph.input(GroupInput("Weights before", "vector", (0.0, 0.0, 0.0), "Of the three rows before"))

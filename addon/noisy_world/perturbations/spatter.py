@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Kind, Socket
+from ..core.node_graphs.graph import Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -130,10 +130,16 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         run_px = canvas.drift_frames * given["run_px"] / finest
         size_px = _lattice_size(canvas, finest)
         noise = _smooth_noise(canvas, size_px, run_px, given, sigma_px)
+        # Where a severity decides, Blender calculates both kinds of drops; of a single number that takes no time.
+        soiled, noise = (
+            _either(given["complexity"], 0.0, noise, "float"),
+            _either(given["complexity"], noise, 0.0, "float"),
+        )
         above = noise - given["threshold"]
         inside = graph.math("GREATER_THAN", above, 0.0)
     with graph.section("Mud"):
-        blurred = _blurred(inside, given["scaling"] * (canvas.scale / finest))
+        inside_mud = graph.math("GREATER_THAN", soiled - given["threshold"], 0.0)
+        blurred = _blurred(inside_mud, given["scaling"] * (canvas.scale / finest))
         mud = blurred * graph.math("GREATER_THAN", blurred, 0.8)
     with graph.section("Water: distance to the rim"):
         distance = _distance(noise, above, given["mean"], sigma_px) / sigma_px
@@ -155,11 +161,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return _either(given["complexity"], wet, muddy, "color")
 
 
-def _either(complexity: Socket, water: Socket, mud: Socket, kind: Kind) -> Socket:
-    """Return one of the two; Blender does not calculate the other, as the index is an input of the group itself."""
+def _either(complexity: Socket, water: Value, mud: Value, kind: Kind) -> Socket:
+    """Return one of the two; Blender does not calculate the other where the index is an input of the group itself."""
     types = {"float": "FLOAT", "color": "RGBA"}
     inputs = {"Index": complexity, "Item_0": water, "Item_1": mud}
-    return water.graph.node("GeometryNodeIndexSwitch", inputs, {"data_type": types[kind]}).out("Output", kind)
+    return complexity.graph.node("GeometryNodeIndexSwitch", inputs, {"data_type": types[kind]}).out("Output", kind)
 
 
 def _encoded(rgb: tuple[int, int, int]) -> tuple[float, ...]:

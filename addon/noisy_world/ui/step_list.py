@@ -50,12 +50,15 @@ def put_step(panel: Any, step: Step) -> bool:
 
 
 def add_step(panel: Any, name: str) -> int:
-    """Add a perturbation to the list in propagation order, after others of its name; return its index."""
+    """Add a perturbation to the list in propagation order, after others of its name; return its index.
+
+    Its pattern changes from frame to frame as it does in the world.
+    """
     with told_once():
         item = panel.steps.add()
         item.perturbation = name
         if registry()[name].temporals:
-            item.temporal = registry()[name].temporals[0]
+            item.temporal = registry()[name].natural
     places = list(registry())
     order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
     place = sum(other <= order[-1] for other in order[:-1])

@@ -15,7 +15,7 @@ IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
 
 def doubled(kind="color", given="color"):
     """A group that adds its input to itself."""
-    graph = Graph("NW Twice", "A sum")
+    graph = Graph("Twice", "A sum")
     image = graph.input(GroupInput("Image", given, IMAGE.default if given == "color" else 0.0, "What comes in"))
     factor = graph.input(GroupInput("Factor", "float", 2.0, "Never set"))
     graph.output("Image", graph.math("MULTIPLY", image, factor), kind)
@@ -23,7 +23,7 @@ def doubled(kind="color", given="color"):
 
 
 def used(inner, times=1, **more):
-    graph = Graph("NW Outer", "Uses a group")
+    graph = Graph("Outer", "Uses a group")
     image = graph.input(IMAGE)
     for number in range(times):
         image = graph.group(inner, {"Image": image, **more}, name=f"{number}").out("Image", "color")
@@ -55,12 +55,25 @@ def test_a_group_whose_sockets_narrow_what_a_link_carries_stays_one(shape):
 
 @pytest.mark.parametrize(("known", "kept"), [(True, "ADD"), (False, "SUBTRACT")])
 def test_a_choice_that_is_known_leaves_the_other_branch_out(known, kept):
-    inner = Graph("NW Choice", "One of two")
+    inner = Graph("Choice", "One of two")
     image, on = inner.input(IMAGE), inner.input(GroupInput("On", "bool", not known, "Which"))
     inner.output("Image", inner.choose(on, image + 1.0, image - 1.0))
     made = flat(used(inner, On=known))
     assert [made.nodes[number].properties["operation"] for number in made.reachable()] == [kept]
     assert "GeometryNodeSwitch" in idnames(flat(inner))  # here the group's user decides
+
+
+def test_a_menu_that_is_known_becomes_numbers():
+    inner = Graph("Menu", "A tint by words")
+    image = inner.input(IMAGE)
+    red, blue = inner.chosen(inner.input(GroupInput("Hue", "menu", "Blue", "Which", items=("Red", "Blue"))))
+    inner.output("Image", image * inner.vector(red, blue, 0.0))
+    for given, wanted in ({}, (0.0, 1.0)), ({"Hue": "Red"}, (1.0, 0.0)):
+        made = flat(used(inner, **given))
+        assert "GeometryNodeMenuSwitch" not in idnames(made)
+        (tint,) = (node for node in made.nodes if node.idname == "ShaderNodeCombineXYZ")
+        assert (tint.inputs["X"], tint.inputs["Y"]) == wanted
+    assert "GeometryNodeMenuSwitch" in idnames(flat(inner))
 
 
 @pytest.mark.parametrize("name", ["gaussian_noise", "jpeg_compression"])

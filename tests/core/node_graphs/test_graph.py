@@ -31,7 +31,7 @@ FIRST, SECOND = np.array([-2.5, 0.5, 3.0]), np.array([0.5, 0.5, -1.0])
 
 def described(kind, names="ab"):
     """A graph with an input of a kind for each name, and the inputs."""
-    graph = Graph("NW test", "A test's")
+    graph = Graph("test", "A test's")
     default = 0.0 if kind == "float" else (0.0, 0.0, 0.0)
     return graph, [graph.input(GroupInput(name, kind, default, name)) for name in names]
 
@@ -141,10 +141,10 @@ def test_what_cannot_be_described_is_refused():
 
 
 def test_the_stamp_tells_descriptions_apart():
-    def stamp(*, factor=2.0, name="NW tint", default=0.5, version="1", property_="ADD", inner=1.0):
+    def stamp(*, factor=2.0, name="tint", default=0.5, version="1", property_="ADD", inner=1.0):
         graph = Graph(name, "A tint")
         a = graph.input(GroupInput("a", "float", default, "what comes in"))
-        within = Graph("NW inner", "Inside")
+        within = Graph("inner", "Inside")
         within.output("Image", within.input(GroupInput("Image", "color", (0, 0, 0, 1), "in")) * inner)
         shown = graph.picture(Picture("noise", version, lambda: np.zeros((2, 2), np.uint8)))
         shown = graph.group(within, {"Image": shown}, name="Inner").out("Image", "color")
@@ -153,7 +153,7 @@ def test_the_stamp_tells_descriptions_apart():
 
     others = [
         stamp(factor=2.5),
-        stamp(name="NW other"),
+        stamp(name="other"),
         stamp(default=0.25),
         stamp(version="2"),
         stamp(property_="SUBTRACT"),

@@ -2,20 +2,29 @@
 """Perturbations' groups as descriptions: sockets out of the parameters, places, and a setting's chain of groups."""
 
 import math
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import Literal
 
 import pytest
 from cases import cases
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.node_graphs.chain import build_chain, capacity_of, is_active, socket_values, step_node
+from noisy_world.core.node_graphs.chain import (
+    build_chain,
+    capacity_of,
+    is_active,
+    shown_values,
+    socket_values,
+    step_node,
+)
 from noisy_world.core.node_graphs.graph import INTERFACE, Graph, GroupInput, Socket
+from noisy_world.core.node_graphs.group_inputs import OVERRIDE_PANEL
 from noisy_world.core.node_graphs.groups import Canvas, build_group
 from noisy_world.core.node_graphs.node_layout import arrange
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import Place, key
 from noisy_world.perturbations import registry
 
 COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation)}
@@ -48,12 +57,14 @@ def test_a_group_has_a_socket_for_every_parameter_at_severity_3(name):
         assert socket.description
         assert socket.kind == {bool: "bool", int: "int", float: "float"}[type(value)]
         assert socket.subtype in {"_px": ("PIXEL",), "deg": ("ANGLE",)}.get(parameter[-3:], (socket.subtype,))
+        assert (socket.panel == OVERRIDE_PANEL) == (parameter in perturbation.severities)
         if socket.kind != "bool":
             assert socket.minimum <= socket.default <= socket.maximum
     names = [item.name for item in build_group(perturbation).inputs]
-    assert {"Image", "Reference Width", "Enabled", "Encoded"} <= set(names)
+    assert {"Image", "Mask", "Reference Width", "Enabled", "Encoded", "Clip"} <= set(names)
+    assert ("Severity" in names) == ("Override Severity" in names) == bool(perturbation.severities)
     assert ("Seed" in names) == bool(perturbation.temporals)
-    assert ("Drift" in names) == ("drift" in perturbation.temporals)
+    assert ("Pattern" in names) == (len(perturbation.temporals) > 1)
     assert ("Depth" in names) == perturbation.needs_depth
 
 
@@ -91,7 +102,7 @@ def test_nodes_stand_to_the_right_of_what_they_depend_on_and_none_on_another(nam
 
 
 def test_a_group_that_gives_its_input_has_an_entry():
-    graph = Graph("NW nothing", "Gives what it takes")
+    graph = Graph("nothing", "Gives what it takes")
     graph.output("Image", graph.input(GroupInput("Image", "color", (0, 0, 0, 1), "in")))
     plan = arrange(graph)
     assert plan.positions == {}
@@ -104,7 +115,7 @@ def test_a_perturbation_without_nodes_says_who_carries_it_out():
 
 
 def test_random_numbers_have_a_purpose_and_a_seed():
-    graph = Graph("NW test", "A test's")
+    graph = Graph("test", "A test's")
     image = graph.input(GroupInput("Image", "color", (0, 0, 0, 1), "in"))
     seed, key = (graph.input(GroupInput(name, "float", 0.0, name)) for name in ("Seed", "Key"))
     canvas = Canvas(graph, image, seed, seed, seed, image, seed=seed, key=key)
@@ -123,7 +134,7 @@ def test_random_numbers_have_a_purpose_and_a_seed():
 
 def test_a_chain_applies_its_steps_one_after_another():
     steps = steps_of({"fog_depth": {"severity": 2}}, {"gaussian_noise": None}, {"gaussian_noise": None})
-    graph = build_chain("NW chain", steps)
+    graph = build_chain("chain", steps)
     groups = [node for node in graph.nodes if node.group is not None]
     assert [node.name for node in groups] == [step_node(step) for step in steps]
     assert len({node.name for node in groups}) == 3
@@ -131,7 +142,7 @@ def test_a_chain_applies_its_steps_one_after_another():
     for before, after in pairwise(groups):
         assert graph.nodes[after.inputs["Image"].node] is before
     assert "Depth" in [item.name for item in graph.inputs]
-    assert "Depth" not in [item.name for item in build_chain("NW chain", steps[1:]).inputs]
+    assert "Depth" not in [item.name for item in build_chain("chain", steps[1:]).inputs]
 
 
 def test_a_trail_longer_than_the_group_serves_asks_for_a_larger_one():
@@ -147,19 +158,80 @@ def test_sockets_say_what_a_step_does_to_a_frame():
     (step,) = steps_of({"fog": {"severity": 5, "temporal": "drift"}})
     values, note = socket_values(step, 12, WHERE, scene_frame=2)
     assert (values["Thickness"], values["Smoothness"]) == (3.0, 1.4)  # the paper's, at severity 5
-    assert (values["Enabled"], values["Redraw"], values["Drift"], values["Frame Offset"]) == (True, False, True, 10)
+    assert (values["Enabled"], values["Pattern"], values["Frame Offset"]) == (True, "Drift", 10)
     assert values["Seed"] == note["node_seed"]
     assert 0 <= values["Seed"] < 2**24  # what float32 counts
     assert socket_values(step, 13, WHERE)[0]["Seed"] == values["Seed"]
     assert socket_values(step, 12, (8, "room", "setting"))[0]["Seed"] != values["Seed"]
     (fresh,) = steps_of({"fog": {"severity": 0}})
     values, _ = socket_values(fresh, 0, WHERE)
-    assert (values["Enabled"], values["Redraw"], values["Drift"]) == (False, True, False)
+    assert (values["Enabled"], values["Pattern"]) == (False, "Fresh")
     assert "Thickness" not in values
     (turned,) = steps_of({"motion_blur": {"max_angle_deg": 90.0}})
     assert socket_values(turned, 0, WHERE)[0]["Max Angle"] == pytest.approx(math.pi / 2)
     (still,) = steps_of({"contrast": {"severity": 1}})
     assert "Seed" not in socket_values(still, 0, WHERE)[0]
+
+
+@pytest.mark.parametrize(
+    ("given", "by_severity"),
+    [
+        ({"severity": 4}, True),
+        ({"severity": 4, "flow_px": 9.0}, True),  # which is not in the table
+        ({"severity": 4, "thickness": 2.75}, False),
+        ({"severity": 3.5}, False),  # the table is exact to the bit at whole levels only
+        ({"thickness": 2.5, "smoothness": 1.7}, False),
+    ],
+)
+def test_what_people_see_goes_by_the_severity_where_that_decides_all(given, by_severity):
+    (step,) = steps_of({"fog": given})
+    bare, shown = socket_values(step, 3, WHERE)[0], shown_values(step, 3, WHERE)
+    assert shown["Override Severity"] is not by_severity
+    assert ("Thickness" in shown) is not by_severity
+    assert shown.get("Severity") == (given["severity"] if by_severity else None)
+    assert {name: bare[name] for name in shown if name in bare} == {
+        name: value for name, value in shown.items() if name not in ("Severity", "Override Severity")
+    }
+
+
+def test_a_step_that_does_nothing_leaves_its_severity_and_one_without_a_table_has_none():
+    (off,) = steps_of({"fog": {"severity": 0}})
+    assert shown_values(off, 0, WHERE).keys() == {"Enabled", "Pattern", "Seed", "Frame Offset"}
+    untabled = replace(off, perturbation=replace(COLOUR["fog"], severities={}), severity=None, given={})
+    assert "Override Severity" not in shown_values(untabled, 0, WHERE)
+    assert "Severity" not in [item.name for item in build_group(untabled.perturbation).inputs]
+
+
+def test_a_choice_of_words_is_a_menu():
+    @dataclass(frozen=True)
+    class Tinted:
+        """A tint."""
+
+        hue: Literal["deep_red", "green"] = key("which tint", default="green")
+
+    def build(canvas, given, _served):
+        red, green = canvas.graph.chosen(given["hue"])
+        return canvas.image * canvas.graph.vector(red, green, 0.0)
+
+    tinted = replace(
+        COLOUR["contrast"], name="tinted", parameters=Tinted, severities={}, build=build, label="tint by hue"
+    )
+    group = build_group(tinted)
+    (hue,) = (item for item in group.inputs if item.kind == "menu")
+    assert (group.name, hue.name, hue.items, hue.default) == ("Tint by Hue", "Hue", ("Deep Red", "Green"), "Green")
+    (step,) = parse_steps([{"tinted": {"hue": "deep_red"}}], Place("test"), {"tinted": tinted})
+    assert socket_values(step, 0, WHERE)[0]["Hue"] == "Deep Red"
+
+
+def test_a_pattern_that_can_only_change_in_one_way_is_no_choice():
+    only = replace(COLOUR["fog"], temporals=("fixed",))
+    group = build_group(only)
+    assert {"Seed", "Pattern"}.intersection(item.name for item in group.inputs) == {"Seed"}
+    assert only.natural == "fixed"
+    assert COLOUR["fog"].natural == "drift"
+    assert COLOUR["gaussian_noise"].natural == "fresh"
+    with pytest.raises(ValueError, match="fog: natural_temporal has to be one of its temporals"):
+        replace(only, natural_temporal="drift")
 
 
 def test_a_chain_rests_where_nothing_is_enabled():

@@ -6,22 +6,29 @@ from dataclasses import fields, replace
 from typing import Any
 
 from ..geometry import Intrinsics
-from ..perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..labels import title
+from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers
 from ..perturbing.steps import Step
+from ..trajectories.motion import CameraMotion
+from ..trajectories.stance import stance_of
+from .camera import camera_values
 from .flat import flat
 from .graph import Graph, Socket
-from .groups import (
+from .group_inputs import (
+    CLIP_INPUT,
     DEPTH_INPUT,
     ENCODED_INPUT,
     IMAGE_INPUT,
+    OVERRIDE,
+    PATTERN,
     REFERENCE_INPUT,
-    build_group,
-    from_encoded,
+    SEVERITY_INPUT,
     seed_of,
     socket_name,
     socket_value,
-    to_encoded,
 )
+from .groups import build_group
+from .light import Light
 
 # Added to a number from 0 to 255 and subtracted again, it rounds as the processor does, ties to the even number: of
 # float32's numbers from 2^23 on, only whole ones are left.
@@ -32,21 +39,25 @@ BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
     """Describe a chain: it takes and gives linear light, converts once at each end, and passes encoded values inside.
 
+    It clips, as what the generator writes is clipped, unless its input Clip is switched off.
+
     steps: of colour, in propagation order. `step_node` gives the name of each one's group node.
     """
     graph = Graph(name, "Perturbations of colour in propagation order")
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
-    result = to_encoded(graph, image, encoded)
+    clip = graph.input(replace(CLIP_INPUT, default=True))
+    light = Light(image, encoded, clip)
+    result = light.to_encoded()
     with graph.section("Perturbations"):
         for step in steps:
-            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": True}
+            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": True, "Clip": clip}
             if step.perturbation.needs_depth:
                 inputs["Depth"] = depth_m
             group = build_group(step.perturbation, capacity_of(step))
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
-    graph.output("Image", from_encoded(graph, result, image, encoded), description="The perturbed frame")
+    graph.output("Image", light.from_encoded(result), description="The perturbed frame")
     return graph
 
 
@@ -56,14 +67,14 @@ def build_written(steps: Sequence[Step[ColourPerturbation]]) -> Graph:
     Inputs are Image, Depth where a step asks for it, Reference Width, and each step's, named by `socket_of`. Outputs
     are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest.
     """
-    names = [build_group(step.perturbation, capacity_of(step)).name for step in steps]
-    graph = Graph(f"NW written: {', '.join(names)}", "Perturbations of colour as the generator evaluates them")
+    groups = [build_group(step.perturbation, capacity_of(step), bare=True) for step in steps]
+    names = ", ".join(group.name for group in groups)
+    graph = Graph(f"Written: {names}", "Perturbations of colour as the generator evaluates them")
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
     shared: dict[str, Any] = {"Reference Width": graph.input(REFERENCE_INPUT), "Encoded": True, "Depth": depth_m}
     result = image if steps else graph.clamp(image)
-    for step in steps:
-        group = build_group(step.perturbation, capacity_of(step))
+    for step, group in zip(steps, groups, strict=True):
         inputs: dict[str, Any] = {"Image": result}
         for item in group.inputs:
             if item.name in shared:
@@ -90,7 +101,8 @@ def socket_of(step: Step[ColourPerturbation], name: str) -> str:
 
 def step_node(step: Step[ColourPerturbation]) -> str:
     """Return the name of a step's node in its chain."""
-    return step.perturbation.label if step.occurrence == 0 else f"{step.perturbation.label} {step.occurrence + 1}"
+    name = title(step.perturbation.label)
+    return name if step.occurrence == 0 else f"{name} {step.occurrence + 1}"
 
 
 def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
@@ -112,10 +124,12 @@ def socket_values(
     *,
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
+    motion: CameraMotion | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return a step's socket values for a frame of a sequence, by socket name, and a note for the provenance.
+    """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
-    scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if known.
+    scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics, motion: of the camera, if
+    known.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
@@ -129,13 +143,50 @@ def socket_values(
         for item in fields(parameters):
             value = socket_value(perturbation, item.name, getattr(parameters, item.name))
             values[socket_name(item.name)] = value
+    if severity != 0 and perturbation.is_repeatable(step.parameters(severity)):
+        return values, note
+    if severity != 0 and perturbation.uses_motion:
+        held = perturbation.goes_with_camera and step.temporal == "fixed"
+        values |= camera_values(stance_of(None if held else motion))
     if perturbation.temporals:
         values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
-        values["Redraw"] = step.temporal == "fresh"
-        if "drift" in perturbation.temporals:
-            values["Drift"] = step.temporal == "drift"
+        if len(perturbation.temporals) > 1:
+            values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def shown_values(
+    step: Step[ColourPerturbation],
+    index: int,
+    identifiers: Identifiers,
+    *,
+    scene_frame: int = 0,
+    intrinsics: Intrinsics | None = None,
+) -> dict[str, Any]:
+    """Return what `socket_values` does for a group that people see: by its Severity, where that decides all the same.
+
+    Only whole levels go by the severity, as the table's values are exact there.
+    """
+    values, note = socket_values(step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics)
+    table = step.perturbation.severities
+    if not table or not values["Enabled"]:
+        return values
+    severity = note.get("severity")
+    if severity not in SEVERITIES or not _is_by_table(step.perturbation, severity, values):
+        return values | {OVERRIDE: True}
+    names = [socket_name(name) for name in table]
+    kept = {name: value for name, value in values.items() if name not in names}
+    return kept | {OVERRIDE: False, SEVERITY_INPUT.name: float(severity)}
+
+
+def _is_by_table(perturbation: ColourPerturbation, severity: float, values: Mapping[str, Any]) -> bool:
+    """Tell whether all parameters of the table are as at this severity."""
+    wanted = perturbation.at_severity(severity)
+    return all(
+        values[socket_name(name)] == socket_value(perturbation, name, getattr(wanted, name))
+        for name in perturbation.severities
+    )
 
 
 def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:

@@ -7,6 +7,7 @@ time, in the processor's cache. People read groups inside groups; the generator 
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from .graph import INTERFACE, Graph, GroupInput, Kind, Node, Socket
@@ -14,17 +15,17 @@ from .graph import INTERFACE, Graph, GroupInput, Kind, Node, Socket
 REPEATED = (
     4  # times that a group stands in another at most, to be written out; chosen: Blender makes large groups slowly
 )
-_SWITCH = "GeometryNodeSwitch"
+_SWITCH, _MENU_SWITCH = "GeometryNodeSwitch", "GeometryNodeMenuSwitch"
 # From narrow to wide: a link to a wider socket loses nothing, so a group's socket in between changes nothing.
-_WIDTH: Mapping[Kind, int] = {"bool": 0, "int": 1, "float": 2, "vector": 3, "color": 3}
+_WIDTH: Mapping[Kind, int] = {"menu": 0, "bool": 0, "int": 1, "float": 2, "vector": 3, "color": 3}
 
 
 def flat(graph: Graph) -> Graph:
     """Return the description with the groups inside it written out.
 
-    Where a group inside is given a plain True or False, and a choice depends on that alone, the other branch is left
-    out. A group inside stays one where it is there more than `REPEATED` times or says so, itself made flat, and where a
-    link to it narrows what it carries.
+    Where a group inside is given a plain True or False, or an item of a menu, and a choice depends on that alone, the
+    other branches are left out. A group inside stays one where it is there more than `REPEATED` times or says so,
+    itself made flat, and where a link to it narrows what it carries.
     """
     return _Writer(graph).result
 
@@ -36,12 +37,15 @@ class _Writer:
         self.result = Graph(graph.name, graph.description)
         self._constants: dict[tuple[Kind, str], Socket] = {}
         self._groups: dict[str, Graph] = {}
-        made = self._write(graph, {item.name: self.result.input(item) for item in graph.inputs})
+        made = self._write(graph, {item.name: self.result.input(_unshown(item)) for item in graph.inputs})
         for item in graph.outputs:
             self.result.output(item.name, self._socket(item.kind, made[item.name]), item.kind, item.description)
 
     def _write(self, graph: Graph, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Write a group's nodes. given: for each input a socket or the value of a bool. Return its outputs' values."""
+        """Write a group's nodes; return its outputs' values.
+
+        given: for each input a socket, or the value of a bool or a menu.
+        """
         numbers: dict[int, int] = {}
         found: dict[int, Mapping[str, Any]] = {INTERFACE: given}
 
@@ -62,8 +66,8 @@ class _Writer:
                 arguments = {item.name: inputs.get(item.name, item.default) for item in node.group.inputs}
                 sockets = {item.name: self._argument(item.kind, arguments[item.name]) for item in node.group.inputs}
                 found[number] = self._write(node.group, sockets)
-            elif (chosen := _chosen(node, inputs)) is not None:
-                found[number] = {"Output": chosen}
+            elif (known := _known(node, inputs)) is not None:
+                found[number] = known
             else:
                 inside = node.group and self._flat_group(node.group)
                 made = self.result.node(node.idname, inputs, node.properties, picture=node.picture, group=inside)
@@ -81,7 +85,7 @@ class _Writer:
         return self._groups[group.stamp]
 
     def _argument(self, kind: Kind, value: Any) -> Any:
-        return value if isinstance(value, bool) else self._socket(kind, value)
+        return value if isinstance(value, bool | str) else self._socket(kind, value)
 
     def _socket(self, kind: Kind, value: Any) -> Socket:
         """Return a socket that gives a value; a plain one becomes an input that is never set."""
@@ -94,12 +98,19 @@ class _Writer:
         return self._constants[key]
 
 
-def _chosen(node: Node, inputs: Mapping[str, Any]) -> Socket | None:
-    """Return what a choice gives whose condition is known; None for other nodes."""
+def _unshown(item: GroupInput) -> GroupInput:
+    """Return an input without its place on the node, which nobody sees."""
+    return replace(item, panel=None, toggles=False)
+
+
+def _known(node: Node, inputs: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return what a choice gives whose condition is known, by its outputs; None for other nodes."""
+    if node.idname == _MENU_SWITCH and isinstance(inputs["Menu"], str):
+        return {f"Item_{place}": float(item == inputs["Menu"]) for place, item in enumerate(node.properties["items"])}
     if node.idname != _SWITCH or not isinstance(inputs["Switch"], bool):
         return None
     chosen = inputs["True" if inputs["Switch"] else "False"]
-    return chosen if isinstance(chosen, Socket) else None
+    return {"Output": chosen} if isinstance(chosen, Socket) else None
 
 
 def _fits(group: Graph, inputs: Mapping[str, Any]) -> bool:

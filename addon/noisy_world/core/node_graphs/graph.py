@@ -10,14 +10,14 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Kind = Literal["float", "int", "bool", "vector", "color"]
+type Kind = Literal["float", "int", "bool", "menu", "vector", "color"]
 type Value = Socket | float | tuple[float, ...]
 
 IMAGE_KINDS = ("vector", "color")  # the kinds with several numbers at each pixel
@@ -25,8 +25,21 @@ INTERFACE = -1  # the node number of the group's own inputs
 
 
 @dataclass(frozen=True)
+class Panel:
+    """A part of a group's node with its own title. closed: until a user opens it."""
+
+    name: str
+    description: str
+    closed: bool = False
+
+
+@dataclass(frozen=True)
 class GroupInput:
-    """An input of the group. subtype: Blender's name (PIXEL, ANGLE, DISTANCE, FACTOR), which decides the unit."""
+    """An input of the group. subtype: Blender's name (PIXEL, ANGLE, DISTANCE, FACTOR), which decides the unit.
+
+    panel: that it stands in, None above all panels. toggles: it is the switch in its panel's title, and stands first in
+    it. items: what a menu offers.
+    """
 
     name: str
     kind: Kind
@@ -35,6 +48,9 @@ class GroupInput:
     minimum: float | None = None
     maximum: float | None = None
     subtype: str = "NONE"
+    panel: Panel | None = None
+    toggles: bool = False
+    items: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -260,6 +276,14 @@ class Graph:
         """Return first + (second - first) * share."""
         return self.math("MULTIPLY_ADD", self.math("SUBTRACT", second, first), share, first)
 
+    def blend(self, first: Value, second: Value, share: Value) -> Socket:
+        """Return first x (1 - share) + second x share: exactly one of the two where the share, clamped, is 0 or 1."""
+        wide = any(_kind(item) in IMAGE_KINDS for item in (first, second))
+        suffix, kind = ("Vector", "vector") if wide else ("Float", "float")
+        ends = {f"A_{suffix}": _as(kind, first), f"B_{suffix}": _as(kind, second)}
+        node = self.node("ShaderNodeMix", {"Factor_Float": share} | ends, {"data_type": suffix.upper()})
+        return node.out(f"Result_{suffix}", kind)
+
     def vector(self, x: Value, y: Value, z: Value = 0.0) -> Socket:
         """Put three numbers together."""
         return self.node("ShaderNodeCombineXYZ", {"X": x, "Y": y, "Z": z}).out("Vector", "vector")
@@ -273,6 +297,15 @@ class Graph:
         types = {"color": "RGBA", "vector": "VECTOR", "float": "FLOAT", "int": "INT", "bool": "BOOLEAN"}
         inputs = {"Switch": condition, "True": _as(kind, if_true), "False": _as(kind, if_false)}
         return self.node("GeometryNodeSwitch", inputs, {"input_type": types[kind]}).out("Output", kind)
+
+    def chosen(self, menu: Socket) -> list[Socket]:
+        """Return for each item of a menu of the group 1 if it is chosen, otherwise 0.
+
+        To be asked once for each menu: two of Blender's nodes cannot share one.
+        """
+        items = next(item.items for item in self.inputs if item.name == menu.output)
+        node = self.node("GeometryNodeMenuSwitch", {"Menu": menu}, {"data_type": "FLOAT", "items": items})
+        return [node.out(f"Item_{place}", "float") for place in range(len(items))]
 
     def picture(self, picture: Picture) -> Socket:
         """Add a node that gives an image of ours."""
@@ -298,7 +331,7 @@ class Graph:
             "description": self.description,
             "category": self.category,
             "tags": self.tags,
-            "inputs": [[getattr(item, name) for name in GroupInput.__dataclass_fields__] for item in self.inputs],
+            "inputs": [astuple(item) for item in self.inputs],
             "outputs": [[item.name, item.kind, _content(item.socket), item.description] for item in self.outputs],
             "nodes": [_content(node) for node in self.nodes],
         }

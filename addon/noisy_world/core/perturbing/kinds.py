@@ -184,11 +184,12 @@ class Perturbation:
     frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
-    counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the installed package
-    that brought it, set when it is found; None for our own.
+    natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default drift,
+    where it has that. counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the
+    installed package that brought it, set when it is found; None for our own.
 
-    Raises ValueError for a name, parameters or severities that are not as described, and for a parameter with the name
-    of a key that every perturbation has in a preset.
+    Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
+    parameter with the name of a key that every perturbation has in a preset.
     """
 
     name: str
@@ -199,6 +200,7 @@ class Perturbation:
     severities: Mapping[str, Sequence[float]]
     source: str
     temporals: tuple[Temporal, ...] = ()
+    natural_temporal: Temporal | None = None
     counts: frozenset[str] = frozenset()
     distribution: Distribution | None = None
 
@@ -215,6 +217,13 @@ class Perturbation:
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
+        if self.natural_temporal is not None and self.natural_temporal not in self.temporals:
+            raise ValueError(f"{self.name}: natural_temporal has to be one of its temporals")
+
+    @property
+    def natural(self) -> Temporal:
+        """How its pattern changes where nothing else is said to an artist. Raises IndexError where nothing is drawn."""
+        return self.natural_temporal or ("drift" if "drift" in self.temporals else self.temporals[0])
 
     def at_severity(self, severity: float, **given: Any) -> Any:
         """Return the parameters at a severity, interpolated linearly in the table; `given` override them.
@@ -265,7 +274,9 @@ class ColourPerturbation(Perturbation):
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
     share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
     linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
-    camera's motion, where the context has it. by_camera: of the group's parameters, what a known camera decides.
+    camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does.
+    by_camera: of the group's parameters, what a known camera decides. repeats: tells of which parameters it is
+    repeatable, and looks at no motion, though it has temporals.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -278,7 +289,13 @@ class ColourPerturbation(Perturbation):
     repeatable: bool = False
     linear: bool = False
     uses_motion: bool = False
+    goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
+    repeats: Callable[[Any], bool] | None = None
+
+    def is_repeatable(self, parameters: Any) -> bool:
+        """Tell whether with these parameters the result depends on image, depth and intrinsics alone."""
+        return self.repeatable or (self.repeats is not None and self.repeats(parameters))
 
     def __post_init__(self) -> None:
         super().__post_init__()
