@@ -96,10 +96,16 @@ def test_a_chain_of_an_earlier_version_is_made_anew_and_nothing_of_it_is_left(sc
     names = {tree.name for tree in bpy.data.node_groups}
     for tree in bpy.data.node_groups:  # as if its groups had been described otherwise
         tree["noisy_world_stamp"] = "earlier"
+        if tree.name.startswith("Per"):
+            del tree["noisy_world_made_as"]
         if not tree.name.startswith(("Per", "Pre", "JPEG Comp", "Pix")):
             tree.name = f"NW {tree.name}"
     refresh_chain(scene, steps, IDENTIFIERS)
     assert {tree.name for tree in bpy.data.node_groups} == names
+    chain = shown_chain(scene)
+    chain.name = "Mine"  # a user may call it as he likes
+    refresh_chain(scene, steps, IDENTIFIERS)
+    assert shown_chain(scene) == chain
     hide_chain(scene)
     assert len(bpy.data.node_groups) == 0
 
