@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -36,8 +36,9 @@ demo: venv ## render presets/demo.yaml into out/demo
 picture: demo ## draw the README's picture anew
 	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
 
-ice: venv ## draw frost's pictures of ice anew
+ice: venv ## draw the ice of frost and lens_frost anew
 	$(PY) headless/tools/draw_ice.py
+	$(PY) headless/tools/draw_frost.py
 
 rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 	$(PY) headless/tools/rooms.py docs/rooms.jpg
@@ -50,6 +51,13 @@ screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path
 
 assets: venv ## write the asset library of node groups for Blender's asset browser
 	$(PY) headless/tools/assets.py
+
+example: venv ## write out/example/street.blend: a lit street with four node groups behind its render, ready to play
+	$(PY) headless/tools/example.py
+
+film: venv ## render the street's path and write docs/street.mp4 anew: an hour of a processor
+	$(PY) headless/tools/street_frames.py out/film/frames --samples 5
+	$(PY) headless/tools/film.py docs/street --frames out/film/frames
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))

@@ -5,7 +5,7 @@ import pytest
 from fuzz.areas import AREAS
 from fuzz.cases import run_case
 
-CASES = {"presets": 60, "trajectories": 120, "recordings": 60, "meshes": 150, "datasets": 30}
+CASES = {"presets": 60, "trajectories": 120, "recordings": 60, "videos": 20, "meshes": 150, "datasets": 30}
 
 
 @pytest.mark.parametrize("area", AREAS)

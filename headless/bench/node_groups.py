@@ -31,6 +31,7 @@ EXACT = (
     "gaussian_blur",
     "defocus_blur",
     "motion_blur",
+    "haze",
     "fog_depth",
     "defocus_depth",
 )

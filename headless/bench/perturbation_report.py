@@ -59,7 +59,7 @@ def main(arguments: list[str]) -> int:
     keep_freed_memory()  # as a run does
     frames = np.stack([read_frame(path) for path in paths])
     coloured = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
-    names = [item.name for item in coloured if not item.needs_depth]  # those that the peer has too
+    names = [item.name for item in coloured if item.source.startswith("paper")]  # those that the peer has too
     with tempfile.TemporaryDirectory() as folder:
         clean = Path(folder) / "clean.npy"
         np.save(clean, frames)

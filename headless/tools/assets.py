@@ -17,7 +17,6 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,13 +24,31 @@ from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
-from tools.showcase import demo_frame, perturbed, shown_perturbations
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.schema import Place
+from noisy_world.perturbations import registry
+from tools.lit_compositor import ColourStep, perturbed, shown
+from tools.showcase import shown_perturbations
+from tools.street.thumbnail import SIDE_PX, thumbnail, thumbnail_camera
 
 FILE = "noisy_world_assets.blend"
 CATALOGS = "blender_assets.cats.txt"
 CATALOG_NAMES = {"environment": "Environment", "lens": "Lens", "sensor": "Sensor", "post": "Post-processing"}
-PREVIEW_SEVERITY = 4  # chosen: strong enough to be recognised in a small picture
-PREVIEW_PX = 256  # the size that Blender stores previews in
+# How the previews are made, chosen so that one tells a group from another in a small picture: with these values of a
+# preset where severity SEVERITY is too much or too little, and with sizes in pixels as in a frame of this width.
+LOOKS: dict[str, dict[str, Any]] = {
+    "fog_depth": {"severity": 1},
+    "defocus_depth": {"focus_m": 7.0, "f_number": 0.7, "focal_length_mm": 85.0, "max_radius_px": 10.0},
+    "gaussian_noise": {"severity": 3},
+    "shot_noise": {"severity": 3},
+    "brightness": {"severity": 3},
+    "contrast": {"severity": 2},
+    "jpeg_compression": {"severity": 5},
+}
+SEVERITY = 4
+REFERENCES_PX = {"pixelate": 110, "jpeg_compression": 200, "gaussian_blur": 250, "spatter": 300}
+REFERENCE_PX = 420
+MOMENT = 30  # a frame at which what drifts is under way
 
 
 def main(arguments: list[str]) -> int:
@@ -46,17 +63,30 @@ def main(arguments: list[str]) -> int:
 
 def write_library(folder: Path) -> int:
     """Write the file and its catalogues; return the number of groups."""
-    previews = perturbed(*demo_frame(), [PREVIEW_SEVERITY])
     with muted_output():
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    shown = shown_perturbations()
-    for perturbation in shown:
-        mark(perturbation, previews[perturbation.name, PREVIEW_SEVERITY])
+    pictures = previews()
+    for perturbation in shown_perturbations():
+        mark(perturbation, pictures[perturbation.name])
     folder.mkdir(parents=True, exist_ok=True)
     (folder / CATALOGS).write_text(catalogs(), encoding="utf-8")
     with muted_output():
         bpy.ops.wm.save_as_mainfile(filepath=str((folder / FILE).resolve()), compress=True, copy=True)
-    return len(shown)
+    return len(pictures)
+
+
+def previews() -> dict[str, NDArray[np.uint8]]:
+    """Return what each group makes of a lit frame, square, by the perturbation's name."""
+    steps = {item.name: look_step(item.name) for item in shown_perturbations()}
+    widths_px = {name: REFERENCES_PX.get(name, REFERENCE_PX) for name in steps}
+    made = perturbed(thumbnail(), MOMENT, steps, widths_px, thumbnail_camera())
+    return {name: shown(linear) for name, linear in made.items()}
+
+
+def look_step(name: str) -> ColourStep:
+    """Return the step that a perturbation's preview shows."""
+    (step,) = parse_steps([{name: LOOKS.get(name, {"severity": SEVERITY})}], Place("assets"), registry())
+    return step
 
 
 def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
@@ -72,15 +102,10 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     asset.catalog_id = catalog_id(perturbation.stage)
     for tag in graph.tags:
         asset.tags.new(tag)
-    # A square from the middle; Blender stores rows from the bottom up.
-    side = min(picture.shape[:2])
-    top, left = (picture.shape[0] - side) // 2, (picture.shape[1] - side) // 2
-    square = np.ascontiguousarray(picture[top : top + side, left : left + side])
-    small = cv2.resize(square, (PREVIEW_PX, PREVIEW_PX), interpolation=cv2.INTER_AREA)[::-1]
-    rgba = np.ones((PREVIEW_PX, PREVIEW_PX, 4), dtype=np.float32)
-    rgba[..., :3] = small / np.float32(255)
+    rgba = np.ones((SIDE_PX, SIDE_PX, 4), dtype=np.float32)
+    rgba[..., :3] = picture[::-1] / np.float32(255)  # Blender stores rows from the bottom up
     preview = tree.preview_ensure()
-    size: Any = (PREVIEW_PX, PREVIEW_PX)  # the stubs have arrays of Blender's own only
+    size: Any = (SIDE_PX, SIDE_PX)  # the stubs have arrays of Blender's own only
     values: Any = rgba.ravel()
     preview.image_size = size
     preview.image_pixels_float.foreach_set(values)

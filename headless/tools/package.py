@@ -39,10 +39,17 @@ PLATFORMS = {
     "windows-x64": "win_amd64",
 }
 SCRIPTS = ("generate.py", "export_mesh.py", "track.py", "installation.py")
-PACKAGE_FILES = (".py", ".jpg")
+PACKAGE_FILES = (".py", ".jpg", ".png")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"
-LIBRARY_SCRIPTS = ("tools/assets.py", "tools/showcase.py")
+LIBRARY_SCRIPTS = (
+    "tools/assets.py",
+    "tools/showcase.py",
+    "tools/lit_compositor.py",
+    "tools/street/frames.py",
+    "tools/street/thumbnail.py",
+    "tools/street/thumbnail.exr",
+)
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 
 
@@ -250,10 +257,11 @@ def make_library() -> None:
 def definitions_hash() -> str:
     """Return a hash of everything that decides the asset library's content."""
     package = ROOT / "addon/noisy_world"
-    sources = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
+    rooms = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
+    sources = [path for path in rooms if path.suffix in PACKAGE_FILES]
     sources += [package / "blender/nodes.py", *(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
     total = hashlib.sha256()
-    for path in sorted(path for path in sources if path.suffix in PACKAGE_FILES):
+    for path in sorted(sources):
         total.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())
     return total.hexdigest()
 

@@ -27,9 +27,9 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory, room):
+def library(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assets")
-    assert assets.write_library(folder) == len(PERTURBATIONS)  # on a frame of the room, which is there already
+    assert assets.write_library(folder) == len(PERTURBATIONS)
     return folder
 
 

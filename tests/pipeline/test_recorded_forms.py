@@ -15,6 +15,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.optics import DepthCamera, Distortion
 from noisy_world.core.presets.preset import read_preset
+from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.perturb import frames
 from noisy_world.planning import make_plan
 
@@ -160,6 +161,35 @@ def test_a_lens_is_carried_or_taken_out(tmp_path):
     across = camera.ray_directions()[..., 0] * 80 + 128
     inner = np.s_[6:-6, 6:-6]
     assert np.abs(found.frame(0).rgb[..., 0].astype(float) - across)[inner].max() < 2.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        (
+            [],
+            "depth has a camera of its own, and its lens distorts; .* with register: true and undistort: true",
+        ),
+        (
+            ["scenes.0.register=true"],
+            "its lens distorts; make a dataset of it first, with undistort: true",
+        ),
+    ],
+)
+def test_what_systems_cannot_read_is_one_line(keys, told, tmp_path):
+    source, _ = recording(tmp_path, "nerfstudio")
+    run(preset_of(tmp_path / "p", source, layout="euroc"), tmp_path / "out", overrides=keys)
+    with pytest.raises(InputError, match=told):
+        given_sequence(tmp_path / "out/clean/box")
+
+
+def test_systems_read_a_treated_recording(tmp_path):
+    source, _ = recording(tmp_path, "nerfstudio")
+    keys = ["scenes.0.register=true", "scenes.0.undistort=true"]
+    run(preset_of(tmp_path / "p", source, layout="euroc"), tmp_path / "out", overrides=keys)
+    given = given_sequence(tmp_path / "out/noisy/box")
+    assert given.camera == find_sequence(source).known_camera
+    assert len(given.stored.trajectory) == 4
 
 
 # --- poses ---

@@ -78,7 +78,7 @@ class Watched(FrameContext):
 
 def test_what_says_so_is_repeatable():
     found = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.repeatable]
-    assert {item.name for item in found} == {*REPEATABLE, "fog_depth", "defocus_depth"}
+    assert {item.name for item in found} == {*REPEATABLE, "haze", "fog_depth", "defocus_depth"}
     rng = np.random.default_rng(0)
     rgb, depth_m = rng.random((24, 32, 3), dtype=np.float32), rng.uniform(1, 5, (24, 32)).astype(np.float32)
     for item in found:

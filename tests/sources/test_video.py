@@ -2,6 +2,7 @@
 """Videos as scenes, and datasets as videos."""
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -65,6 +66,22 @@ def test_what_is_no_video_is_one_line(tmp_path):
         read_video(tmp_path / "short.avi")
 
 
+def test_a_video_that_lacks_frames_is_told(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "whole.mkv"), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48))
+    for n in range(COUNT):
+        writer.write(np.full((48, 64, 3), 20 * n, np.uint8))
+    writer.release()
+    assert read_video(tmp_path / "whole.mkv").note == ""
+    data = (tmp_path / "whole.mkv").read_bytes()
+    (tmp_path / "walk.avi").write_bytes(data[: len(data) * 2 // 3])  # told by content, not by its name
+    notes = []
+    with make_plan(read_preset(preset_of(tmp_path))).renders[0].scene.source.prepare(None, notes.append):
+        pass
+    assert re.fullmatch(
+        r"walk\.avi says that it has 7 frames, of which [1-5] can be decoded: it may be cut.*", notes[0]
+    )
+
+
 def test_a_video_is_a_scene(tmp_path, capfd):
     film(tmp_path / "walk.avi")
     path = preset_of(tmp_path)
@@ -100,6 +117,90 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
     assert "is there already; --overwrite replaces it" in capfd.readouterr().err
     assert sorted(item.name for item in tmp_path.iterdir()) == ["noisy.avi", "out", "preset.json", "walk.avi"]
+
+
+def depth_of(folder, steps):
+    """Write a depth image for each of some arrays, numbered from 8, so that text order is another."""
+    folder.mkdir(exist_ok=True)
+    for n, one in enumerate(steps):
+        assert cv2.imwrite(str(folder / f"d{n + 8}.png"), one)
+    return folder
+
+
+def test_a_video_with_depth_beside_it(tmp_path):
+    film(tmp_path / "walk.avi")
+    steps = np.arange(COUNT * 48 * 64, dtype=np.uint16).reshape(COUNT, 48, 64)
+    depth_of(tmp_path / "walk_depth", steps)
+    settings = [{"name": "clean"}, {"name": "foggy", "perturb": [{"fog_depth": {"severity": 3}}]}]
+    path = preset_of(tmp_path, scenes=[{"video": "*.avi", "depth": "*_depth"}], settings=settings, output={})
+    for layout in ("replica", "tum"):  # with 6553.5 and 5000 steps a metre
+        run(path, tmp_path / layout, overrides=[f"output.layout={layout}"])
+        found = find_sequence(tmp_path / layout / "clean/walk", poses="none")
+        for row in range(COUNT):
+            kept_m = np.where(steps[row] / 1000 * found.depth_scale_per_m < 65535.5, steps[row] / 1000, 0)
+            assert np.abs(found.frame(row).depth_m - kept_m).max() <= 0.51 / found.depth_scale_per_m
+        foggy = find_sequence(tmp_path / layout / "foggy/walk", poses="none").frame(COUNT - 1).rgb.astype(int)
+        assert np.abs(foggy - found.frame(COUNT - 1).rgb).max() > 20
+    as_is = ["output.layout=tum", "output.depth_scale_per_m=200", "scenes.0.depth_scale_per_m=200"]
+    run(path, tmp_path / "linked", overrides=as_is)
+    linked, source = tmp_path / "linked/clean/walk/depth/000003.png", tmp_path / "walk_depth/d11.png"
+    assert linked.read_bytes() == source.read_bytes()
+    first, second = (make_plan(read_preset(path, more)).renders[0].scene.source.hashes() for more in ([], as_is))
+    assert first["depth_sha256"] == second["depth_sha256"]
+    assert (first["depth_scale_per_m"], second["depth_scale_per_m"]) == (1000, 200)
+    with pytest.raises(InputError, match=r"scenes\.0\.video: is a recording, which has no other poses for a rig"):
+        make_plan(read_preset(path, ["rig={rgb: {translation_m: [0, 0, 0]}}"]))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda folder: (folder / "d14.png").unlink(), "holds 6 depth images, but walk.avi has 7 frames; a 16-bit PNG"),
+        (lambda folder: (folder / "e08.png").write_bytes(b""), "d8.png and e08.png have one number; keep one"),
+        (lambda folder: (folder / "d9.png").rename(folder / "d.png"), "d.png: has no number in its name; name depth"),
+        (lambda folder: (folder / "d9.png").write_bytes(b"none"), "d9.png: is neither PNG nor JPEG"),
+        (
+            lambda folder: cv2.imwrite(str(folder / "d9.png"), np.zeros((48, 64), np.uint8)),
+            "d9.png: is a PNG of 8-bit grey, but depth has to be a PNG of 16-bit grey",
+        ),
+        (
+            lambda folder: cv2.imwrite(str(folder / "d9.png"), np.zeros((24, 32), np.uint16)),
+            "d9.png: is 32 x 24 pixels, but the video's frames are 64 x 48; register depth to colour",
+        ),
+        (lambda folder: folder.rename(folder.with_name("other")), "scenes.0.depth: no such folder"),
+    ],
+)
+def test_depth_that_is_not_the_videos_is_one_line(tmp_path, change, words):
+    film(tmp_path / "walk.avi")
+    folder = depth_of(tmp_path / "depth", [np.zeros((48, 64), np.uint16)] * COUNT)
+    path = preset_of(tmp_path, scenes=[{"video": "walk.avi", "depth": "depth"}])
+    change(folder)
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(path))
+    assert words in str(error.value)
+    assert str(error.value).isprintable()
+
+
+def test_depth_that_ends_early_is_refused_where_it_is_used(tmp_path):
+    film(tmp_path / "walk.avi")
+    folder = depth_of(tmp_path / "depth", [np.arange(48 * 64, dtype=np.uint16).reshape(48, 64)] * COUNT)
+    cut = folder / "d9.png"
+    cut.write_bytes(cut.read_bytes()[:-40])
+    path = preset_of(tmp_path, scenes=[{"video": "walk.avi", "depth": "depth"}], output={"layout": "tum"})
+    for scale in (5000, 1000):  # decoded, or used as it is
+        with pytest.raises(InputError, match=r"d9\.png: is damaged: it is cut short"):
+            run(path, tmp_path / f"{scale}", overrides=[f"output.depth_scale_per_m={scale}"])
+
+
+def test_keys_of_depth_go_with_a_video(tmp_path):
+    path = preset_of(tmp_path)
+    for scene, words in (
+        ("{sequence: a, depth: b}", r"scenes\.0\.depth: goes with video; leave it out"),
+        ("{video: walk.avi, depth_scale_per_m: 1000}", r"depth_scale_per_m: goes with depth of a video"),
+        ("{video: walk.avi, depth: b, depth_scale_per_m: 0.001}", r"depth_scale_per_m: .*0\.001"),
+    ):
+        with pytest.raises(InputError, match=words):
+            read_preset(path, [f"scenes=[{scene}]"])
 
 
 def test_a_video_of_nothing_is_none(tmp_path):

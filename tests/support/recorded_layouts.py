@@ -27,9 +27,11 @@ class Written:
 
 
 def poses(count=FRAMES, seed=0):
+    """Poses that look about the same way, each a little turned, so that frames see the same places."""
     random = np.random.default_rng(seed)
     c2w = np.tile(np.eye(4), (count, 1, 1))
-    c2w[:, :3, :3] = Rotation.random(count, rng=random).as_matrix()
+    little = Rotation.from_rotvec(random.uniform(-0.2, 0.2, (count, 3)))
+    c2w[:, :3, :3] = (Rotation.random(rng=random) * little).as_matrix()
     c2w[:, :3, 3] = random.uniform(-0.5, 0.5, (count, 3)) * HALF_M
     return c2w
 
@@ -176,6 +178,120 @@ def nerfstudio(folder):
     return Written(c2w, steps, 1000.0, seen, rgb)
 
 
+# --- the layouts that Noisy World writes, as others write them ---
+
+START_NS = 1403636579763555584
+
+
+def _stamps_ns():
+    return [START_NS + n * 33_333_333 for n in range(FRAMES)]
+
+
+def _quaternion(c2w, order):
+    x, y, z, w = Rotation.from_matrix(c2w[:3, :3]).as_quat().tolist()
+    return [w, x, y, z] if order == "wxyz" else [x, y, z, w]
+
+
+def replica(folder):
+    k = (64, 48, 58.0, 57.0, 31.5, 23.5)
+    c2w = poses(seed=7)
+    steps = _steps(k, c2w, 6553.5)
+    for n in range(FRAMES):
+        image(folder / f"results/frame{n:06d}.jpg", colour(k, n))
+        image(folder / f"results/depth{n:06d}.png", steps[n])
+    (folder / "traj.txt").write_text("".join(" ".join(map(repr, one.ravel().tolist())) + "\n" for one in c2w))
+    _cam_params(folder, k, 6553.5)
+    return Written(c2w, steps, 6553.5, k, k, hz=20.0)
+
+
+def _cam_params(folder, k, scale):
+    camera = dict(zip(("w", "h", "fx", "fy", "cx", "cy"), k, strict=True))
+    (folder / "cam_params.json").write_text(json.dumps({"camera": {**camera, "scale": scale}}))
+
+
+def tum(folder):
+    k = (64, 48, 58.0, 57.0, 31.25, 23.75)
+    c2w = poses(seed=8)
+    steps = _steps(k, c2w, 5000.0)
+    lists = {"rgb": [], "depth": [], "groundtruth": []}
+    for n, stamp_ns in enumerate(_stamps_ns()):
+        for kind, late_ns, pixels in (("rgb", 0, colour(k, n)), ("depth", 5_000_000, steps[n])):
+            at = f"{(stamp_ns + late_ns) // 10**9}.{(stamp_ns + late_ns) % 10**9 // 1000:06d}"
+            image(folder / f"{kind}/{at}.png", pixels)
+            lists[kind].append(f"{at} {kind}/{at}.png")
+        at = f"{stamp_ns // 10**9}.{stamp_ns % 10**9 // 100_000:04d}"
+        lists["groundtruth"].append(" ".join([at, *map(repr, [*c2w[n, :3, 3].tolist(), *_quaternion(c2w[n], "xyzw")])]))
+    for name, rows in lists.items():
+        (folder / f"{name}.txt").write_text("# a\n# b\n# c\n" + "".join(row + "\n" for row in rows))
+    _cam_params(folder, k, 5000.0)
+    return Written(c2w, steps, 5000.0, k, k)
+
+
+SENSOR = """sensor_type: camera
+T_BS:
+  cols: 4
+  rows: 4
+  data: {pose}
+rate_hz: 30
+resolution: [{wide}, {high}]
+camera_model: pinhole
+intrinsics: {values}
+distortion_model: radial-tangential
+distortion_coefficients: [0.0, 0.0, 0.0, 0.0]
+"""
+
+
+def _sensor_yaml(k, body_from_sensor, extra=""):
+    text = SENSOR.format(pose=body_from_sensor.ravel().tolist(), wide=k[0], high=k[1], values=list(k[2:]))
+    return text + extra
+
+
+def euroc(folder):
+    """Poses are those of a body on which the camera sits."""
+    k = (64, 48, 58.0, 57.0, 31.25, 23.75)
+    c2w = poses(seed=9)
+    body_from_camera = poses(1, seed=99)[0]
+    body = c2w @ np.linalg.inv(body_from_camera)
+    steps = _steps(k, c2w, 2000.0)
+    mav = folder / "mav0"
+    lists = {"cam0": [], "depth0": [], "state_groundtruth_estimate0": []}
+    for n, stamp_ns in enumerate(_stamps_ns()):
+        for kind, pixels in (("cam0", colour(k, n)), ("depth0", steps[n])):
+            image(mav / f"{kind}/data/{stamp_ns}.png", pixels)
+            lists[kind].append(f"{stamp_ns},{stamp_ns}.png")
+        row = [*body[n, :3, 3].tolist(), *_quaternion(body[n], "wxyz")]
+        lists["state_groundtruth_estimate0"].append(",".join([str(stamp_ns), *map(repr, row)]))
+    for name, rows in lists.items():
+        (mav / name).mkdir(exist_ok=True)
+        (mav / name / "data.csv").write_text("#timestamp [ns],others\n" + "".join(row + "\n" for row in rows))
+    (mav / "cam0/sensor.yaml").write_text(_sensor_yaml(k, body_from_camera))
+    (mav / "depth0/sensor.yaml").write_text(_sensor_yaml(k, body_from_camera, "depth_scale_per_m: 2000.0\n"))
+    return Written(c2w, steps, 2000.0, k, k)
+
+
+def vslamlab(folder):
+    k = (64, 48, 58.0, 57.0, 31.25, 23.75)
+    c2w = poses(seed=10)
+    steps = _steps(k, c2w, 2000.0)
+    listed = ["ts_rgb_0 (ns),path_rgb_0,ts_depth_0 (ns),path_depth_0"]
+    truth = ["ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw"]
+    for n, stamp_ns in enumerate(_stamps_ns()):
+        image(folder / f"rgb_0/{stamp_ns}.png", colour(k, n))
+        image(folder / f"depth_0/{stamp_ns}.png", steps[n])
+        listed.append(f"{stamp_ns},rgb_0/{stamp_ns}.png,{stamp_ns},depth_0/{stamp_ns}.png")
+        row = [*c2w[n, :3, 3].tolist(), *_quaternion(c2w[n], "xyzw")]
+        truth.append(",".join([str(stamp_ns), *map(repr, row)]))
+    (folder / "rgb.csv").write_text("\n".join(listed) + "\n")
+    (folder / "groundtruth.csv").write_text("\n".join(truth) + "\n")
+    told = f"focal_length: {list(k[2:4])}, principal_point: {list(k[4:])}, image_dimension: {list(k[:2])}"
+    (folder / "calibration.yaml").write_text(
+        "%YAML 1.2\n---\ncameras:\n  - {cam_name: rgb_0, cam_type: rgb+depth, depth_name: depth_0, "
+        f"cam_model: pinhole, {told}, fps: 30.0, depth_factor: 2000.0, T_BS: {np.eye(4).ravel().tolist()}}}\n"
+    )
+    return Written(c2w, steps, 2000.0, k, k)
+
+
+WRITTEN = {writer.__name__: writer for writer in (replica, tum, euroc, vslamlab)}
 WRITERS = {
     writer.__name__: writer for writer in (seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio)
 }

@@ -142,7 +142,7 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     ("change", "key"),
     [
         ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),
-        ({"scenes": [{"sequence": "room0"}]}, "scenes.0.sequence"),
+        ({"scenes": [{"sequence": "room*"}]}, "scenes.0.sequence"),
         ({"scenes": [{"mesh": "*.ply", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
         ({"scenes": [{"mesh": "embedded:room?seed=*", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
         ({"scenes": [{"mesh": "embedded:room?seed=8", "trajectory": "t.txt"}]}, "scenes.0.mesh"),

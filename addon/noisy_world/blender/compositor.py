@@ -16,6 +16,7 @@ from ..core.node_graphs.chain import build_written, is_active, socket_of, socket
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
+from ..core.trajectories.motion import CameraMotion
 from .nodes import ensure_group, remove_group
 from .render import muted_output
 from .scratch_images import read_rows, write_plain_floats
@@ -26,6 +27,9 @@ SCENE = "Noisy World compositor"
 # settings. A file of several costs less than several files, as writing a row costs more than its bytes.
 LAYERS = 16
 FLOATS = 4  # bytes of a float32
+type Motions = Mapping[str, CameraMotion | None]
+"""How the camera moves at a frame, by chain; of those that are missing nothing is known."""
+
 type SocketValues = dict[str, dict[str, Any]]
 """The values of sockets by name, by the step's node."""
 
@@ -97,16 +101,17 @@ class Compositor:
         rgb: NDArray[Any],
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None = None,
+        motions: Motions | None = None,
     ) -> dict[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]:
         """Perturb a frame for every setting that shows it, and round once at the end.
 
         rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
-        and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it.
+        and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it. motions: likewise.
 
         Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done. Chains that do the same
         to the frame give one array.
         """
-        active, notes = self._prepare(rgb, frames, depth_m)
+        active, notes = self._prepare(rgb, frames, depth_m, motions)
         images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
         for name, layer in self._run(self._bytes, active):
             images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
@@ -117,9 +122,10 @@ class Compositor:
         rgb: NDArray[Any],
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None = None,
+        motions: Motions | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
         """Do what `perturb` does, without rounding."""
-        active, notes = self._prepare(rgb, frames, depth_m)
+        active, notes = self._prepare(rgb, frames, depth_m, motions)
         if self._floats is None:
             self._floats = _Layers(self._tree, self._scratch.path, self._nodes, "Image")
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
@@ -135,6 +141,7 @@ class Compositor:
         rgb: NDArray[Any],
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None,
+        motions: Motions | None,
     ) -> tuple[dict[str, list[str]], dict[str, list[dict[str, Any]]]]:
         """Set all sockets and hand the frame over; return the chains to evaluate, and what each chain does.
 
@@ -145,7 +152,8 @@ class Compositor:
         active: dict[str, list[str]] = {}
         first: dict[str, str] = {}
         for name, (index, identifiers) in frames.items():
-            values, notes[name] = self._values(name, index, identifiers)
+            motion = None if motions is None else motions.get(name)
+            values, notes[name] = self._values(name, index, identifiers, motion)
             if not is_active(values):
                 continue
             done = f"{group_of(self._nodes[name]).name}: {values!r}"
@@ -158,11 +166,14 @@ class Compositor:
             self._upload(rgb, depth_m)
         return active, notes
 
-    def _values(self, name: str, index: int, identifiers: Identifiers) -> tuple[SocketValues, list[dict[str, Any]]]:
+    def _values(
+        self, name: str, index: int, identifiers: Identifiers, motion: CameraMotion | None
+    ) -> tuple[SocketValues, list[dict[str, Any]]]:
         values, notes = {}, []
+        now = self._scene.frame_current
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
-                step, index, identifiers, scene_frame=self._scene.frame_current, intrinsics=self._intrinsics
+                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, motion=motion
             )
             notes.append(note)
         return values, notes

@@ -11,10 +11,10 @@ from ._particles import NEAR_M, Particles, View
 
 type Float32 = NDArray[np.float32]
 
-type Piece = tuple[NDArray[np.intp], Float32, Float32, Float32]
-"""Of pixels that streaks cover: index, share covered; depth and opacity of the streak."""
+type Piece = tuple[NDArray[np.int32], Float32]
+"""Of pixels that streaks hide: index, and the share of light hidden."""
 
-PIECE = 1 << 16  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache
+PIECE = 1 << 15  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache
 LEAST_WIDTH_PX = 1.0  # of a streak as it is drawn; thinner ones are fainter instead
 SOFTNESS = 0.7  # of a streak's edge, as a share of its width; chosen: flakes are no disks, and a lens's blur is soft
 MOST_OPAQUE = 0.999  # so that its logarithm is finite
@@ -77,70 +77,132 @@ def optical_depth(streaks: Streaks, depth_m: Float32) -> Float32:
     wide.
     """
     height, width = depth_m.shape
-    pixels, depths = [], []
-    for piece in _pieces(streaks, (width, height)):
-        pixel, share, z_m, opacity = piece
-        before = z_m < depth_m.ravel()[pixel]
-        pixels.append(pixel[before])
-        depths.append(-np.log1p(-opacity[before] * share[before]))
-    if not pixels:
+    found = list(_pieces(streaks, depth_m))
+    if not found:
         return np.zeros((height, width), np.float32)
-    total = np.bincount(np.concatenate(pixels), np.concatenate(depths), height * width)
+    pixels, opacities = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    total = np.bincount(pixels, -np.log1p(-opacities), height * width)
     return total.astype(np.float32).reshape(height, width)
 
 
-def _pieces(streaks: Streaks, size_px: tuple[int, int]) -> Iterator[Piece]:
-    """Yield the pixels that some streaks at a time cover.
+@dataclass(frozen=True)
+class _Walks:
+    """How streaks are walked: (N,) each, along the axis, rows or columns, that they extend further along.
 
-    A streak is walked along the axis, rows or columns, that it extends further along. Across, it is looked at as far
-    as its edge and its round ends may reach.
+    first, steps: the walk's pixels. across: pixels looked at beside each, as far as the streak's edge and its round
+    ends may reach. along, beside: the streak's start on the two axes. run, rise: from there to its end. slope: rise /
+    run. aside: how far it reaches across. squared: of its length. pace, side: what a step along and one across add to a
+    pixel's index. limit: pixels of the image across.
     """
-    run = streaks.end_px - streaks.start_px
-    steep = np.abs(run[:, 1]) >= np.abs(run[:, 0])
-    # Along the walk first, then across.
-    start = np.where(steep[:, None], streaks.start_px[:, ::-1], streaks.start_px)
-    run = np.where(steep[:, None], run[:, ::-1], run)
-    backwards = run[:, :1] < 0
-    start, run = np.where(backwards, start + run, start), np.where(backwards, -run, run)
-    slope = np.divide(run[:, 1], run[:, 0], out=np.zeros_like(run[:, 0]), where=run[:, 0] > 0)
+
+    first: NDArray[np.int32]
+    steps: NDArray[np.int32]
+    across: NDArray[np.int32]
+    along: Float32
+    beside: Float32
+    run: Float32
+    rise: Float32
+    slope: Float32
+    aside: Float32
+    squared: Float32
+    reach: Float32
+    ramp: Float32
+    pace: NDArray[np.int32]
+    side: NDArray[np.int32]
+    limit: NDArray[np.int32]
+
+
+def _walks(streaks: Streaks, size_px: tuple[int, int]) -> _Walks:
+    width, height = size_px
+    (x, y), (dx, dy) = streaks.start_px.T, (streaks.end_px - streaks.start_px).T
+    steep = np.abs(dy) >= np.abs(dx)
+    along, beside = np.where(steep, y, x), np.where(steep, x, y)
+    run, rise = np.where(steep, dy, dx), np.where(steep, dx, dy)
+    back = run < 0
+    along, beside = np.where(back, along + run, along), np.where(back, beside + rise, beside)
+    run, rise = np.abs(run), np.where(back, -rise, rise)
     ramp = np.maximum(streaks.width_px * np.float32(SOFTNESS), np.float32(1))
-    reach = (streaks.width_px + ramp) / 2
+    reach = (streaks.width_px + ramp) * np.float32(0.5)
+    slope = np.divide(rise, run, out=np.zeros_like(run), where=run > 0)
     aside = reach * np.sqrt(1 + slope * slope)
-    limit = np.where(steep, size_px[1], size_px[0]).astype(np.float32)
-    first = np.clip(np.ceil(start[:, 0] - reach), 0, limit).astype(np.int32)
-    last = np.clip(np.floor(start[:, 0] + run[:, 0] + reach) + 1, 0, limit).astype(np.int32)
-    across = (2 * aside + 1).astype(np.int32)
-    counts = np.maximum(last - first, 0) * across
-    ends = np.cumsum(counts)
-    squared = np.maximum(run[:, 0] ** 2 + run[:, 1] ** 2, np.float32(1e-12))
-    at = 0
-    while at < len(counts):
-        done = ends[at - 1] if at else 0
-        to = max(int(np.searchsorted(ends, done + PIECE)), at + 1)
-        chosen = np.arange(at, to)
-        count = counts[at:to]
-        at = to
-        total = int(count.sum())
-        if not total:
-            continue
-        who = np.repeat(chosen, count)
-        place = (np.arange(total) - np.repeat(np.cumsum(count) - count, count)).astype(np.int32)
-        step, beside = np.divmod(place, across[who])
-        along = first[who] + step
-        relative = along - start[who, 0]
-        side = np.ceil(start[who, 1] + relative * slope[who] - aside[who]) + beside
-        aside_px = side - start[who, 1]
-        # Distance from the capsule's axis.
-        share = np.clip((relative * run[who, 0] + aside_px * run[who, 1]) / squared[who], 0, 1)
-        distance = np.hypot(relative - share * run[who, 0], aside_px - share * run[who, 1])
-        covered = np.minimum((reach[who] - distance) / ramp[who], 1)
-        side = side.astype(np.int32)
-        up = steep[who]
-        column, row = np.where(up, side, along), np.where(up, along, side)
-        inside = (covered > 0) & (side >= 0) & (side < np.where(up, size_px[0], size_px[1]))
-        yield (
-            (row * size_px[0] + column)[inside],
-            covered[inside].astype(np.float32),
-            streaks.depth_m[who][inside],
-            streaks.opacity[who][inside],
-        )
+    walked = np.where(steep, height, width).astype(np.float32)
+    first = np.clip(np.ceil(along - reach), 0, walked).astype(np.int32)
+    last = np.clip(np.floor(along + run + reach) + 1, 0, walked).astype(np.int32)
+    return _Walks(
+        first,
+        np.maximum(last - first, 0),
+        (2 * aside + 1).astype(np.int32),
+        along,
+        beside,
+        run,
+        rise,
+        slope,
+        aside,
+        np.maximum(run * run + rise * rise, np.float32(1e-12)),
+        reach,
+        ramp,
+        np.where(steep, width, 1).astype(np.int32),
+        np.where(steep, 1, width).astype(np.int32),
+        np.where(steep, width, height).astype(np.int32),
+    )
+
+
+def _pieces(streaks: Streaks, depth_m: Float32) -> Iterator[Piece]:
+    """Yield what some streaks at a time hide: those that are looked at equally far across."""
+    height, width = depth_m.shape
+    walks = _walks(streaks, (width, height))
+    across = _rounded_up(walks.across)
+    for count in np.unique(across):
+        same = np.flatnonzero((across == count) & (walks.steps > 0))
+        ends = np.cumsum(walks.steps[same]) * int(count)
+        at = 0
+        while at < len(same):
+            to = max(int(np.searchsorted(ends, (ends[at - 1] if at else 0) + PIECE)), at + 1)
+            yield from _piece(streaks, walks, same[at:to], int(count), depth_m)
+            at = to
+
+
+def _rounded_up(count: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Round numbers above 8 up to next ones of which at most the highest three bits are set, so that few differ."""
+    fine = np.maximum(np.frexp(count.astype(np.float32))[1] - 3, 0)
+    return ((count + (1 << fine) - 1) >> fine) << fine
+
+
+def _piece(streaks: Streaks, walks: _Walks, some: NDArray[np.intp], across: int, depth_m: Float32) -> Iterator[Piece]:
+    """Yield the pixels that some streaks hide, and how much. across: the pixels looked at beside each step."""
+    steps = walks.steps[some]
+    who = np.repeat(some, steps)
+    within = np.arange(len(who), dtype=np.int32) - np.repeat(np.cumsum(steps, dtype=np.int32) - steps, steps)
+    run, rise, squared = walks.run[who], walks.rise[who], walks.squared[who]
+    row = within + walks.first[who]
+    ahead = row.astype(np.float32) - walks.along[who]
+    start = walks.beside[who]
+    begin = np.ceil(start + ahead * walks.slope[who] - walks.aside[who])
+    number = np.arange(across, dtype=np.float32)[:, None]
+    apart = (begin - start) + number
+    # Distance from the capsule's axis.
+    share = apart * (rise / squared)
+    share += ahead * (run / squared)
+    np.clip(share, 0, 1, out=share)
+    apart -= share * rise
+    apart *= apart
+    share *= -run
+    share += ahead
+    share *= share
+    apart += share
+    covered = np.subtract(walks.reach[who], np.sqrt(apart, out=apart), out=apart)
+    covered /= walks.ramp[who]
+    hidden = np.minimum(covered, np.float32(1), out=covered)
+    hidden *= streaks.opacity[who]
+    # Pixels before the first are beyond the limit, as numbers without a sign.
+    place = begin.astype(np.int32) + number.astype(np.int32)
+    seen = hidden > 0
+    seen &= place.view(np.uint32) < walks.limit[who].view(np.uint32)
+    place *= walks.side[who]
+    place += row * walks.pace[who]
+    z_m, flat = streaks.depth_m[who], depth_m.ravel()
+    for there, indices, hides in zip(seen, place, hidden, strict=True):
+        found = np.flatnonzero(there)
+        pixel = indices[found]
+        before = np.flatnonzero(z_m[found] < flat[pixel])
+        yield pixel[before], hides[found[before]]

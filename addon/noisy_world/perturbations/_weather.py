@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
+from ..core.trajectories.stance import stance_of
 from ._bands import by_bands
 from ._linear_light import LUMINANCE, decoded, encoded
 from ._particles import Air, View, in_sight
@@ -84,15 +85,17 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
     depth_m = np.where(context.depth_m > 0, context.depth_m, np.float32(parameters.void_m))
     opaque = streaks_on(air, depth_m, parameters, context)
     linear = by_bands(rgb, rgb.dtype, decoded)
-    light = light_of(linear, parameters)
+    # A row of it: three numbers beside an image take ten times as long.
+    light = np.tile(light_of(linear, parameters), depth_m.shape[1])
 
     def veiled(band: Float32, band_depth_m: Float32, band_opaque: Float32) -> Float32:
         veil = veil_depth(band_depth_m, air.particles, air.least_rad, air.reach_m)
         veil += band_opaque
         seen = three_channels(np.asarray(cv2.exp(-veil), np.float32).reshape(veil.shape))
-        band -= light
-        band *= seen
-        band += light
+        rows = band.reshape(len(band), -1)
+        rows -= light
+        rows *= seen.reshape(rows.shape)
+        rows += light
         return encoded(band)
 
     return by_bands(linear, rgb.dtype, veiled, depth_m, opaque)
@@ -123,8 +126,8 @@ def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameCo
 def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> View:
     """Return the camera of a frame in the air.
 
-    The air's axes are those of the sequence's first image, made level. Without a path the camera is level and at rest.
-    A pattern that is fixed goes with the camera; others stay in the air while it moves.
+    Without a path the camera is level and at rest. A pattern that is fixed goes with the camera; others stay in the air
+    while it moves.
     """
     height, width = depth_m.shape
     camera = context.intrinsics
@@ -134,27 +137,10 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Vie
     else:
         focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
     lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
-    motion = context.motion
-    if motion is None or context.temporal == "fixed":
-        return View(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3), *lens)
-    axes = level_axes(motion.first_c2w[:3, :3])
-    position_m = axes.T @ (motion.c2w[:3, 3] - motion.first_c2w[:3, 3])
-    return View(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s, *lens)
+    stance = stance_of(None if context.temporal == "fixed" else context.motion)
+    return View(stance.rotation, stance.position_m, stance.velocity_m_s, stance.turning_rad_s, *lens)
 
 
 def by_camera(intrinsics: Intrinsics) -> dict[str, float]:
     """Return the parameter that intrinsics decide: the field of view."""
     return {"view_deg": math.degrees(2 * math.atan(intrinsics.width_px / 2 / intrinsics.fx_px))}
-
-
-def level_axes(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (3, 3): the directions right, down and forward in the world, as columns, of a camera to world rotation.
-
-    Down is the world's axis that is nearest to down in the image; right is the image's, made level.
-    """
-    nearest = int(np.abs(rotation[:, 1]).argmax())
-    down = np.zeros(3)
-    down[nearest] = np.sign(rotation[nearest, 1])
-    right = rotation[:, 0] - down * (down @ rotation[:, 0])
-    right /= np.linalg.norm(right)
-    return np.column_stack([right, down, np.cross(right, down)])

@@ -70,6 +70,7 @@ PERTURBATION = ColourPerturbation(
     linear=True,
     needs_depth=True,
     uses_motion=True,
+    goes_with_camera=True,
     by_camera=by_camera,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -79,7 +79,12 @@ class CompositorColour:
             waiting = [item for item in waiting if item not in turn.values()]
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
-            pictures = self._compositor.perturb(clean.rgb, frames, clean.read_depth_m() if needs_depth else None)
+            depth_m = clean.read_depth_m() if needs_depth else None
+            motions = {
+                folder: self._camera.context(sequence, frame, clean).motion
+                for folder, (sequence, frame) in turn.items()
+            }
+            pictures = self._compositor.perturb(clean.rgb, frames, depth_m, motions)
             for folder, (sequence, frame) in turn.items():
                 pixels, notes = pictures[folder]
                 image = ColourImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))

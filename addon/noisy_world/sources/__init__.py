@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..core.datasets.layouts.recorded import MILLIMETRES
 from ..core.home import located, path_in
 from ..core.planning.source import Scene, Source
 from ..core.presets.preset import Preset
@@ -95,7 +96,9 @@ def _candidate(
     def find() -> Source:
         whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
         if kind == "video":
-            return read_video_source(whole, place)
+            depth = None if spec.depth is None else filled(spec.depth, parts, place.at("depth"))
+            beside = None if depth is None else found_path(preset, place.at("depth"), depth, folder=True)
+            return read_video_source(whole, place, beside, spec.depth_scale_per_m or MILLIMETRES)
         if kind == "sequence":
             return read_recording(
                 whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register

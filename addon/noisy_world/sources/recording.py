@@ -16,6 +16,7 @@ from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_seq
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
+from ..core.machine import keep_freed_memory
 from ..core.optics import Optics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
@@ -133,6 +134,7 @@ class Recording:
             note(text)
         if self.stored.assumed and self.stored.known_camera == camera:
             note(self.stored.assumed)
+        keep_freed_memory()  # clearing new pages for each file's content takes as long as checking it
         treatment = self.treatment(camera)
         yield OpenRecording(self.stored, None if treatment.does_nothing else treatment)
 

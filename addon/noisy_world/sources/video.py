@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a video file: colour alone, without depth, poses or, unless the preset gives it, a camera."""
+"""The source of a video file: colour, and depth where a folder holds it; a camera where the preset gives it."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,8 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.depth_folder import DepthFolder, read_depth_folder
+from ..core.datasets.image_files import WholeFile
 from ..core.datasets.known_poses import unposed
 from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.datasets.layouts.recorded import MILLIMETRES
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.video_files import VideoFile, VideoReader, read_video
 from ..core.geometry import Intrinsics
@@ -28,10 +32,11 @@ FOCAL_LENGTH_FACTOR = 1.2
 
 @dataclass(frozen=True)
 class Video:
-    """A video file."""
+    """A video file. depth: None where there is colour alone."""
 
     video: VideoFile
     place: Place
+    depth: DepthFolder | None = None
 
     @property
     def location(self) -> str:
@@ -40,8 +45,8 @@ class Video:
 
     @property
     def gives(self) -> Gives:
-        """Recorded colour."""
-        return Gives(rendered=False, any_pose=False, depth=False)
+        """Recorded colour and, where there is any, depth."""
+        return Gives(rendered=False, any_pose=False, depth=self.depth is not None, key="video")
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -50,7 +55,7 @@ class Video:
 
     @property
     def frame_stamps(self) -> FrameStamps:
-        """Those of colour."""
+        """Those of colour, for depth as well."""
         return FrameStamps.of(self.video.stamps_s)
 
     @property
@@ -86,27 +91,44 @@ class Video:
         return None
 
     def hashes(self) -> dict[str, Any]:
-        """Return the file's name and its hash."""
-        return {"video": self.video.path.name, "video_sha256": sha256_of_file(self.video.path)}
+        """Return the file's name and its hash; of depth the folder's name, the hash of all images, and the scale."""
+        found = {"video": self.video.path.name, "video_sha256": sha256_of_file(self.video.path)}
+        if self.depth is None:
+            return found
+        digests = "".join(sha256_of_file(file) or "" for file in self.depth.files)
+        return {
+            **found,
+            "depth": self.depth.folder.name,
+            "depth_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            "depth_scale_per_m": self.depth.scale_per_m,
+        }
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenVideo"]:
         """Prepare to read frames."""
+        if self.video.note:
+            note(self.video.note)
         if camera == self.camera(None):
             note(
                 "nothing says its camera: a guess is written, with a focal length of 1.2 times the larger side; "
                 "camera says another"
             )
-        opened = OpenVideo(VideoReader(self.video))
+        opened = OpenVideo(VideoReader(self.video), self.depth)
         try:
             yield opened
         finally:
             opened.reader.close()
 
 
-def read_video_source(path: Path, place: Place) -> Video:
-    """Find what a video holds. Raises InputError where it is none."""
-    return Video(read_video(path), place)
+def read_video_source(path: Path, place: Place, depth: Path | None = None, scale_per_m: float = MILLIMETRES) -> Video:
+    """Find what a video holds. depth: the folder of its depth images, of scale_per_m steps a metre; None for no depth.
+
+    Raises InputError where it is no video, or the images of depth are not those of its frames.
+    """
+    video = read_video(path)
+    if depth is None:
+        return Video(video, place)
+    return Video(video, place, read_depth_folder(depth, scale_per_m, path, len(video), video.size_px))
 
 
 @dataclass(frozen=True)
@@ -114,6 +136,7 @@ class OpenVideo:
     """A video that is ready to give frames."""
 
     reader: VideoReader
+    depth: DepthFolder | None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenVideo":
         """Return itself: the file decides what its frames show."""
@@ -121,17 +144,28 @@ class OpenVideo:
         return self
 
     def frame(self, moment: Moment) -> "VideoFrame":
-        """Return the frame of a moment, decoded at once: a video is read in its order."""
-        return VideoFrame(self.reader.rgb(moment.index))
+        """Return the frame of a moment, its colour decoded at once: a video is read in its order."""
+        return VideoFrame(self.reader.rgb(moment.index), moment.index, self.depth)
 
 
 @dataclass(frozen=True)
 class VideoFrame:
-    """A frame of a video. rgb: (H, W, 3) uint8, RGB."""
+    """A frame of a video. rgb: (H, W, 3) uint8, RGB. index: its number. depth: where its depth is; None for nowhere."""
 
     rgb: NDArray[np.uint8]
-    depth_m: None = None
+    index: int
+    depth: DepthFolder | None
 
-    def file_as(self, modality: Modality, written: OutputFormat) -> None:
-        """Return None: no file holds one frame."""
-        del modality, written
+    @property
+    def depth_m(self) -> NDArray[np.float32] | None:
+        """Planar depth (H, W) in metres, 0 = void; None without any. Raises InputError where its file is damaged."""
+        return None if self.depth is None else self.depth.depth_m(self.index)
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
+        """Return depth's file if a dataset would write the same; None for colour, as no file holds one frame.
+
+        Raises InputError where that file is damaged.
+        """
+        if modality == "rgb" or self.depth is None or self.depth.scale_per_m != written.depth_scale_per_m:
+            return None
+        return self.depth.whole_file(self.index)

@@ -6,8 +6,8 @@ from contextlib import ExitStack
 from types import ModuleType
 
 MODULES = (
-    "properties", "older_files", "scene_copy", "world", "left_out", "operators", "paths", "preview", "generate",
-    "tracking", "asset_library", "header_presets", "panels", "presets",
+    "properties", "older_files", "footage", "scene_copy", "world", "left_out", "operators", "paths", "preview",
+    "generate", "tracking", "asset_library", "header_presets", "panels", "presets",
 )  # fmt: skip
 """In the order of registration, which is also the order of the panels in the tab."""
 

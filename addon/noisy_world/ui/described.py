@@ -71,6 +71,9 @@ _CHOICES = {
     "dynamic": ("Dynamic", "Drawn for each frame"),
     "clamp": ("Clamp", "Take the nearest frame there is"),
     "drop": ("Drop", "Leave the frame out"),
+    "keep": ("Keep", "Keep the frame, and write no pose for it"),
+    "require": ("Refuse", "Frames without a pose end the run"),
+    "none": ("No Poses", "Look for no poses at all: a recording without ground truth"),
 }
 """Label and tooltip of every value that a field chooses from."""
 

@@ -25,7 +25,7 @@ from ..core.schema import Place, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
-from . import scene_copy, this_scene
+from . import footage, scene_copy, this_scene
 from .keyed import curve_ends, curve_of, levels_of
 from .properties import OVERRIDE, parameters_of, perturbation_of
 from .typed_numbers import value_of
@@ -64,7 +64,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        **({"camera": {key: value_of(panel, name) for name, key in CAMERA.items()}} if given.lens else {}),
+        **({"camera": camera_of(panel)} if given.lens else {}),
         "render": {
             **({"engine": panel.engine, "samples": panel.samples} if given.render else {}),
             "backend": panel.backend,
@@ -91,6 +91,8 @@ def format_of(panel: Any) -> OutputFormat:
 
 def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the panel's scene as a preset has it."""
+    if footage.is_shown(panel):
+        return {"name": panel.scene_name, **footage.entry(panel, lambda path: _path(path, folder))}
     if this_scene.is_shown(panel):
         shown = this_scene.entry(panel, lambda path: _path(path, folder))
         path = {} if this_scene.rides(panel) else {"trajectory": _trajectory(panel, folder)}
@@ -112,8 +114,22 @@ class Given:
 
 def given_of(panel: Any) -> Given:
     """Return what the panel gives itself."""
+    if footage.is_shown(panel):
+        return Given(lens=not footage.takes_camera(panel), render=False)
     own = this_scene.is_shown(panel)
     return Given(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
+
+
+def recorded(panel: Any) -> footage.Footage:
+    """Return the recording that the panel names. Raises InputError."""
+    camera = {"camera": camera_of(panel)} if given_of(panel).lens else {}
+    document = {"seed": 0, "scenes": [scene_of(panel)], **camera, "settings": [{"name": CLEAN}]}
+    return footage.footage_of(check_document(document, Path(PANEL)))
+
+
+def camera_of(panel: Any) -> dict[str, Any]:
+    """Return the panel's camera as a preset has it."""
+    return {key: value_of(panel, name) for name, key in CAMERA.items()}
 
 
 def absolute(path: str) -> str:
@@ -230,7 +246,9 @@ def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
 
 
 def intrinsics_of(panel: Any) -> Intrinsics:
-    """Return the panel's camera; that of the scene where it holds. Raises InputError where the scene has none."""
+    """Return the panel's camera; that of the scene or the recording where it holds. Raises InputError without one."""
+    if footage.is_shown(panel):
+        return recorded(panel).camera
     if not given_of(panel).lens:
         return this_scene.intrinsics_of_scene(panel.id_data)
     return Intrinsics(*(value_of(panel, name) for name in INTRINSICS))

@@ -24,12 +24,12 @@ from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import left_out, this_scene
-from .document import format_of, identifiers_of, intrinsics_of, steps_of
+from . import footage, left_out, this_scene
+from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
-from .stills import path_frames, rendered
+from .stills import beside, check_depth, path_frames, rendered
 
 type Kind = Literal["COLOUR", "DEPTH"]
 
@@ -111,6 +111,8 @@ def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArr
 def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     sequence, now = sequence_of(scene)
     index = now if index is None else index
+    if sequence.setting.needs_depth:
+        check_depth(scene)
     clean = _clean(scene, _shown(sequence, index).rgb_source)
     stored = panel_of(scene).colour
     after = before = _as_stored(clean.rgb, stored)
@@ -140,6 +142,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     is wrong, the frame is left out, or a scratch file cannot be written.
     """
     sequence, now = sequence_of(scene)
+    check_depth(scene)
     index = now if index is None else index
     shown = _shown(sequence, index)
     clean = _clean(scene, shown.depth_source)
@@ -155,7 +158,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
         return picture, f"Frame {index}: {about}"
     colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
     pair = f"Color of frame {index}, depth of frame {shown.depth_frame}"
-    return np.concatenate([colour, picture], axis=1), f"{pair}: {about}"
+    return beside(colour, picture), f"{pair}: {about}"
 
 
 def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray[np.float32], str]:
@@ -180,7 +183,9 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
     """Return a clean frame as the generator has it, not yet rounded, but clipped: the user's lights may exceed 1."""
     still = still_of(scene, source)
     assert still.rgb is not None
-    return CleanFrame(source, RenderedFrame(np.clip(still.rgb, 0.0, 1.0), still.depth_m))
+    panel = panel_of(scene)
+    between = recorded(panel).between if footage.is_shown(panel) else None
+    return CleanFrame(source, RenderedFrame(np.clip(still.rgb, 0.0, 1.0), still.depth_m), between)
 
 
 def _camera(scene: bpy.types.Scene) -> Camera:
@@ -320,7 +325,7 @@ class _Preview(OnScene):
         """Tell whether there is a camera to render from."""
         if not super().poll(context):
             return False
-        if context.scene.camera is None:
+        if context.scene.camera is None and not footage.is_shown(panel_of(context.scene)):
             cls.poll_message_set("The scene has no camera")
             return False
         return True
@@ -331,6 +336,7 @@ class _Preview(OnScene):
         def work() -> str:
             scene = context.scene
             forget(scene)
+            footage.forget()
             _, index = sequence_of(scene)
             image, about = make_picture(scene, self.kind, index)
             _followed.setdefault(scene.session_uid, {})[self.kind] = index

@@ -14,7 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..blender.chain_scene import own_compositing
-from . import this_scene, world
+from . import footage, this_scene, world
 from .described import LISTENERS
 from .long_text import write
 from .own_objects import own_object
@@ -53,7 +53,7 @@ _changed: set[int] = set()  # scenes, since they were last looked through
 
 def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return what a render of the scene shows or is made with, and the dataset is not: names, most telling first."""
-    if this_scene.is_shown(panel_of(scene)):
+    if _is_made_without_ours(scene):
         return ()
     ours = own_object(scene, "mesh")
     loaded = ours is not None and world.is_from_panel(scene, ours)
@@ -67,6 +67,12 @@ def left_out(scene: bpy.types.Scene) -> tuple[str, ...]:
     if is_pictured(scene.world):
         names.append("the world")
     return tuple(names)
+
+
+def _is_made_without_ours(scene: bpy.types.Scene) -> bool:
+    """Tell whether the dataset shows the scene itself, or a recording: then a preview's frames are the dataset's."""
+    panel = panel_of(scene)
+    return this_scene.is_shown(panel) or footage.is_shown(panel)
 
 
 def _shown(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
@@ -130,7 +136,7 @@ def shows_dataset(scene: bpy.types.Scene) -> bool:
 
 
 def _shows_loaded(scene: bpy.types.Scene) -> bool:
-    if this_scene.is_shown(panel_of(scene)):
+    if _is_made_without_ours(scene):
         return True
     mesh, camera = own_object(scene, "mesh"), own_object(scene, "camera")
     looks = camera is not None and scene.camera == camera and world.poses(scene) > 0

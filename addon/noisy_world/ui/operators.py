@@ -10,7 +10,7 @@ from ..core.errors import NoisyWorldError
 from ..core.labels import american, title
 from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
-from . import world
+from . import footage, world
 from .described import tell
 from .document import OWN_FIELDS
 from .own_objects import own_object
@@ -78,6 +78,14 @@ class _OnFiles(OnScene):
         return True
 
 
+def _is_loadable(operator: Any, context: bpy.types.Context) -> bool:
+    """Tell whether what the panel names can be loaded into this file; a recording cannot."""
+    if footage.is_shown(panel_of(context.scene)):
+        operator.poll_message_set("A recording has no mesh: Preview Frame shows its frames")
+        return False
+    return True
+
+
 class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
     """Load the mesh, in place of the one loaded before; everything else in the file stays"""
 
@@ -94,7 +102,7 @@ class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
         if panel_of(context.scene).mesh_source == "SCENE":
             cls.poll_message_set("This scene is there already")
             return False
-        return True
+        return _is_loadable(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
@@ -150,6 +158,11 @@ class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
     bl_label = "Load Trajectory"
     bl_options = UNDOABLE
     needed = ("trajectory", "mesh")
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether there is a path to load."""
+        return super().poll(context) and _is_loadable(cls, context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar's tab: its sections in the order of the work."""
 
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -9,15 +8,15 @@ import bpy
 from ..blender.typed import layout_of
 from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
-from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, Stage
+from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, generate, header_presets, operators, paths, preview, tracking, world
-from .document import OWN_FIELDS
-from .keyed import curve_of, without_effect
+from . import asset_library, footage, generate, header_presets, operators, paths, preview, tracking, world
+from .document import OWN_FIELDS, absolute, given_of
+from .keyed import without_effect
 from .long_text import write
 from .own_objects import own_object
-from .properties import OVERRIDE, active_step, panel_of, parameters_of, perturbation_of
-from .typed_numbers import property_name
+from .properties import active_step, panel_of
+from .step_fields import draw_step
 
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
@@ -80,7 +79,11 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
             layout.prop(panel, "mesh_path")
         elif panel.mesh_source == "ROOM":
             layout.prop(panel, "room_seed")
+        elif footage.is_shown(panel):
+            footage.draw(layout, context, panel, absolute)
         layout.prop(panel, "scene_name", text="Name")
+        if footage.is_shown(panel):
+            return
         if panel.mesh_source == "SCENE":
             layout.row().prop(panel, "compositing", expand=True)
             layout.prop(panel, "depth_alpha", slider=True)
@@ -101,6 +104,9 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
+        if footage.is_shown(panel):
+            footage.draw_path(layout, panel)
+            return
         layout.prop(panel, "trajectory_source", text="Path")
         if panel.trajectory_source == "FILE":
             layout.prop(panel, "trajectory_path")
@@ -127,9 +133,10 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
-        column = layout.column(align=True)
-        column.prop(panel, "deviation_rotation")
-        column.prop(panel, "deviation_translation_m")
+        if not footage.is_shown(panel) or panel.deviation_rotation or panel.deviation_translation_m:
+            column = layout.column(align=True)
+            column.prop(panel, "deviation_rotation")
+            column.prop(panel, "deviation_translation_m")
         layout.prop(panel, "speed_factor")
         paths.draw(layout, context)
 
@@ -148,12 +155,16 @@ class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
             layout.prop(panel, "lens_source")
             if panel.lens_source == "SCENE":
                 return
+        elif footage.is_shown(panel):
+            layout.prop(panel, "recorded_camera")
+            if footage.takes_camera(panel):
+                return
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if panel.mesh_source != "SCENE" and own_object(context.scene, "camera") is None:
+        if panel.mesh_source in ("ROOM", "FILE") and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
 
@@ -257,67 +268,6 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
             write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
 
 
-def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
-    """Draw the severity and the parameters of the selected perturbation."""
-    perturbation = perturbation_of(step)
-    column = layout.column()
-    column.active = step.enabled
-    if perturbation.severities:
-        column.prop(step, "use_severity")
-        if step.use_severity:
-            row = column.row()
-            row.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
-            row.prop(step, "severity", slider=True)
-            if (curve := curve_of(step)) is not None:
-                column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
-            elif not isinstance(perturbation, SEQUENCE_KINDS):
-                column.row().prop(step, "mode", expand=True)
-    if len(perturbation.temporals) > 1:
-        label, buttons = _split_row(column)
-        label.label(text="Pattern")
-        for value in perturbation.temporals:
-            buttons.prop_enum(step, "temporal", value)
-    column.separator(factor=0.5)
-    for item in fields(perturbation.parameters):
-        _draw_parameter(column, step, perturbation, item.name)
-
-
-def _split_row(layout: bpy.types.UILayout) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:
-    """Return the two parts of a row that property split does not lay out by itself."""
-    split = layout.split(factor=0.4)
-    split.use_property_split = False
-    label = split.row()
-    label.alignment = "RIGHT"
-    return label, split.row(align=True)
-
-
-def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, name: str) -> None:
-    """Draw a parameter: its own value, or the severity's with the toggle that overrides it."""
-    group = parameters_of(step)
-    if name not in perturbation.severities or not step.use_severity:
-        layout.prop(group, property_name(name))
-        return
-    label, row = _split_row(layout)
-    label.label(text=group.bl_rna.properties[property_name(name)].name)
-    if getattr(group, OVERRIDE + name):
-        row.prop(group, property_name(name), text="")
-    else:
-        row.label(text=_severity_value(step, perturbation, name))
-    row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
-
-
-def _severity_value(step: Any, perturbation: Perturbation, name: str) -> str:
-    if step.severity < SEVERITIES[0]:
-        return "No effect"
-    value = getattr(perturbation.at_severity(step.severity), name)
-    return f"{value:.4g}{_unit(perturbation, name)}"
-
-
-def _unit(perturbation: Perturbation, name: str) -> str:
-    unit = next(item for item in fields(perturbation.parameters) if item.name == name).metadata["key"].unit
-    return f" {unit}" if unit not in ("", "deg", "frames") else ""
-
-
 class NOISYWORLD_PT_preview(Section, bpy.types.Panel):
     """The perturbations, live"""
 
@@ -344,7 +294,7 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         own = panel.mesh_source == "SCENE"
         if own:
             column.prop(panel, "render_source")
-        for name in ("engine", "samples") if not own or panel.render_source == "GIVEN" else ():
+        for name in ("engine", "samples") if given_of(panel).render else ():
             column.prop(panel, name)
         column.prop(panel, "backend")
         column = layout.column(align=True)

@@ -15,8 +15,8 @@ from ..blender.scene import get_origin
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
-from . import drawn_tracks, this_scene
-from .document import identifiers_of, listed_motion, motion_of
+from . import drawn_tracks, footage, this_scene
+from .document import identifiers_of, listed_motion, motion_of, recorded
 from .long_text import write
 from .properties import panel_of
 from .wording import spoken
@@ -66,6 +66,8 @@ def path_of(scene: bpy.types.Scene) -> Any | None:
 
 def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
     """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene frames."""
+    if footage.is_shown(panel_of(scene)):
+        return recorded(panel_of(scene)).stamps_s
     if this_scene.rides(panel_of(scene)):
         return this_scene.stamps_of(scene)
     camera = _camera_of(scene)

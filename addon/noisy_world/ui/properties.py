@@ -25,6 +25,7 @@ from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, described, tell, told_once
+from .recorded_fields import SOURCES, recorded_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
 
@@ -207,12 +208,13 @@ def _panel_members() -> dict[str, Any]:
     camera = {"width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy"}
     members: dict[str, Any] = {
         "mesh_source": _enum(
-            name="Mesh",
-            description="Where the mesh comes from",
+            name="Source",
+            description="What the dataset shows",
             items=[
                 ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
                 ("FILE", "Mesh File", "A mesh with its colors or textures, unlit"),
                 ("SCENE", "This Scene", "What this file's scene renders: its objects, lights, world and settings"),
+                *SOURCES,
             ],
             update=_take_mesh_source,
         ),
@@ -251,6 +253,7 @@ def _panel_members() -> dict[str, Any]:
             SceneSpec, "mesh", label="Mesh File", update="mesh_path", subtype="FILE_PATH", options=path_options,
             description="Mesh with colors or textures: PLY, glTF, OBJ, USD, FBX or STL",
         ),
+        **recorded_members(),
         "room_seed": _whole(
             name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")
         ),

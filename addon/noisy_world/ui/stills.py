@@ -4,6 +4,7 @@
 from typing import Any
 
 import bpy
+import numpy as np
 from numpy.typing import NDArray
 
 from ..blender.own_still import OwnStill, render_own_still
@@ -12,8 +13,8 @@ from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
-from . import left_out, this_scene, world
-from .document import given_of, intrinsics_of, motion_of
+from . import footage, left_out, this_scene, world
+from .document import given_of, intrinsics_of, motion_of, recorded
 from .own_objects import own_object
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
@@ -21,17 +22,38 @@ from .properties import panel_of
 
 def path_frames(scene: bpy.types.Scene) -> NDArray[Any]:
     """Return the scene frame of each pose of the clean path, whole or not."""
+    if footage.is_shown(panel_of(scene)):
+        return np.arange(len(recorded(panel_of(scene)).stamps_s))
     stamps_s = clean_stamps_s(scene)
     return this_scene.scene_frames(scene, len(stamps_s), stamps_s)
 
 
 def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
-    """Render the frame of a pose: of a mesh it is the scene frame of this number."""
+    """Render the frame of a pose: of a mesh it is the scene frame of this number; of a recording, read its frame."""
     panel = panel_of(scene)
+    if footage.is_shown(panel):
+        return footage.still(recorded(panel), frame)
     if not this_scene.is_shown(panel):
         (still,) = render_stills(scene, [frame], empty=left_out.shows_dataset(scene))
         return still
     return render_own_still(scene, own_still(scene, frame))
+
+
+def check_depth(scene: bpy.types.Scene) -> None:
+    """Raise InputError where the dataset shows a video that has no depth."""
+    panel = panel_of(scene)
+    if footage.is_shown(panel) and not recorded(panel).source.gives.depth:
+        raise InputError("Scene > Video", "has no depth", remedy="choose the folder of its depth, or leave that out")
+
+
+def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return two pictures (H, W, 3) beside one another; the right one takes the left one's height."""
+    import cv2
+
+    if right.shape[0] != left.shape[0]:
+        wide = max(1, round(right.shape[1] * left.shape[0] / right.shape[0]))
+        right = np.asarray(cv2.resize(right, (wide, left.shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)
+    return np.concatenate([left, right], axis=1)
 
 
 def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:

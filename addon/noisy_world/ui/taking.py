@@ -17,7 +17,7 @@ from ..core.presets.selection import OnlySpec
 from ..core.scenes.embedded import is_embedded, room_name, room_seeds
 from ..core.schema import unknown_name
 from ..perturbations import registry
-from . import scene_copy, this_scene
+from . import footage, scene_copy, this_scene
 from .described import LARGEST_INT, tell, told_once
 from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY, own_motion
 from .step_list import clear_entries, put_step, take_step
@@ -140,9 +140,11 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
     spec = preset.spec
     scene = spec.scenes[0]
     trajectory = scene.trajectory
+    recording = scene.sequence or scene.video or ""
     asked = {
         "scenes": len(spec.scenes) > 1 and f"holds {len(spec.scenes)} scenes, and the panel shows one",
-        "scenes.0.sequence": scene.sequence is not None and "is an existing sequence",
+        "scenes.0.sequence": "stands for several" if "*" in recording
+        else part == "PATH" and recording and "is an existing sequence, which has its own path",
         "scenes.0.blend": scene.blend is not None and _not_open(preset, scene),
         "scenes.0.replica": scene.replica is not None and "is looked for under data",
         "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
@@ -214,6 +216,10 @@ def _take_mesh(panel: Any, preset: Preset) -> None:
     if scene.blend is not None:
         _take_this_scene(panel, scene)
         return
+    if scene.sequence is not None or scene.video is not None:
+        place = preset.place("scenes.0")
+        footage.take(panel, scene, lambda text, key: Path(path_in(preset.folder, text, place.at(key))))
+        return
     assert scene.mesh is not None
     panel.mesh_source = "ROOM" if is_embedded(scene.mesh) else "FILE"
     if is_embedded(scene.mesh):
@@ -227,6 +233,8 @@ def _take_mesh(panel: Any, preset: Preset) -> None:
 
 def _take_path(panel: Any, preset: Preset) -> None:
     (scene,) = preset.spec.scenes
+    if footage.is_shown(panel):
+        return
     if scene.trajectory is None:
         panel.trajectory_source = "CAMERA"
         step = 1 if scene.frame_range is None else scene.frame_range.step
@@ -248,7 +256,8 @@ def _take_path(panel: Any, preset: Preset) -> None:
 
 def _take_camera(panel: Any, preset: Preset) -> None:
     panel.lens_source = "SCENE" if preset.spec.camera is None else "GIVEN"
-    if preset.spec.camera is None and this_scene.is_shown(panel):
+    panel.recorded_camera = "RECORDED" if preset.spec.camera is None else "GIVEN"
+    if preset.spec.camera is None and (this_scene.is_shown(panel) or footage.is_shown(panel)):
         return
     for name, field in CAMERA.items():
         set_value(panel, name, getattr(preset.spec.mesh_camera, field))

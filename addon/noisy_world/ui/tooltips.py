@@ -57,10 +57,27 @@ SEEN: dict[str, dict[str, str]] = {
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
     },
+    "haze": {
+        "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
+        "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",
+        "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
+        "blueness": "Higher: the haze itself gets bluer",
+        "void_m": "Lower: more of the sky is seen through the haze",
+    },
     "frost": {
         "intensity": "Lower: the picture behind the ice gets darker",
         "influence": "Higher: the ice on the lens gets brighter",
         "creep_px": "Higher: with the pattern Drift, the ice moves faster",
+    },
+    "lens_frost": {
+        "coverage": "Higher: ferns of ice reach further from the border towards the middle",
+        "opacity": "Higher: the ice gets denser, and hides what is behind it",
+        "brightness": "Higher: the ice gets lighter",
+        "tint": "Higher: the ice has the colors of what is around it; 0 is white ice",
+        "refraction_px": "Higher: crystals displace what is behind them further",
+        "glint": "Higher: brighter glints on the crystals' edges",
+        "growth_per_s": "Higher: with the pattern Drift, ice grows faster; below 0 it thaws",
+        "frame_rate_hz": "Higher: with the pattern Drift, ice grows less from frame to frame",
     },
     "snow_depth": {
         "rate_mm_h": "Higher: more and larger flakes, and what is far goes white",

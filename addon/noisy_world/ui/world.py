@@ -18,7 +18,7 @@ from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
 from ..sources.mesh import forget_meshes, load_mesh
-from . import scene_copy, this_scene
+from . import footage, scene_copy, this_scene
 from .described import LISTENERS
 from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
 from .own_objects import camera_alone, images_of, keys_state, mark, own_object, put_into, select, take_out_mesh, tied
@@ -253,7 +253,7 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 def apply_intrinsics(scene: bpy.types.Scene) -> None:
     """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
     camera = camera_alone(scene)
-    if camera is None or this_scene.is_shown(panel_of(scene)):
+    if camera is None or this_scene.is_shown(panel_of(scene)) or footage.is_shown(panel_of(scene)):
         return
     panel = panel_of(scene)
     near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
@@ -285,6 +285,8 @@ def _decided_by(panel: Any, kind: str) -> str:
         path = this_scene.motion_state(panel.id_data) if this_scene.rides(panel) else scene_of(panel)["trajectory"]
         return json.dumps([kind, path])
     described = scene_of(panel)
+    if footage.is_shown(panel):
+        return json.dumps([kind, described])
     if kind == "mesh":
         return json.dumps(described["mesh"])
     made_here = panel.trajectory_source == "HANDHELD"

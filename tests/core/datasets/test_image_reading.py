@@ -114,7 +114,7 @@ def test_jpeg_as_pillow_writes_it(tmp_path, decoder):
     for options in (
         {"subsampling": 0}, {"subsampling": 1}, {"progressive": True}, {"optimize": True}, {"keep_rgb": True},
         {"comment": b"\xff\xd9"}, {"icc_profile": b"x" * 70_000}, {"exif": upright}, {"exif": b"Exif\0\0no tiff"},
-        {"restart_marker_rows": 1}, {"qtables": "web_high"},
+        {"restart_marker_rows": 1}, {"restart_marker_blocks": 2}, {"qtables": "web_high"}, {"quality": 1},
     ):  # fmt: skip
         file = io.BytesIO()
         image.save(file, "JPEG", **options)
@@ -123,6 +123,32 @@ def test_jpeg_as_pillow_writes_it(tmp_path, decoder):
     image.convert("CMYK").save(file, "JPEG")
     assert np.array_equal(read(tmp_path, file.getvalue()), as_opencv(file.getvalue()))
     assert read_header(tmp_path / "image").plainly is None
+
+
+def test_png_as_pillow_writes_it(tmp_path):
+    image = pytest.importorskip("PIL.Image").fromarray(PIXELS)
+    made = [image.convert(mode) for mode in ("1", "L", "P", "RGB", "RGBA", "LA")]
+    made += [image.quantize(2**bits) for bits in (1, 2, 4, 8)]
+    for one, options in itertools.product(made, ({}, {"optimize": True}, {"compress_level": 0})):
+        file = io.BytesIO()
+        one.save(file, "PNG", **options)
+        assert np.array_equal(read(tmp_path, file.getvalue()), as_opencv(file.getvalue())), (one.mode, options)
+
+
+def test_png_as_ffmpeg_writes_it(tmp_path):
+    path = tmp_path / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MPNG"), 10, (WIDE * 2, HIGH * 2))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no such video")
+    wide = np.ascontiguousarray(np.tile(PIXELS, (2, 2, 1)))
+    for _ in range(3):
+        writer.write(wide)
+    writer.release()
+    frames = path.read_bytes().split(b"\x89PNG")[1:]
+    assert len(frames) == 3
+    for frame in frames:
+        found = read(tmp_path, b"\x89PNG" + frame, (WIDE * 2, HIGH * 2))
+        assert np.array_equal(found, wide[..., ::-1])
 
 
 def test_motion_jpeg_as_ffmpeg_writes_it(tmp_path, decoder):

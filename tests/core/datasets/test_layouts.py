@@ -283,7 +283,15 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
         (edit(f"{CAM}/sensor.yaml", "[8, 6]", "[8]"), "resolution: has to be 2 numbers"),
         (edit(f"{CAM}/sensor.yaml", "T_BS", "T_SB"), "T_BS: has to be 16 numbers"),
         (edit(f"{CAM}/sensor.yaml", "1.0, 0.0, 0.0, 0.2", "1.1, 0.0, 0.0, 0.2"), "T_BS: is no rigid pose"),
+        (edit(f"{CAM}/sensor.yaml", "1.0, 0.0, 0.0, 0.2", "1e300, 0.0, 0.0, 1e300"), "T_BS: is no rigid pose"),
         (edit(f"{CAM}/sensor.yaml", "data: [", "data: [["), "is not valid YAML"),
+        (
+            lambda folder: (
+                edit(f"{CAM}/sensor.yaml", "intrinsics:", "other:")(folder),
+                edit(f"{DEPTH}/sensor.yaml", "0.0, -1.0, 0.0, 0.1", "0.0, -1.0, 0.0, 0.2")(folder),
+            ),
+            f"{CAM}/sensor.yaml: says no intrinsics, but depth has a pose of its own",
+        ),
         (edit(f"{DEPTH}/sensor.yaml", "depth_scale_per_m", "scale"), "holds no depth_scale_per_m; add it"),
         (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be a number above 0"),
         (edit(STATE, "1.0,2.0", "1.0,x"), "line 2: 'x' is not a number"),

@@ -1,15 +1,66 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Recordings of others, read at their own conventions; what writes them is in tests/support/recorded_layouts.py."""
 
+import itertools
 import json
 
 import numpy as np
 import pytest
-from recorded_layouts import FRAMES, HALF_M, WRITERS, image, poses, scannet, text_of
+from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, poses, scannet, text_of
 
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED, find_sequence
 from noisy_world.core.errors import InputError
 from noisy_world.core.optics import Distortion
+
+
+def seen_twice(stored, frames, scale_per_m):
+    """Pairs of the same place of a wall, in the world (N, 3), as two frames of a recording tell it.
+
+    A pixel of the first frame is carried into the world, and from there into the second frame, where the depth of the
+    four pixels around it is interpolated: the inverse of depth is linear on a plane.
+    """
+    camera = stored.optics.depth.intrinsics if stored.optics.depth else stored.known_camera
+    k = np.array([[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]])
+    first, second = (stored.frame(row).depth_m.astype(float) for row in frames)
+    one, other = (stored.trajectory.c2w[row] for row in frames)
+    every = max(1, first.shape[1] // 64)
+    v, u = np.mgrid[2 : first.shape[0] : every, 0 : first.shape[1] : every].reshape(2, -1)
+    there = first[v, u] > 0
+    pixels = np.stack([u, v, np.ones_like(u)])[:, there].astype(float)
+    world = one[:3, :3] @ (np.linalg.inv(k) @ pixels * first[v, u][there]) + one[:3, 3:]
+    local = other[:3, :3].T @ (world - other[:3, 3:])
+    world, local = (part[:, local[2] > 0.1] for part in (world, local))
+    x, y = (k @ local / local[2])[:2]
+    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+    inside = (left >= 0) & (top >= 2) & (left < second.shape[1] - 1) & (top < second.shape[0] - 1)
+    x, y, left, top, world = x[inside], y[inside], left[inside], top[inside], world[:, inside]
+    around = np.array([second[top + dy, left + dx] for dy in (0, 1) for dx in (0, 1)])
+    with np.errstate(divide="ignore"):
+        a, b, c, d = 1 / around
+    flat = np.isfinite(a + b + c + d) & (np.abs(a + d - b - c) * around.max(axis=0) ** 2 < 2.5 / scale_per_m)
+    across, down = x - left, y - top
+    depth = 1 / ((a * (1 - across) + b * across) * (1 - down) + (c * (1 - across) + d * across) * down)
+    rays = np.linalg.inv(k) @ np.stack([x, y, np.ones_like(x)])
+    again = other[:3, :3] @ (rays * depth) + other[:3, 3:]
+    return world[:, flat].T, again[:, flat].T
+
+
+@pytest.mark.parametrize("name", sorted({**WRITERS, **WRITTEN}))
+def test_a_point_seen_in_two_frames_is_one_place_of_the_world(name, tmp_path):
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    written = {**WRITERS, **WRITTEN}[name](folder)
+    stored = find_sequence(folder)
+    if name in WRITTEN:  # those of others are held to that below
+        assert np.abs(stored.trajectory.c2w - written.c2w).max() < 1e-9
+        assert intrinsics(stored.known_camera) == written.colour_k
+        assert stored.depth_scale_per_m == written.scale_per_m
+    pairs = itertools.combinations(range(len(stored.trajectory)), 2)
+    off_m = [np.abs(np.subtract(*seen_twice(stored, frames, written.scale_per_m))).max(axis=1) for frames in pairs]
+    off_m = np.concatenate(off_m)
+    assert len(off_m) > 100
+    assert np.quantile(off_m, 0.98) < 3.0 / written.scale_per_m  # the others are beside an edge of the box
+    assert np.median(off_m) < 1.0 / written.scale_per_m
 
 
 def intrinsics(camera):
@@ -52,6 +103,24 @@ def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
     if written.lost:
         with pytest.raises(InputError, match=f"1 of 4 frames have no valid pose, the first is frame {written.lost[0]}"):
             find_sequence(folder, poses="require")
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio"}))  # told by their poses
+def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
+    WRITERS[name](tmp_path)
+    for path in [path for path in tmp_path.rglob("*") if path.is_file()]:
+        if path.name.endswith((".pose.txt", ".log", "-traj.txt")) or path.parent.name == "pose":
+            path.unlink()
+    if name == "redwood":  # which is told by its poses, or by the times in its images' names
+        for path in [*tmp_path.glob("colors/*"), *tmp_path.glob("depth/*")]:
+            path.rename(path.with_stem(f"{path.stem}-{path.stem}"))
+    elif name == "scannet":
+        (tmp_path / "pose").rmdir()
+    with pytest.raises(InputError, match="pose"):
+        find_sequence(tmp_path)
+    kept = find_sequence(tmp_path, poses="keep")
+    assert (len(kept.trajectory), kept.trajectory.known.any(), kept.trajectory_path) == (FRAMES, False, None)
+    assert "4 of 4 frames have no valid pose; they are kept, and no pose is written for them" in kept.notes
 
 
 def test_a_lens_is_told(tmp_path):

@@ -113,6 +113,7 @@ def test_logs_that_are_no_path(refused):
     assert refused(text[: text.rindex("\n", 0, -1)]).startswith("line 19: 4 numbers, and the pose is not complete")
     assert refused(text.replace("2 2 3\n", "")).startswith("line 11: 4 numbers; a .log")
     assert refused(text.replace("2 2 3", "2 2.5 3")).startswith("line 11: 2 2.5 3; a .log")
+    assert refused(text.replace("2 2 3", "2 2 1e300")).startswith("line 11: 2 2 1e+300; a .log")
 
 
 # --- transforms.json ---

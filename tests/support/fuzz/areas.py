@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fuzz import dataset_folders, meshes, presets, recordings, trajectories
+from fuzz import dataset_folders, meshes, presets, recordings, trajectories, videos
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ AREAS = {
     "presets": _area(presets),
     "trajectories": _area(trajectories),
     "recordings": _area(recordings),
+    "videos": _area(videos),
     "meshes": _area(meshes),
     "datasets": _area(dataset_folders),
 }

@@ -23,6 +23,8 @@ DECODERS = re.compile(r"libpng |\[ ?(?:WARN|ERROR|INFO):|Corrupt JPEG|Premature 
 """What the libraries of images print of a damaged file, beside the error that refuses it."""
 DAMAGED_SCAN = re.compile(r"Corrupt JPEG data|Premature end of JPEG")
 """What libjpeg prints of a file that it reads nevertheless: nothing else could tell."""
+FFMPEG = re.compile(r"(?s)(?!Traceback|.*Warning:).*")
+"""What FFmpeg prints of a video, in words of many kinds, which may hold bytes of the file."""
 
 
 def run_cases(cases, seed, folder, *, processes=2, limit_s=10.0, peer_python=None):
@@ -129,7 +131,7 @@ def _work(pipe, seed, folder, peer_python):
         sys.stderr.flush()
         printed.seek(0)
         told = printed.read().decode("utf-8", "replace").strip()
-        lines = DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
+        lines = FFMPEG if area == "videos" else DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
         expected = all(map(lines.match, told.splitlines()))
         if told and outcome.kind != "finding" and not expected:
             outcome = Outcome("finding", f"printed ({outcome.kind}): {told[:300]!r}")

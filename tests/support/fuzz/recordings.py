@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recordings with one mutated file, whose images are compared with those of the file before and, where there is one,
-of another decoder.
+"""Recordings with one or two mutated files, read as a run reads them: undistorted and registered where a task says so.
+Their images are compared with those of the file before and, where there is one, of another decoder.
 """
 
 import json
@@ -13,8 +13,11 @@ from fuzz import recorded
 from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, pick
 from stored_sequences import write_euroc, write_vslamlab
 
-from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.schema import Place
+from noisy_world.core.trajectories.sensor_paths import Moment
+from noisy_world.sources.recording import read_recording
 
 WORDS = (
     *NUMBERS, "#", "rgb/", "depth/", "../", "/", ".png", ".jpg", "\n", "\r", "\t", ",", "\0", "{", "}", "[", "]", '"',
@@ -22,6 +25,10 @@ WORDS = (
 )  # fmt: skip
 TEXTS = (".txt", ".json", ".yaml", ".csv", ".log", ".freiburg")
 CUT = "cut.json"  # the names of images that end early
+TASK = "task.json"  # what is asked for of the recording
+LENS = {"model": "radial-tangential", "coefficients": [0.1, -0.05, 0.001, 0.002]}
+TURNED = [[1, 0, 0, 0.02], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+DEPTH_CAMERA = {"w": 8, "h": 6, "fx": 5.0, "fy": 5.5, "cx": 3.0, "cy": 2.0, "rgb_from_depth": TURNED}
 
 
 def _images(rng, folder, count, *, names, depth_names, size=(8, 6)):
@@ -43,7 +50,12 @@ def replica(folder, rng):
     rows = "".join(f"1 0 0 {k / 10} 0 1 0 0 0 0 1 0 0 0 0 1\n" for k in range(3))
     (folder / "traj.txt").write_text(rows)
     camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 6553.5}
-    (folder / "cam_params.json").write_text(json.dumps({"camera": camera}, indent=2))
+    (folder / "cam_params.json").write_text(json.dumps({"camera": camera, **_optics(rng)}, indent=2))
+
+
+def _optics(rng):
+    """Return what cam_params.json says of a lens and of a camera of depth's own, each in some."""
+    return {name: value for name, value in (("distortion", LENS), ("depth_camera", DEPTH_CAMERA)) if rng.integers(2)}
 
 
 def tum(folder, rng):
@@ -60,6 +72,9 @@ def tum(folder, rng):
         (folder / f"{kind}.txt").write_text("# images\n# file: 'a'\n# timestamp filename\n" + rows)
     rows = "".join(f"{1000 + k / 30:.6f} {k / 10} 0 0 0 0 0 1\n" for k in range(3))
     (folder / "groundtruth.txt").write_text("# poses\n# file: 'a'\n# timestamp tx ty tz qx qy qz qw\n" + rows)
+    if rng.integers(2):
+        camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 5000.0}
+        (folder / "cam_params.json").write_text(json.dumps({"camera": camera, **_optics(rng)}, indent=2))
 
 
 def euroc(folder, rng):
@@ -101,6 +116,9 @@ def write(folder, rng):
             case _:
                 path.write_bytes(mutate_bytes(data, rng))
     (folder / CUT).write_text(json.dumps(cut))
+    task = {"poses": pick(rng, ("drop", "drop", "drop", "keep", "none", "require"))}
+    task |= {name: bool(rng.random() < 0.1) for name in ("undistort", "register")}
+    (folder / TASK).write_text(json.dumps(task))
 
 
 def with_header(data, rng):
@@ -116,26 +134,31 @@ def with_header(data, rng):
 
 
 def read(folder):
-    """Read every frame; return the sequence with its images."""
-    stored = find_sequence(folder / "sequence")
-    stored.check_images()
+    """Read every frame as a run does; return the sequence with its images, as they are stored."""
+    task = json.loads((folder / TASK).read_text())
+    recording = read_recording(folder / "sequence", Place(folder / TASK), **task)
+    stored = recording.stored
     assert min(stored.size_px) > 0
     count = len(stored.trajectory)
     if count > 100:
         raise InputError(folder, "has many frames")
-    images = []
-    for index in range(count):
-        frame = stored.frame(index)
-        rgb, depth_m = frame.rgb, frame.depth_m
-        assert rgb.dtype in (np.uint8, np.float32)
-        assert rgb.ndim == 3
-        assert np.isfinite(depth_m).all()
-        assert depth_m.min() >= 0
-        images.append((frame, rgb, depth_m))
+    notes, images = [], []
+    asked = Intrinsics(*stored.size_px, 6.0, 6.0, 3.0, 2.0) if stored.known_camera is None else None
+    with recording.prepare(recording.camera(asked), notes.append) as opened:
+        for index in range(count):
+            frame = opened.frame(Moment(index, 0.0, np.eye(4), np.eye(4)))
+            for rgb, depth_m in ((frame.rgb, frame.depth_m), (frame.stored.rgb, frame.stored.depth_m)):
+                assert rgb.dtype in (np.uint8, np.float32)
+                assert rgb.ndim == 3
+                assert np.isfinite(depth_m).all()
+                assert depth_m.min() >= 0
+            images.append((frame.stored, rgb, depth_m))
+    assert all(note.isprintable() for note in notes)
+    recording.hashes()
     return stored, images
 
 
-def differs(folder, meaning, peer):
+def differs(folder, meaning, peer=None):
     """Return which image is accepted that ends early, and how the images differ from another decoder's, if one is here.
 
     A file that is cut may have been mutated again, or its frame left out.

@@ -92,7 +92,7 @@ def check_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, str
 
 def _content(path: Path) -> bytes:
     try:
-        with _opened(path) as file:
+        with _opened(path, buffering=0) as file:
             return file.read()
     except OSError as error:
         raise InputError(path, _GONE) from error
@@ -112,14 +112,14 @@ def _checked(path: Path, data: bytes, sha256: str | None, digest: str) -> tuple[
 _CHANGED = "copy it again; if it was changed on purpose, take the keys sha256 out of frames.jsonl"
 
 
-def _opened(path: Path) -> BinaryIO:
+def _opened(path: Path, buffering: int = _HEADER_BYTES) -> BinaryIO:
     """Open a file. Raises OSError for what is none: a pipe would be waited for."""
     found = os.stat(path)  # noqa: PTH116 - thousands are opened, and a Path costs as much as the call
     if not stat.S_ISREG(found.st_mode):
         raise OSError("no file")
     if found.st_size > LARGEST_FILE_BYTES:
         raise InputError(path, f"has {found.st_size} bytes; images of at most {LARGEST_FILE_BYTES} are read")
-    return open(path, "rb", buffering=_HEADER_BYTES)  # noqa: PTH123
+    return open(path, "rb", buffering=buffering)  # noqa: PTH123
 
 
 def _kind(start: bytes) -> str | None:

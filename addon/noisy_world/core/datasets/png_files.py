@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """PNG files by their parts (ISO/IEC 15948, 5.3): length (4), name (4), content, CRC-32 of name and content (4)."""
 
+import struct
 import zlib
+from itertools import batched
 from typing import BinaryIO
 
 from .image_header import (
@@ -28,6 +30,8 @@ _COLOUR_TYPES = {
     6: (3, True, (8, 16)),
 }
 _CRITICAL = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
+_DECIDING = (b"IDAT", *_CRITICAL, b"tRNS")
+_START, _SUM = struct.Struct(">I4s"), struct.Struct(">I")
 _ANCILLARY = 0x20  # a small first letter: readers may pass the part over
 _APART = "its parts do not follow one another"
 
@@ -66,26 +70,43 @@ def whole_png(data: bytes, *, sums: bool = True) -> bytes:
     stands in another place, and UnfitImageError for animations and for what readers do not know.
     """
     view = memoryview(data)
-    kept, names = [view[: len(SIGNATURE)]], [b""]
+    names: list[bytes] = []  # without repetitions: OpenCV writes pixels in parts of 8 kB, a hundred a file
+    dropped: list[tuple[int, int]] = []
     at = len(SIGNATURE)
     while at + 12 <= len(data):
-        name, end = data[at + 4 : at + 8], at + 8 + int.from_bytes(data[at : at + 4], "big")
-        if end + 4 > len(data):
+        length, name = _START.unpack_from(data, at)
+        end = at + 12 + length
+        if end > len(data):
             break
-        if sums and zlib.crc32(view[at + 4 : end]) != int.from_bytes(view[end : end + 4], "big"):
+        if sums and zlib.crc32(view[at + 4 : end - 4]) != _SUM.unpack_from(data, end - 4)[0]:
             raise DamagedImageError(_wrong_checksum(name))
-        _check_known(name)
-        if (name == b"IHDR") != (len(names) == 1) or (name == b"IDAT" and b"IDAT" in names[:-1] and names[-1] != name):
-            raise DamagedImageError(_APART)
-        names.append(name)
-        if name in (*_CRITICAL, b"tRNS"):
-            kept.append(view[at : end + 4])
-        at = end + 4
+        if not names or name != names[-1]:
+            _check_place(name, names)
+            names.append(name)
+        if name not in _DECIDING:
+            dropped.append((at, end))
+        at = end
         if name == b"IEND":
-            if b"IDAT" not in names:
-                raise DamagedImageError("it holds no pixels")
-            return data if sum(map(len, kept)) == len(data) else b"".join(kept)
+            return data if not dropped and end == len(data) else _without(view[:end], dropped)
     raise DamagedImageError("it is cut short")
+
+
+def _check_place(name: bytes, before: list[bytes]) -> None:
+    """Raise UnfitImageError where a part cannot stand behind others, or is none that can be read."""
+    if name == b"acTL":  # PNG, third edition, 11.3.6.1
+        raise UnfitImageError("is an animation", "write its frames as images of their own")
+    if name not in _CRITICAL and not name[0] & _ANCILLARY:
+        raise UnfitImageError(f"holds a part {name.decode('latin-1')!a}, without which it cannot be read")
+    if (name == b"IHDR") != (not before) or (name == b"IDAT" and name in before):
+        raise DamagedImageError(_APART)
+    if name == b"IEND" and b"IDAT" not in before:
+        raise DamagedImageError("it holds no pixels")
+
+
+def _without(view: memoryview, dropped: list[tuple[int, int]]) -> bytes:
+    """Return data without some of their parts, each from a place to another, in order."""
+    edges = [0, *(place for part in dropped for place in part), len(view)]
+    return b"".join(view[start:end] for start, end in batched(edges, 2, strict=True))
 
 
 def png_orientation(data: bytes) -> int:
@@ -102,13 +123,6 @@ def png_orientation(data: bytes) -> int:
 def _part(stream: BinaryIO) -> tuple[int, bytes]:
     start = read_exactly(stream, 8)
     return int.from_bytes(start[:4], "big"), start[4:]
-
-
-def _check_known(name: bytes) -> None:
-    if name == b"acTL":  # PNG, third edition, 11.3.6.1
-        raise UnfitImageError("is an animation", "write its frames as images of their own")
-    if name not in _CRITICAL and not name[0] & _ANCILLARY:
-        raise UnfitImageError(f"holds a part {name.decode('latin-1')!a}, without which it cannot be read")
 
 
 def _wrong_checksum(name: bytes) -> str:

@@ -40,7 +40,8 @@ class StoredFrame:
 
     size_px: width and height that its images have to have. rgb_sha256, depth_sha256: of the files when they were
     written, where that is known; files with another are refused. depth_size_px: of depth, where it is another.
-    void_steps: what depth images hold where there is no depth, besides 0.
+    void_steps: what depth images hold where there is no depth, besides 0. rgb_header: of the colour image, where it was
+    read.
     """
 
     rgb_file: Path
@@ -51,6 +52,7 @@ class StoredFrame:
     depth_sha256: str | None = None
     depth_size_px: SizePx | None = None
     void_steps: tuple[int, ...] = ()
+    rgb_header: ImageHeader | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
@@ -71,7 +73,7 @@ class StoredFrame:
     @cached_property
     def stored_rgb(self) -> tuple[str, str | None]:
         """The kind of the colour image's file, and what it holds: 8-bit "rgb" or "grey", None for anything else."""
-        header = read_header(self.rgb_file)
+        header = self.rgb_header or read_header(self.rgb_file)
         return header.kind, header.plainly
 
     def whole_file(self, modality: Literal["rgb", "depth"]) -> WholeFile:
@@ -141,14 +143,17 @@ class StoredSequence:
         return self.camera
 
     @cached_property
+    def _rgb_headers(self) -> tuple[ImageHeader, ...]:
+        return tuple(map(read_header, self.rgb_files))
+
+    @cached_property
     def image_notes(self) -> tuple[str, ...]:
         """What the user should know of its images, in sentences, after the headers of all of them are looked at.
 
         Raises InputError where one is no image as it has to be, or has another size than the first.
         """
         found: Counter[str] = Counter()
-        for file in self.rgb_files:
-            header = read_header(file)
+        for file, header in zip(self.rgb_files, self._rgb_headers, strict=True):
             check_colour(file, header)
             check_size_px(file, header, self.size_px)
             found.update(_remarks(header, known=self._digest(file) is not None))
@@ -174,6 +179,7 @@ class StoredSequence:
             self._digest(depth),
             self.depth_size_px,
             self.void_steps,
+            self._rgb_headers[index] if "_rgb_headers" in self.__dict__ else None,  # one is not worth reading all
         )
 
     @property

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Video files: their frames one after another, by OpenCV."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +13,33 @@ from numpy.typing import NDArray
 from ..errors import InputError, StorageError
 
 SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
+_UNCERTAIN = 0.01  # chosen: a count that follows from length and rate is off by as much where the rate varies
 WRITTEN = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}  # codecs that OpenCV's wheels write, by suffix
 
 
 @dataclass(frozen=True, eq=False)
 class VideoFile:
-    """What a video holds. stamps_s: (N,) when each frame is shown, seconds, increasing; N is counted, not stated."""
+    """What a video holds. stamps_s: (N,) when each frame is shown, seconds, increasing; N is counted, not stated.
+
+    stated_count: the frames that its header says or that follow from its length; 0 where neither is known.
+    """
 
     path: Path
     size_px: tuple[int, int]
     stamps_s: NDArray[np.float64]
+    stated_count: int = 0
 
     def __len__(self) -> int:
         return len(self.stamps_s)
+
+    @property
+    def note(self) -> str:
+        """A sentence on frames that are missing; "" where none seem to be."""
+        missing = self.stated_count - len(self)
+        if missing <= max(1, _UNCERTAIN * self.stated_count):
+            return ""
+        told = f"{self.path.name} says that it has {self.stated_count} frames, of which {len(self)} can be decoded"
+        return f"{told}: it may be cut or damaged"
 
 
 def read_video(path: Path) -> VideoFile:
@@ -40,7 +55,7 @@ def read_video(path: Path) -> VideoFile:
         there, first = capture.read()
         if not there or first is None:
             raise InputError(path, "holds no frame that OpenCV can decode")
-        rate_hz = float(capture.get(cv2.CAP_PROP_FPS))
+        rate_hz, stated = (float(capture.get(name)) for name in (cv2.CAP_PROP_FPS, cv2.CAP_PROP_FRAME_COUNT))
         while there:
             stamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
             there = capture.grab()
@@ -51,7 +66,8 @@ def read_video(path: Path) -> VideoFile:
         if not 0 < rate_hz < 1e4:
             raise InputError(path, "tells neither when its frames are shown nor how many a second")
         stamps_s = np.arange(len(stamps_ms)) / rate_hz
-    return VideoFile(path, (first.shape[1], first.shape[0]), stamps_s)
+    known = math.isfinite(stated) and stated > 0
+    return VideoFile(path, (first.shape[1], first.shape[0]), stamps_s, int(stated) if known else 0)
 
 
 class VideoReader:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from ..errors import NoisyWorldError
 from ..labels import title
 from ..perturbing.kinds import ColourPerturbation
+from .camera import CameraSockets, camera_sockets
 from .graph import Graph, Kind, Socket, Value
 from .group_inputs import (
     CLIP_INPUT,
@@ -48,6 +49,7 @@ class Canvas:
     reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
     upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
     that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped.
+    camera: how it stands and moves, in a group that asks for motion.
     """
 
     graph: Graph
@@ -61,6 +63,7 @@ class Canvas:
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
     white: Socket | float = 1.0
+    camera: CameraSockets | None = None
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
         """Return three independent uniform numbers in [0, 1] for each position, of this seed and frame.
@@ -116,6 +119,7 @@ def build_group(
     enabled = graph.input(ENABLED_INPUT)
     given, override = _parameters(graph, perturbation, served, severity)
     timing = timing_sockets(graph, perturbation)
+    camera = camera_sockets(graph) if perturbation.uses_motion else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
     light = Light(image, encoded, None if bare else graph.input(CLIP_INPUT))
     share = mask
@@ -126,6 +130,7 @@ def build_group(
     source = light.to_linear() if perturbation.linear else light.to_encoded()
     with graph.section("Size"):
         canvas = _timed(_canvas(source, reference, depth_m, light.clip), perturbation, timing)
+        canvas = replace(canvas, camera=camera)
         scaled = {key: _in_pixels_and_degrees(perturbation, key, value, canvas) for key, value in given.items()}
     with graph.section(perturbation.label):
         result = perturbation.build(canvas, scaled, served)

@@ -46,19 +46,16 @@ def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
     That is each step's perturbation and parameters, and the random numbers that it is given, unless it asks for none;
     and the camera's motion, if it looks at that.
     """
-    return tuple(
-        (
-            step.perturbation.name,
-            tuple(asdict(step.parameters(severity)).items()),
-            None if _repeats(step.perturbation) else (context.identifiers, context.index, context.temporal),
-            None if context.motion is None else context.motion.key,
-        )
-        for step, context, severity in active
-    )
+    return tuple(_key_of(step, context, step.parameters(severity)) for step, context, severity in active)
 
 
-def _repeats(perturbation: ColourPerturbation | DepthPerturbation) -> bool:
-    return isinstance(perturbation, ColourPerturbation) and perturbation.repeatable
+def _key_of(step: Step[Any], context: FrameContext, parameters: Any) -> tuple[Hashable, ...]:
+    kind = step.perturbation
+    named = kind.name, tuple(asdict(parameters).items())
+    if isinstance(kind, ColourPerturbation) and kind.is_repeatable(parameters):
+        return *named, None, None
+    drawn = context.identifiers, context.index, context.temporal
+    return *named, drawn, None if context.motion is None else context.motion.key
 
 
 # --- motion ---

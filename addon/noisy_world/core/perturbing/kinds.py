@@ -274,7 +274,9 @@ class ColourPerturbation(Perturbation):
     result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
     share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
     linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
-    camera's motion, where the context has it. by_camera: of the group's parameters, what a known camera decides.
+    camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does.
+    by_camera: of the group's parameters, what a known camera decides. repeats: tells of which parameters it is
+    repeatable, and looks at no motion, though it has temporals.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -287,7 +289,13 @@ class ColourPerturbation(Perturbation):
     repeatable: bool = False
     linear: bool = False
     uses_motion: bool = False
+    goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
+    repeats: Callable[[Any], bool] | None = None
+
+    def is_repeatable(self, parameters: Any) -> bool:
+        """Tell whether with these parameters the result depends on image, depth and intrinsics alone."""
+        return self.repeatable or (self.repeats is not None and self.repeats(parameters))
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -196,7 +196,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     for setting in plan.settings:
         if setting.needs_depth and not scene.source.gives.depth:
             problem = f"{setting.name} needs depth, and a video has none"
-            raise scene.place.at("video").error(problem, "take that setting out, or take a sequence with depth")
+            remedy = "take that setting out, or name the folder of its depth: depth"
+            raise scene.place.at("video").error(problem, remedy)
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
@@ -287,12 +288,13 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             _check_poses(scene, preset)
         if not scene.source.gives.depth and "depth" in preset.spec.output.modalities:
             problem = "a video has no depth, but output.modalities asks for it"
-            raise scene.place.at("video").error(problem, "write output: {modalities: [rgb]}")
+            remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
+            raise scene.place.at("video").error(problem, remedy)
 
 
 def _place_of(scene: Scene) -> Place:
     """Return the place of a recording's folder or file in its scene."""
-    return scene.place.at("sequence" if scene.source.gives.depth else "video")
+    return scene.place.at(scene.source.gives.key)
 
 
 def _check_poses(scene: Scene, preset: Preset) -> None:

@@ -79,7 +79,7 @@ class Gives:
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
-    importers read it, whatever renders it. depth: whether it has any.
+    importers read it, whatever renders it. depth: whether it has any. key: of a scene, that names a recording.
     """
 
     rendered: bool
@@ -87,6 +87,7 @@ class Gives:
     own: OwnRendering | None = None
     imported: bool = False
     depth: bool = True
+    key: Literal["sequence", "video"] = "sequence"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 
 from ..datasets.known_poses import PosePolicy
 from ..datasets.layouts import KNOWN_RECORDINGS
+from ..datasets.stored import SCALES_PER_M
 from ..scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
 from ..scenes.replica import REPLICA_SCENES, replica_names
 from ..schema import Place, key, unknown_name
@@ -88,8 +89,18 @@ class SceneSpec:
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
         default=None,
     )
-    video: str | None = key(
-        "instead of sequence: a video file, for colour alone, relative to the preset; * allowed", default=None
+    video: str | None = key("instead of sequence: a video file, relative to the preset; * allowed", default=None)
+    depth: str | None = key(
+        "the folder of a video's depth, a 16-bit PNG for each frame in the order of their numbers, relative to the "
+        "preset; * stands for what the * of video matched",
+        default=None,
+    )
+    depth_scale_per_m: float | None = key(
+        "steps a metre of the depth beside a video; default 1000: millimetres",
+        unit="steps/m",
+        default=None,
+        minimum=SCALES_PER_M[0],
+        maximum=SCALES_PER_M[1],
     )
     blend: str | None = key(
         "instead of mesh: a .blend, rendered as its artist set it up, relative to the preset; * allowed", default=None
@@ -144,7 +155,7 @@ class SceneSpec:
 BLEND_KEYS = ("blend", "scene", "camera", "frames", "compositor", "depth_alpha")
 """The keys of a scene that say something about a .blend alone."""
 
-RECORDING_KEYS = ("video", "poses", "undistort", "register")
+RECORDING_KEYS = ("video", "depth", "depth_scale_per_m", "poses", "undistort", "register")
 """The keys of a scene that say something about a recording alone, and are told in a dataset where they are given."""
 
 MESH_KEYS = ("up", "light")
@@ -178,6 +189,10 @@ def check_scene(spec: SceneSpec, place: Place) -> None:
 
 
 def _check_recording(spec: SceneSpec, place: Place) -> None:
+    if spec.depth is not None and spec.video is None:
+        raise place.at("depth").error("goes with video", "leave it out")
+    if spec.depth_scale_per_m is not None and spec.depth is None:
+        raise place.at("depth_scale_per_m").error("goes with depth of a video", "leave it out")
     if spec.sequence is not None:
         return
     if spec.rate_hz is not None:

@@ -22,6 +22,7 @@ from .pose_text import FilePoses, Float64, PoseRows, TextRows, all_finite, read_
 _ROTATION_TOLERANCE = 5e-3  # entries of R^T R - 1
 _ROTATION_EXACT = 1e-12  # below it a matrix is orthonormal to float64's rounding, and is kept as it is
 _LAST_ROW_TOLERANCE = 1e-6
+_LARGEST_COUNT = 2.0**53  # up to which float64 holds every whole number
 
 _BLOCK = "a pose is four lines of four numbers"
 # Camera-to-world: "the transformation matrix maps a point from its local coordinates to the world coordinates"
@@ -58,7 +59,8 @@ def log_poses(rows: TextRows) -> FilePoses:
         raise InputError(rows.path, problem, where=f"line {rows.lines[row]}", remedy=_LOG)
     values = rows.numbers.reshape(-1, 19)
     about = PoseRows(rows.path, values[:, :3], rows.lines[::5])
-    about.fail_where((about.values != np.floor(about.values)).any(axis=1), "{}", of=about.values, remedy=_LOG)
+    counts = (about.values == np.floor(about.values)) & (np.abs(about.values) < _LARGEST_COUNT)
+    about.fail_where(~counts.all(axis=1), "{}", of=about.values, remedy=_LOG)
     first, second, third = about.values.T
     # Alignments of fragments are stored alike: which two, and of how many.
     if (first != second).any() and (third == third[0]).all() and (np.maximum(first, second) < third).all():

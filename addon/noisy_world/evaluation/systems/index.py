@@ -118,18 +118,25 @@ def given_sequence(
     """
     stored = find_sequence(folder)
     replaced = camera is not None and bool(stored.assumed)
-    problems = {
-        "depth has a camera of its own": stored.optics.depth is not None,
-        "its lens distorts": stored.optics.distortion is not None and not replaced,
-        "its depth images mark void otherwise than by 0": bool(stored.void_steps),
-    }
-    for problem in (told for told, found in problems.items() if found):
-        remedy = "make a dataset of it first, with register: true or undistort: true for the scene"
-        raise InputError(folder, problem, remedy=remedy)
+    _check_plain(stored, lens=not replaced)
     known = camera if replaced else stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
     return Given(stored, known, modalities)
+
+
+def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
+    """Refuse a recording that systems do not read as it is: all that is in the way, in one line. lens: ask for that."""
+    problems = {
+        "depth has a camera of its own": ("register: true", stored.optics.depth is not None),
+        "its lens distorts": ("undistort: true", lens and stored.optics.distortion is not None),
+        "its depth images mark void otherwise than by 0": ("", bool(stored.void_steps)),
+    }
+    found = {told: key for told, (key, is_so) in problems.items() if is_so}
+    if found:
+        keys = " and ".join(key for key in found.values() if key)
+        remedy = "make a dataset of it first" + (f", with {keys} for the scene" if keys else "")
+        raise InputError(stored.folder, ", and ".join(found), remedy=remedy)
 
 
 def _named(file: Path, read: bool) -> str | None:

@@ -227,9 +227,10 @@ def _body_from_sensor(path: Path, document: dict[str, Any]) -> NDArray[np.float6
     values = _numbers(path, "T_BS", given.get("data") if isinstance(given, dict) else given, 16)
     matrix = values.reshape(4, 4)
     problem = "is no rigid pose"
-    if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6 or np.linalg.det(matrix[:3, :3]) <= 0:
+    with np.errstate(over="ignore", invalid="ignore"):  # numbers as large as that are refused as well
+        turned, error = np.linalg.det(matrix[:3, :3]) > 0, float(rotation_error(matrix[:3, :3]))
+    if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6 or not turned:
         raise InputError(path, problem, where="T_BS", remedy="write it row by row")
-    error = float(rotation_error(matrix[:3, :3]))
     if not error <= _ROTATION_TOLERANCE:
         raise InputError(path, f"{problem}: R^T R is off by {error:.3g}", where="T_BS")
     return matrix if error < 1e-12 else pose(nearest_rotation(matrix[:3, :3]), matrix[:3, 3])

@@ -8,7 +8,8 @@ RGBDVideoMetadata has it, depth_scale in steps per metre. intrinsic_matrix is st
 reconstruction system leaves scene/trajectory.log.
 
 Redwood: http://redwood-data.org/indoor/data.html (image or colors, depth, *-traj.txt or trajectory.log, depth in
-millimetres, fx = fy = 525, cx 319.5, cy 239.5: the PrimeSense's factory settings) and http://redwood-data.org/3dscan
+millimetres, fx = fy = 525, cx 319.5, cy 239.5: the PrimeSense's factory settings; open3d.data.RedwoodIndoorOffice1 has
+colors/00000.jpg, depth/00000.png and office1-traj.txt) and http://redwood-data.org/3dscan
 (rgb/0000001-000000000000.jpg, depth/0000001-000000000000.png: number and time in microseconds; no trajectory).
 """
 

@@ -196,7 +196,7 @@ def _optics(path: Path, colour: AslSensor, depth: AslSensor) -> Optics:
             raise InputError(path, problem, where="distortion_coefficients", remedy="leave it out, or set both alike")
         return Optics(distortion=colour.distortion)
     if depth.camera is None or colour.camera is None:
-        lacking = path if depth.camera is None else COLOUR
+        lacking = path if depth.camera is None else path.parents[2] / COLOUR / "sensor.yaml"
         raise InputError(
             lacking, "says no intrinsics, but depth has a pose of its own", remedy="add them, or register it"
         )

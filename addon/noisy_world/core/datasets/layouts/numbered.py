@@ -69,14 +69,15 @@ def numbered_frames(
 ) -> NumberedFrames:
     """Return the frames that have colour and depth, and a pose where the policy wants it; frame i is at i / rate_hz.
 
-    poses: None for a recording without ground truth. Raises InputError where no frame is left.
+    poses: None for a recording without ground truth, whose policy is "keep" or "none". Raises InputError where no frame
+    is left.
     """
     numbers = sorted(rgb.keys() & depth.keys())
     if not numbers:
         problem = f"has {len(rgb)} colour and {len(depth)} depth images, none of which have one number"
         raise InputError(folder, problem)
     known = np.array([poses is not None and number in poses.c2w for number in numbers])
-    rows, told = chosen_by_pose(folder if poses is None else poses.path, known, "none" if poses is None else policy)
+    rows, told = chosen_by_pose(folder if poses is None else poses.path, known, policy)
     chosen = [numbers[row] for row in rows]
     c2w = np.tile(np.eye(4), (len(chosen), 1, 1))
     if poses is not None:

@@ -14,7 +14,7 @@ from ...optics import PINHOLE, Optics
 from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
 from ...trajectories.stamps import FrameStamps
 from ..frame_times import read_frame_times
-from ..known_poses import PosePolicy, truth_file, unposed
+from ..known_poses import PosePolicy, chosen_by_pose, truth_file, unposed
 from ..records import FRAMES
 from ..stored import RATE_HZ, StoredSequence
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
@@ -101,7 +101,8 @@ class ReplicaLayout(Layout):
         if file is not None and len(trajectory) != len(rgb):
             raise InputError(file, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
-        notes = trajectory.notes
+        _, told = chosen_by_pose(folder, trajectory.known, poses)
+        notes = (*trajectory.notes, *((told,) if told else ()))
         if stamps is None and file is not None and detect_format(file) in STAMPED_FORMATS:
             stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), file
         elif stamps is None:

@@ -27,7 +27,8 @@ DEPTH = r"frame-([0-9]+)\.depth\.png"
 CALIBRATIONS = ("info.txt", "_info.txt")
 NO_DEPTH = 65535  # "invalid depth is set to 65535"
 # "In the KinectFusion pipeline we used the following default intrinsics for the depth camera: principle point
-# (320,240), focal length (585,585)"; "the RGB and depth camera have not been calibrated".
+# (320,240), focal length (585,585)"; "the RGB and depth camera have not been calibrated". naver/kapture's
+# kapture_import_7scenes.py quotes the same and uses 585, 320, 240.
 KINECT = Intrinsics(640, 480, 585.0, 585.0, 320.0, 240.0)
 UNCALIBRATED = (
     "the dataset's depth camera of fx = fy = 585 and (320, 240) stands for both: colour was never calibrated, and "
@@ -86,7 +87,8 @@ def _calibration(folder: Path) -> Path | None:
 def _read(
     folder: Path, rate_hz: float | None, policy: PosePolicy, scale_per_m: float, calibration: Path | None
 ) -> StoredSequence:
-    poses = None if policy == "none" else _poses(folder)
+    unposed = policy == "none" or (policy == "keep" and not any(folder.glob("frame-*.pose.txt")))
+    poses = None if unposed else _poses(folder)
     used_hz = rate_hz or RECORDED_HZ
     images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
     found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)

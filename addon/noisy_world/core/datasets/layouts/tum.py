@@ -22,7 +22,8 @@ from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered
 LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
 SECONDS_PER_YEAR = 31_557_600  # Julian
 # https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats, "Intrinsic camera calibration of the Kinect": of
-# colour, to which depth is registered; fx, fy, cx, cy, and d0 to d4 as OpenCV has them.
+# colour, to which depth is registered; fx, fy, cx, cy, and d0 to d4 as OpenCV has them. ORB-SLAM2's
+# Examples/RGB-D/TUM2.yaml has more digits of the second: 520.908620, 521.007327, 325.141442, 249.701764.
 KINECTS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "1": ((517.3, 516.5, 318.6, 255.3), (0.2624, -0.9531, -0.0054, 0.0026, 1.1633)),
     "2": ((520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Haze: what is far away fades and turns blue, and its own light reddens, as short waves scatter more."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas, convert
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.schema import key
+from ._bands import by_bands
+from ._linear_light import LUMINANCE, decoded, encoded
+from .fog_depth import CONTRAST_THRESHOLD
+
+VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
+# Dominant wavelengths of Rec. 709's primaries against its white.
+CHANNELS_NM = (611.4, 549.1, 464.2)
+_EXTINCTION = -math.log(CONTRAST_THRESHOLD)
+
+
+@dataclass(frozen=True)
+class Haze:
+    """Koschmieder's law by wavelength: light * t + airlight * (1 - t), linear, with a transmission t for each channel.
+
+    Extinction is proportional to wavelength^-angstrom (Angstrom, 1929): 4 for clear air (Rayleigh), about 1.3 for haze,
+    0 for fog. The light that haze scatters into view has been scattered before in part, and is as much bluer.
+    """
+
+    visibility_m: float = key(
+        "distance at which 5 % of the contrast is left, at 550 nm", default=250.0, unit="m", above=0, maximum=1e6
+    )
+    angstrom: float = key(
+        "how much more short waves scatter: wavelength to minus this power", default=1.3, minimum=0, maximum=4.1
+    )
+    airlight: float = key("grey of the haze's light, sRGB-encoded", default=0.8, minimum=0, maximum=10)
+    blueness: float = key("share of the haze's light that was scattered before", default=0.5, minimum=0, maximum=1)
+    void_m: float = key(
+        "void and what is farther count as this far", default=100000.0, unit="m", minimum=0.1, maximum=1e6
+    )
+
+    def extinction_per_m(self) -> NDArray[np.float64]:
+        """Return (3,): of red, green and blue."""
+        return _EXTINCTION / self.visibility_m * _bluer(self.angstrom)
+
+    def light(self) -> NDArray[np.float64]:
+        """Return (3,): the linear light of haze without end; its luminance is that of the grey."""
+        colour = _bluer(self.angstrom * self.blueness)
+        grey = float(decoded(np.array([self.airlight], np.float32))[0])
+        return grey * colour / (colour @ LUMINANCE)
+
+
+def _bluer(power: float) -> NDArray[np.float64]:
+    return (VISUAL_NM / np.array(CHANNELS_NM)) ** power
+
+
+def apply(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -> NDArray[np.float32]:
+    """Haze (H, W, 3) by the context's planar depth (H, W), metres; 0 and NaN are void."""
+    import cv2
+
+    rates = -parameters.extinction_per_m()
+    light = np.tile(parameters.light().astype(np.float32), rgb.shape[1])
+    farthest_m = np.float32(parameters.void_m)
+
+    def hazed(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
+        seen = [np.asarray(cv2.exp(distance_m * np.float32(rate)), np.float32) for rate in rates]
+        linear = decoded(band)
+        rows = linear.reshape(len(band), -1)
+        rows -= light
+        rows *= np.asarray(cv2.merge(seen), np.float32).reshape(rows.shape)
+        rows += light
+        return encoded(linear)
+
+    return by_bands(rgb, rgb.dtype, hazed, context.depth_m)
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Mix with the airlight by a transmission for each channel."""
+    graph, depth_m = canvas.graph, canvas.depth_m
+    assert depth_m is not None
+    with graph.section("Transmission"):
+        # Maximum returns its first operand where the second is NaN.
+        known_m = graph.math("MAXIMUM", 0.0, depth_m)
+        void = graph.math("LESS_THAN", known_m, 1e-12)
+        far_m = graph.math("MULTIPLY_ADD", void, given["void_m"], known_m)
+        distance_m = graph.math("MINIMUM", far_m, given["void_m"])
+        rate = graph.math("DIVIDE", -_EXTINCTION, given["visibility_m"], label="Koschmieder")
+        ratios = [VISUAL_NM / wave for wave in CHANNELS_NM]
+        rates = [rate * graph.math("POWER", ratio, given["angstrom"]) for ratio in ratios]
+        seen = graph.vector(*(graph.math("EXPONENT", distance_m * each) for each in rates))
+    with graph.section("Airlight"):
+        power = given["angstrom"] * given["blueness"]
+        colour = graph.vector(*(graph.math("POWER", ratio, power) for ratio in ratios))
+        bright = graph.math("DOT_PRODUCT", colour, LUMINANCE)
+        grey = convert(graph, graph.vector(*[given["airlight"]] * 3), "sRGB", "Linear Rec.709")
+        air = grey * colour / graph.vector(bright, bright, bright)
+    with graph.section("Over the image"):
+        return graph.mix(air, canvas.image, seen)
+
+
+PERTURBATION = ColourPerturbation(
+    name="haze",
+    label="Haze",
+    stage="environment",
+    order=18,
+    parameters=Haze,
+    severities={"visibility_m": (1000, 500, 250, 120, 60)},
+    source=(
+        "our own: from haze (WMO: 1 km and more) to smoke; Koschmieder, 1924; Angstrom, On the atmospheric "
+        "transmission of sun radiation and on dust in the air, 1929; Narasimhan and Nayar, Vision and the atmosphere, "
+        "2002"
+    ),
+    apply=apply,
+    build=build,
+    linear=True,
+    needs_depth=True,
+    repeatable=True,
+)

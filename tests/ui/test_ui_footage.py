@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings and videos in the tab: named, told, previewed and written as the generator has them."""
+
+import json
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+from panel_tools import settings
+from recorded_layouts import WRITERS
+
+from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
+from noisy_world.core.errors import InputError
+from noisy_world.ui import document, footage, frame_preview, left_out, taking, world
+from noisy_world.ui.generate import run_of
+
+pytestmark = pytest.mark.usefixtures("add_on")
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """The panel naming a recording of ScanNet's layout, whose depth has a camera and a size of its own."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    folder = tmp_path / "scene0000_00"
+    folder.mkdir()
+    WRITERS["scannet"](folder)
+    item = settings()
+    item.mesh_source, item.sequence_path, item.scene_name = "RECORDING", str(folder), "scan"
+    item.output_folder, item.layout, item.backend = str(tmp_path / "out"), "tum", "reference"
+    return item
+
+
+def film(path, count=3):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (32, 24))
+    for n in range(count):
+        writer.write(np.full((24, 32, 3), 40 * n + 60, np.uint8))
+    writer.release()
+    return path
+
+
+def test_a_recording_is_previewed_as_it_is_written(recording):
+    scene = bpy.context.scene
+    for name in ("fog_depth", "depth_gaussian_noise"):
+        bpy.ops.noisy_world.add_step(perturbation=name)
+    recording.image = "png"
+    assert left_out.left_out(scene) == ()
+    assert bpy.ops.noisy_world.preview_frame.poll()
+    assert not bpy.ops.noisy_world.load_scene.poll()
+    assert not bpy.ops.noisy_world.load_trajectory.poll()
+    assert document.intrinsics_of(recording).fx_px == 58.5
+    assert document.to_document(recording)["render"] == {"backend": "reference"}
+    scene.frame_set(1)
+    picture, about = frame_preview.draw_colour(scene)
+    assert about.startswith("Frame 1: fog_depth")
+    depth, _ = frame_preview.draw_depth(scene)
+    assert depth.shape == (24, 32, 3)
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    assert any("no valid pose" in note for note in run_of(scene).background.notes)
+    written = cv2.imread(str(Path(recording.output_folder) / "perturbed/scan/rgb/000001.png"))[..., ::-1]
+    assert np.abs(written.astype(int) - picture).max() <= 1
+    clean = cv2.imread(str(Path(recording.output_folder) / "clean/scan/rgb/000001.png"))[..., ::-1]
+    assert np.abs(written.astype(int) - clean).max() > 10
+
+
+def test_a_pair_of_other_sizes_is_shown_side_by_side(recording):
+    bpy.ops.noisy_world.add_step(perturbation="desync")
+    picture, about = frame_preview.draw_depth(bpy.context.scene, 1)
+    assert about.startswith("Color of frame 1, depth of frame ")
+    assert picture.shape == (48, 128, 3)
+
+
+def test_its_keys_come_back_from_a_preset(recording, tmp_path):
+    recording.recorded_poses, recording.register_depth, recording.recorded_rate_hz = "keep", True, 15.0
+    path = tmp_path / "scan.yaml"
+    document.save_preset(recording, path)
+    said = document.to_document(recording, tmp_path)
+    assert said["scenes"] == [
+        {"name": "scan", "sequence": "scene0000_00", "poses": "keep", "register": True, "rate_hz": 15.0}
+    ]
+    assert "camera" not in said
+    item = settings()
+    item.mesh_source, item.sequence_path, item.recorded_poses, item.register_depth = "ROOM", "", "drop", False
+    taking.open_preset(item, path)
+    assert document.to_document(item, tmp_path) == said
+    film(tmp_path / "walk.avi")
+    (tmp_path / "depth").mkdir()
+    preset = {
+        "seed": 1,
+        "scenes": [{"video": "walk.avi", "depth": "depth", "depth_scale_per_m": 5000.0}],
+        "camera": {"width": 32, "height": 24, "fx": 30.0, "fy": 30.0, "cx": 15.5, "cy": 11.5},
+        "settings": [{"name": "clean"}],
+    }
+    (tmp_path / "video.json").write_text(json.dumps(preset))
+    taking.open_preset(item, tmp_path / "video.json")
+    said = document.to_document(item, tmp_path)
+    assert said["scenes"] == [{"name": "walk", **preset["scenes"][0]}]
+    assert said["camera"].items() >= preset["camera"].items()
+    for change, words in (
+        ({"scenes": [{"sequence": "scan*"}]}, "stands for several: the panel cannot show that"),
+        ({"scenes": [{"video": "*.avi"}]}, "stands for several: the panel cannot show that"),
+    ):
+        (tmp_path / "several.json").write_text(json.dumps({**preset, **change}))
+        with pytest.raises(InputError, match=words):
+            taking.open_preset(item, tmp_path / "several.json")
+    assert taking.can_take(path, "SCENE")
+    assert not taking.can_take(path, "PATH")
+
+
+def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
+    assert footage.told_as(recording.sequence_path) == "ScanNet"
+    assert footage.told_as(str(tmp_path)) == ""
+    assert footage.told_as(str(tmp_path / "none")) == ""
+    assert [label for label, _ in footage.known_layouts()] == [
+        layout.label for layout in (*LAYOUTS.values(), *RECORDED.values())
+    ]
+    recording.undistort = True
+    with pytest.raises(InputError, match="says that the lens distorts"):
+        document.save_preset(recording, tmp_path / "a.yaml")
+    recording.undistort, recording.sequence_path = False, str(tmp_path / "none")
+    with pytest.raises(RuntimeError, match="Scene > Folder: no such folder"):
+        bpy.ops.noisy_world.preview_frame()
+
+
+def test_a_video_is_previewed(recording, tmp_path):
+    film(tmp_path / "walk.avi")
+    scene = bpy.context.scene
+    recording.mesh_source, recording.video_path = "VIDEO", str(tmp_path / "walk.avi")
+    scene.frame_set(2)
+    picture, about = frame_preview.draw_colour(scene)
+    assert about == "Frame 2: clean"
+    assert np.abs(picture.astype(int) - 140).max() <= 3
+    with pytest.raises(InputError, match="a video has no depth"):
+        document.save_preset(recording, tmp_path / "a.yaml")
+    for name, draw in (("depth_gaussian_noise", frame_preview.draw_depth), ("fog_depth", frame_preview.draw_colour)):
+        bpy.ops.noisy_world.add_step(perturbation=name)
+        with pytest.raises(InputError, match="Scene > Video: has no depth; choose the folder"):
+            draw(scene)
+        recording.steps.clear()
+    recording.use_depth = False
+    document.save_preset(recording, tmp_path / "a.yaml")
+    assert world.summary(scene) == ()
