@@ -9,7 +9,7 @@ from group_tools import IDENTIFIERS, by_groups, keep_group, picture, step_of
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group, remove_group
-from noisy_world.core.node_graphs.chain import shown_values
+from noisy_world.core.node_graphs.chain import build_chain, shown_values
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
@@ -152,6 +152,16 @@ def test_a_mask_says_where_the_effect_shows(tmp_path):
         assert np.array_equal(found["masked"][:, 40:], found["whole"][:, 40:])
         assert np.array_equal(found["masked"][:, 20:40], found["half"][:, 20:40])
         assert np.allclose(found["half"], (rgb + found["whole"]) / 2, rtol=1e-5, atol=1e-5)
+
+
+def test_a_chain_clips_as_the_generator_does_unless_it_is_told_not_to(tmp_path):
+    rgb = lit()
+    chain = build_chain("Chain", [step_of("fog_depth", severity=1), step_of("brightness", severity=1)])
+    found = by_groups({"on": (chain, {}), "off": (chain, {"Clip": False})}, rgb, tmp_path, depth_m=depth())
+    assert found["on"].max() <= 1 + 1e-4
+    assert found["off"][15, 11].min() > 1
+    dark = (found["off"] < 0.99).all(axis=2)
+    assert np.allclose(found["on"][dark], np.maximum(found["off"][dark], 0), atol=1e-5)
 
 
 def test_a_pattern_is_fresh_fixed_or_drifts(tmp_path):
