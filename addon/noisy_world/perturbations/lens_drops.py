@@ -12,7 +12,7 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ._drop_laws import LensDrops
 from ._drop_nodes import build_drops
 from ._drops import seen_through
-from ._weather import by_camera
+from ._view import by_camera
 
 
 def apply(rgb: NDArray[np.float32], parameters: LensDrops, context: FrameContext) -> NDArray[np.float32]:

@@ -56,6 +56,15 @@ SEEN: dict[str, dict[str, str]] = {
     "fog_depth": {
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
+        "falloff_m": "Above 0 the fog lies on the ground: lower, and roofs and sky come out of it",
+        "camera_height_m": "Higher: the camera stands more above low fog, and sees more",
+        "unevenness": "Higher: the fog comes in clumps, with clearer air between",
+        "clump_m": "Higher: larger clumps",
+        "wind_m_s": "Further from 0: with the pattern Drift, clumps move faster to the right, or to the left below 0",
+        "glow": "Higher: lamps glow more in the fog",
+        "glow_width_deg": "Higher: wider and softer glows",
+        "view_deg": "Higher: as through a wider lens; a known camera decides it",
+        "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
     },
     "haze": {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
