@@ -31,7 +31,7 @@ def test_only_flakes_move_and_as_their_velocities_say():
     parameters = snow_depth.PERTURBATION.at_severity(5, frame_rate_hz=RATE_HZ, **values)
     air = snow_depth.KIND.air(parameters)
     speeds, flows, still = [], [], []
-    for index in range(0, 400, 40):
+    for index in range(0, 240, 40):
         one, other = (snow_depth.apply(rgb, parameters, context_at(k)) for k in (index, index + 1))
         flow = cv2.calcOpticalFlowFarneback(grey(one), grey(other), None, 0.5, 2, 11, 5, 7, 1.5, 0)
         context = context_at(index)
@@ -51,7 +51,7 @@ def test_only_flakes_move_and_as_their_velocities_say():
         flows.append(flow[row, column])
         speeds.append((parts[0].velocity_m_s / z_m[:, None])[inside, :2] * view.focal_px / RATE_HZ)
     flows, speeds = np.concatenate(flows), np.concatenate(speeds)
-    assert len(flows) > 20
+    assert len(flows) > 12
     assert np.median(np.concatenate(still)) < 0.02
     assert np.median(flows, axis=0) == pytest.approx(np.median(speeds, axis=0), rel=0.3)
 
