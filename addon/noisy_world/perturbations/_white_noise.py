@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The random numbers that a group's White Noise nodes give, on arrays: both executions of a perturbation draw the same.
+
+A number is Bob Jenkins' hash of four words (lookup3, 2006, in the public domain), which are the bits of four float32:
+x, y, the seed, and the frame's key with the purpose. In which order the node takes them was found from its output.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.node_graphs.group_inputs import seed_of
+from ..core.node_graphs.groups import PURPOSES
+from ..core.perturbing.kinds import FrameContext
+
+type Float32 = NDArray[np.float32]
+type Words = NDArray[np.uint32]
+
+_ORDERS = ((0, 2, 3), (1, 0, 2), (2, 3, 1), (3, 1, 0))
+_START = np.uint32(0xDEADBEEF + (4 << 2) + 13)
+
+
+@dataclass(frozen=True)
+class WhiteNoise:
+    """Uniform numbers by position, as `Canvas.random` gives them. key: the frame's, 0 for a pattern that is kept."""
+
+    seed: int
+    key: int
+
+    def random(self, purpose: int, x: Float32, y: Float32) -> tuple[Float32, Float32, Float32]:
+        """Return three independent numbers in [0, 1] for each position of whole numbers, arrays of one shape."""
+        words = [_bits(np.broadcast_to(np.float32(item), x.shape)) for item in (x, y, self.seed, self._key(purpose))]
+        # The three numbers are those of three orders of the words; they are calculated at once.
+        first, second, third = _uniform(*(np.stack([words[k] for k in order]) for order in _ORDERS))
+        return first, second, third
+
+    def _key(self, purpose: int) -> int:
+        return self.key * PURPOSES + purpose
+
+    def numbers(self, purpose: int) -> tuple[float, float, float]:
+        """Return three independent numbers in [0, 1] of the whole frame."""
+        zero = np.zeros(1, np.float32)
+        first, second, third = self.random(purpose, zero, zero)
+        return float(first[0]), float(second[0]), float(third[0])
+
+
+def white_noise(context: FrameContext) -> WhiteNoise:
+    """Return the numbers of a frame, which are those of its node group."""
+    return WhiteNoise(seed_of(context.identifiers), context.index if context.temporal == "fresh" else 0)
+
+
+def _bits(value: Float32) -> Words:
+    return np.ascontiguousarray(value, np.float32).view(np.uint32)
+
+
+def _uniform(x: Words, y: Words, z: Words, w: Words) -> Float32:
+    a, b, c = x + _START, y + _START, z + _START
+    a, c = (a - c) ^ _turned(c, 4), c + b
+    b, a = (b - a) ^ _turned(a, 6), a + c
+    c, b = (c - b) ^ _turned(b, 8), b + a
+    a, c = (a - c) ^ _turned(c, 16), c + b
+    b, a = (b - a) ^ _turned(a, 19), a + c
+    c, b = (c - b) ^ _turned(b, 4), b + a
+    a = a + w
+    for turn in ("cb14", "ac11", "ba25", "cb16", "ac4", "ba14", "cb24"):
+        target, source, bits = turn[0], turn[1], int(turn[2:])
+        words = {"a": a, "b": b, "c": c}
+        words[target] = (words[target] ^ words[source]) - _turned(words[source], bits)
+        a, b, c = words["a"], words["b"], words["c"]
+    return (c.astype(np.float64) / 0xFFFFFFFF).astype(np.float32)
+
+
+def _turned(word: Words, bits: int) -> Words:
+    """Turn 32 bits to the left."""
+    return (word << np.uint32(bits)) | (word >> np.uint32(32 - bits))
