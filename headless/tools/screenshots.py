@@ -40,6 +40,7 @@ from noisy_world.planning import make_plan
 from noisy_world.ui.properties import panel_of
 from noisy_world.ui.standard_view import use_standard_view
 from tools.window import (
+    LIMIT_S,
     editor_of,
     in_area,
     largest,
@@ -114,6 +115,7 @@ def photograph_groups(folder: Path) -> Iterator[float]:
 def photograph_example(folder: Path) -> Iterator[float]:
     """Open the example file, wait, and photograph its view and its nodes; yields the seconds to wait."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "out/example/street.blend"))
+    yield LIMIT_S  # so long the picture stands still and is not the street's yet, on software GL
     yield from until_drawn()
     photograph(folder / "example.jpg", EXAMPLE_PART)
 
