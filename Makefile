@@ -46,7 +46,7 @@ rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
 	$(PY) headless/tools/gallery.py docs/gallery.jpg
 
-screenshots: blender-env ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
+screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
 
 assets: venv ## write the asset library of node groups for Blender's asset browser

@@ -7,21 +7,20 @@ Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the vi
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
 beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
 before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
-written, beside the sliders. With names, which are "groups" and "add_on", only those.
+written, beside the sliders; and example.jpg, the file of `make example`. With names, which are "groups", "add_on",
+"tracking" and "example", only those.
 """
 
 import itertools
 import math
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "addon"))
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 sys.path.append(str(ROOT / ".blender-env" / str(sys.implementation.cache_tag)))
 
 import bpy
@@ -40,6 +39,21 @@ from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
 from noisy_world.ui.properties import panel_of
 from noisy_world.ui.standard_view import use_standard_view
+from tools.window import (
+    LIMIT_S,
+    editor_of,
+    in_area,
+    largest,
+    open_tree,
+    part_of,
+    photograph,
+    shading_of,
+    show_camera,
+    space_of,
+    split_window,
+    until_drawn,
+    window,
+)
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -52,13 +66,18 @@ TRACKED: dict[str, Any] = {  # a path that turns enough for late depth to matter
     "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
     "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
 }  # fmt: skip
+EXAMPLE_PART = "1314x789+0+26"  # what is left of the outliner and above the timeline
 SETTLE_S = 1.5  # after a change, for Blender to draw; chosen for software GL
-LIMIT_S = 180.0  # for shaders to compile; chosen for software GL
 
 
 def main(folder: Path, names: Sequence[str]) -> None:
     """Run the steps one after another, with time between them for Blender to draw."""
-    takes = {"groups": photograph_groups, "add_on": photograph_add_on, "tracking": photograph_tracking}
+    takes = {
+        "groups": photograph_groups,
+        "add_on": photograph_add_on,
+        "tracking": photograph_tracking,
+        "example": photograph_example,
+    }
     steps = itertools.chain.from_iterable(takes[name](folder) for name in names or takes)
 
     def proceed() -> float | None:
@@ -91,6 +110,14 @@ def photograph_groups(folder: Path) -> Iterator[float]:
     in_area(largest("NODE_EDITOR"), bpy.ops.node.view_all)
     yield 4.0
     photograph(folder / "node_group.jpg", "1600x220+0+350")
+
+
+def photograph_example(folder: Path) -> Iterator[float]:
+    """Open the example file, wait, and photograph its view and its nodes; yields the seconds to wait."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "out/example/street.blend"))
+    yield LIMIT_S  # so long the picture stands still and is not the street's yet, on software GL
+    yield from until_drawn()
+    photograph(folder / "example.jpg", EXAMPLE_PART)
 
 
 def photograph_add_on(folder: Path) -> Iterator[float]:
@@ -243,18 +270,6 @@ def frame_selected(editor: bpy.types.Area) -> Iterator[float]:
         node.select = False
 
 
-def until_drawn() -> Iterator[float]:
-    """Yield the seconds to wait until shaders are compiled and the picture no longer changes."""
-    words = ["import", "-window", "root", "rgb:-"]
-    shown, end_s = b"", time.monotonic() + LIMIT_S
-    while time.monotonic() < end_s:
-        yield 3.0
-        now = subprocess.run(words, check=True, capture_output=True).stdout
-        if now == shown and not bpy.app.is_job_running("SHADER_COMPILATION"):
-            return
-        shown = now
-
-
 def prepare_scene() -> bpy.types.Scene:
     """Put the demo's room and camera into the scene that the window shows."""
     plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
@@ -298,11 +313,6 @@ def compositor_tree(scene: bpy.types.Scene) -> bpy.types.NodeTree:
     return tree
 
 
-def window() -> bpy.types.Window:
-    """Return Blender's window."""
-    return bpy.context.window_manager.windows[0]
-
-
 def operators() -> Any:
     """Return the add-on's operators."""
     return bpy.ops.noisy_world  # pyright: ignore[reportAttributeAccessIssue]  there once the add-on is registered
@@ -313,79 +323,6 @@ def coloured(name: str) -> ColourPerturbation:
     perturbation = registry()[name]
     assert isinstance(perturbation, ColourPerturbation)
     return perturbation
-
-
-def space_of(view: bpy.types.Area) -> bpy.types.SpaceView3D:
-    """Return what a 3D view shows, and how."""
-    assert isinstance(view.spaces.active, bpy.types.SpaceView3D)
-    return view.spaces.active
-
-
-def shading_of(space: bpy.types.SpaceView3D) -> bpy.types.View3DShading:
-    """Return how a 3D view is shaded."""
-    assert space.shading is not None
-    return space.shading
-
-
-def editor_of(area: bpy.types.Area) -> bpy.types.SpaceNodeEditor:
-    """Return what a node editor shows."""
-    assert isinstance(area.spaces.active, bpy.types.SpaceNodeEditor)
-    return area.spaces.active
-
-
-def largest(kind: str) -> bpy.types.Area:
-    """Return the largest area of a kind."""
-    return max((area for area in window().screen.areas if area.type == kind), key=lambda area: area.width * area.height)
-
-
-def part_of(area: bpy.types.Area) -> str:
-    """Return the part of the display that an area takes, as `photograph` expects it."""
-    return f"{area.width}x{area.height}+{area.x}+{window().height - area.y - area.height}"
-
-
-def split_window() -> tuple[bpy.types.Area, bpy.types.Area]:
-    """Split the 3D view into one above and a compositor below."""
-    view = next(area for area in window().screen.areas if area.type == "VIEW_3D")
-    before = set(window().screen.areas)
-    in_area(view, lambda: bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.5))
-    (new,) = set(window().screen.areas) - before
-    lower, upper = sorted((view, new), key=lambda area: area.y)
-    lower.ui_type = "CompositorNodeTree"
-    return upper, lower
-
-
-def show_camera(view: bpy.types.Area) -> None:
-    """Look through the camera, with the compositor on."""
-    space = space_of(view)
-    assert space.region_3d is not None
-    space.region_3d.view_perspective = "CAMERA"
-    shading_of(space).type = "RENDERED"
-    shading_of(space).use_compositor = "ALWAYS"
-    space.overlay.show_overlays = False
-    in_area(view, bpy.ops.view3d.view_center_camera)
-
-
-def open_tree(editor: bpy.types.Area, tree: bpy.types.NodeTree) -> None:
-    """Show a tree in a node editor."""
-    space = editor_of(editor)
-    space.pin = True
-    space.node_tree = tree
-    space.show_region_ui = False
-    space.show_region_asset_shelf = False
-
-
-def in_area(area: bpy.types.Area, operator: Callable[[], object]) -> None:
-    """Run an operator as if the mouse were over an area."""
-    region = next(item for item in area.regions if item.type == "WINDOW")
-    with override(window=window(), area=area, region=region):
-        operator()
-
-
-def photograph(path: Path, part: str = "1600x900+0+0") -> None:
-    """Write a picture of the display, or of a part of it: width x height + left + top."""
-    words = ["import", "-window", "root", "-crop", part, "+repage", "-quality", "85", str(path)]
-    subprocess.run(words, check=True)
-    print(f"wrote {path}")
 
 
 if __name__ == "__main__":

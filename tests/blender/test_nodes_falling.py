@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import by_nodes, by_reference, radial_power, step_of
+from group_tools import by_nodes, by_reference, picture, radial_power, step_of
 from shown import evaluate_scene, image_of
 
 from noisy_world.blender.compositor import Compositor
@@ -132,3 +132,11 @@ def test_streaks_follow_the_camera_s_motion():
         assert change == pytest.approx(wanted, rel=0.05), name
         if name != "at rest":
             assert np.abs(arrays - made["at rest"][1]).max() > 0.3, name
+
+
+def test_a_sky_that_is_very_far_is_as_void():
+    image, void = picture(30, 40), np.full((30, 40), 5.0, np.float32)
+    void[:15] = 0
+    sky = np.where(void > 0, void, np.float32(1e10))
+    found = [by_nodes("snow_depth", image, depth_m=depth_m, severity=3)[0] for depth_m in (void, sky)]
+    assert np.array_equal(*found)

@@ -300,3 +300,12 @@ def test_no_particle_is_none():
     made = in_sight(air, VIEW, 0, 0.0)
     assert made.position_m.shape == made.velocity_m_s.shape == (0, 3)
     assert not optical_depth(streaks_of(made, VIEW, Lens(0.0, 1.0)), np.ones((3, 4), np.float32)).any()
+
+
+@pytest.mark.parametrize("name", ["snow_depth", "rain_depth"])
+def test_a_sky_that_is_very_far_is_as_void(name):
+    rgb = np.full((8, 12, 3), 0.3, np.float32)
+    rgb[:4] = 0.7
+    void, sky = np.full((8, 12), 5.0, np.float32), np.full((8, 12), 5.0, np.float32)
+    void[:4], sky[:4] = 0.0, 1e10
+    assert np.array_equal(perturbed(name, rgb, void), perturbed(name, rgb, sky))

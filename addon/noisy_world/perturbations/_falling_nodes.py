@@ -16,6 +16,7 @@ from ._linear_light import LUMINANCE
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._streaks import LEAST_WIDTH_PX, MOST_OPAQUE, SOFTNESS
+from ._void import SKY_M
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -46,8 +47,10 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
     with graph.section("Distance"):
         # Maximum returns its first operand where the second is NaN.
         known_m = graph.math("MAXIMUM", 0.0, canvas.depth_m)
-        void = graph.math("LESS_THAN", known_m, 1e-12)
-        distance_m = graph.math("MULTIPLY_ADD", void, given["void_m"], known_m)
+        sky = graph.math("GREATER_THAN", known_m, SKY_M)
+        void = graph.math("MAXIMUM", graph.math("LESS_THAN", known_m, 1e-12), sky)
+        surface_m = graph.math("MINIMUM", known_m, SKY_M) * graph.math("SUBTRACT", 1.0, sky)
+        distance_m = graph.math("MULTIPLY_ADD", void, given["void_m"], surface_m)
         limit_m = graph.math("MINIMUM", distance_m, given["reach_m"])
         nearness = graph.math("DIVIDE", 1.0, limit_m, label="Nearness of what hides")
         # An image even where Depth is one number: the shells take their pixels from it.

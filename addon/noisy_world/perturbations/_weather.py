@@ -21,6 +21,7 @@ from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
 from ._streaks import Lens, optical_depth, streaks_of
 from ._view import camera_of
+from ._void import SKY_M
 
 type Float32 = NDArray[np.float32]
 
@@ -77,11 +78,12 @@ class Kind:
 
 
 def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameContext) -> Float32:
-    """Let it fall on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
+    """Let it fall on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void, as is a sky."""
     import cv2
 
     air = kind.air(parameters)
-    depth_m = np.where(context.depth_m > 0, context.depth_m, np.float32(parameters.void_m))
+    surface = (context.depth_m > 0) & (context.depth_m <= SKY_M)
+    depth_m = np.where(surface, context.depth_m, np.float32(parameters.void_m))
     opaque = streaks_on(air, depth_m, parameters, context)
     linear = by_bands(rgb, rgb.dtype, decoded)
     # A row of it: three numbers beside an image take ten times as long.
