@@ -68,7 +68,8 @@ def test_bytes_and_floats_agree(name, picture):
     assert np.array_equal(apply(picture, name, severity=0), picture)
     item = registry()[name]
     if item.temporals and not item.is_repeatable(item.at_severity(3)):
-        assert not np.array_equal(apply(picture, name, severity=3, seed=5, frame=8, **seen), low)
+        still = item.temporals[0] == "fixed"
+        assert np.array_equal(apply(picture, name, severity=3, seed=5, frame=8, **seen), low) == still
         assert not np.array_equal(apply(picture, name, severity=3, seed=6, frame=7, **seen), low)
 
 

@@ -11,6 +11,7 @@ from noisy_world.blender.render import muted_output
 from noisy_world.blender.scratch_images import write_plain_floats
 from noisy_world.blender.typed import new_tree, set_pixels, use_as_data
 from noisy_world.core.node_graphs.chain import build_written
+from noisy_world.core.node_graphs.graph import Graph
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -76,7 +77,8 @@ def many_by_nodes(chains, images, indices=(0,), *, identifiers=IDENTIFIERS, dept
 def by_groups(nodes, image, folder, *, frame=5, depth_m=None):
     """What the groups that people see make of a float image (H, W, 3), standing in a user's compositor, in one call.
 
-    nodes: by a label, the perturbation's name and the values of sockets; an array among these is linked as an image.
+    nodes: by a label, the perturbation's name (or a description of a group) and the values of sockets; an array among
+    these is linked as an image.
     """
     scene, tree = bpy.data.scenes.new("By groups"), new_tree("By groups")
     scene.compositing_node_group = tree
@@ -97,7 +99,8 @@ def by_groups(nodes, image, folder, *, frame=5, depth_m=None):
         set_pixels(node.image, rgba)
         return node.outputs["Image"]
 
-    groups = {name: ensure_group(build_group(registry()[name])) for name, _ in nodes.values()}
+    kinds = dict.fromkeys(kind for kind, _ in nodes.values())
+    groups = {kind: ensure_group(kind if isinstance(kind, Graph) else build_group(registry()[kind])) for kind in kinds}
     source, far = linked(image), None if depth_m is None else linked(depth_m)
     for place, (label, (name, values)) in enumerate(nodes.items()):
         node = tree.nodes.new("CompositorNodeGroup")

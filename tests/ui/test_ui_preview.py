@@ -12,6 +12,7 @@ from shown import evaluate_scene, image_of
 from noisy_world.blender.chain_scene import (
     PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
 )  # fmt: skip
+from noisy_world.blender.chain_values import is_edited
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.perturbing.execution import move
 from noisy_world.core.trajectories.trajectory import Trajectory
@@ -96,12 +97,27 @@ def test_a_chain_of_an_earlier_version_is_made_anew_and_nothing_of_it_is_left(sc
     names = {tree.name for tree in bpy.data.node_groups}
     for tree in bpy.data.node_groups:  # as if its groups had been described otherwise
         tree["noisy_world_stamp"] = "earlier"
+        if tree.name.startswith("Per"):
+            del tree["noisy_world_made_as"]
         if not tree.name.startswith(("Per", "Pre", "JPEG Comp", "Pix")):
             tree.name = f"NW {tree.name}"
     refresh_chain(scene, steps, IDENTIFIERS)
     assert {tree.name for tree in bpy.data.node_groups} == names
+    chain = shown_chain(scene)
+    chain.name = "Mine"  # a user may call it as he likes
+    refresh_chain(scene, steps, IDENTIFIERS)
+    assert shown_chain(scene) == chain
     hide_chain(scene)
     assert len(bpy.data.node_groups) == 0
+
+
+def test_a_group_that_takes_the_camera_follows_a_slider(scene):
+    for severity in (2, 3):
+        chain = refresh_chain(scene, steps_of({"rain_depth": {"severity": severity}}), IDENTIFIERS)
+        assert not is_edited(chain)
+    (node,) = (node for node in chain.nodes if node.bl_idname == "CompositorNodeGroup")
+    assert node.inputs["Severity"].default_value == 3
+    assert tuple(node.inputs["Camera Location"].default_value) == (0, 0, 0)
 
 
 def test_following_in_place_costs_little(scene):

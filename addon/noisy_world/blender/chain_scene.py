@@ -13,7 +13,7 @@ from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from .chain_values import set_values
-from .nodes import ensure_group, remove_group
+from .nodes import adopt, described_as, ensure_group, made_before, remove_group
 from .typed import get_node, get_value, interface, new_node, new_socket, new_tree, set_value
 
 PREVIOUS = "noisy_world_previous_compositing"
@@ -41,7 +41,7 @@ def make_chain(
     only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
     scene frame, by default the first. intrinsics: of the camera, if known.
     """
-    old = next((tree for tree in bpy.data.node_groups if tree.name == name and tree.library is None), None)
+    old = made_before(bpy.data.node_groups, name)
     # By number, as a child that is made anew too is gone then.
     children = set() if old is None else {group.session_uid for group in _groups_in(old)}
     tree = ensure_group(_described(name, steps))
@@ -230,7 +230,7 @@ def refresh_chain(
     the camera.
     """
     chain = shown_chain(scene)
-    name = chain.name if chain is not None else _free_name(f"Perturbations of {scene.name}")
+    name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
     chain = make_chain(
@@ -255,7 +255,7 @@ def _set(socket: bpy.types.NodeSocket, value: int) -> None:
 
 
 def _free_name(name: str) -> str:
-    names = {tree.name for tree in bpy.data.node_groups}
+    names = {name for tree in bpy.data.node_groups for name in (tree.name, described_as(tree))}
     number = 1
     while (found := name if number == 1 else f"{name} {number}") in names:
         number += 1

@@ -71,8 +71,10 @@ def set_values(
 
 
 def _are_equal(one: Any, other: Any) -> bool:
-    """Tell whether two values of a socket are equal: numbers as it holds them, or items of a menu."""
-    return one == other if isinstance(one, str) or isinstance(other, str) else np.float32(one) == np.float32(other)
+    """Tell whether two values of a socket are equal: numbers and vectors as it holds them, or items of a menu."""
+    if isinstance(one, str) or isinstance(other, str):
+        return one == other
+    return np.array_equal(np.array(one, np.float32), np.array(other, np.float32))
 
 
 def _remember(tree: bpy.types.NodeTree, name: str, value: Any) -> None:

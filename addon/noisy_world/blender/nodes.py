@@ -67,6 +67,19 @@ def made_before[T: bpy.types.ID](collection: Iterable[T], name: str) -> T | None
     return next((item for item in own if item.get(MADE_AS) == _made_as(name, item)), None)
 
 
+def described_as(tree: bpy.types.NodeTree) -> str:
+    """Return the name that the description of a group has; that of the group where it is not one of ours."""
+    return str(tree.get(MADE_AS, tree.name)).partition("\n")[0]
+
+
+def adopt(tree: bpy.types.NodeTree) -> str:
+    """Let a group of ours be found again that was renamed or is an earlier version's; return its description's name."""
+    name = described_as(tree)
+    if tree.get(MADE_AS) != _made_as(name, tree):
+        tree[MADE_AS] = _made_as(name, tree)
+    return name
+
+
 def _name(item: bpy.types.ID, name: str) -> None:
     item.name = name
     item[MADE_AS] = _made_as(name, item)

@@ -27,7 +27,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 PERTURBATION = ColourPerturbation(
     name="lens_drops",
-    label="Drops on the lens",
+    label="Lens drops",
     stage="lens",
     order=60,
     parameters=LensDrops,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Kind, Socket, Value
+from ..core.node_graphs.graph import INTERFACE, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -130,16 +130,12 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         run_px = canvas.drift_frames * given["run_px"] / finest
         size_px = _lattice_size(canvas, finest)
         noise = _smooth_noise(canvas, size_px, run_px, given, sigma_px)
-        # Where a severity decides, Blender calculates both kinds of drops; of a single number that takes no time.
-        soiled, noise = (
-            _either(given["complexity"], 0.0, noise, "float"),
-            _either(given["complexity"], noise, 0.0, "float"),
-        )
+        noise, soiled = _parted(given["complexity"], noise)
         above = noise - given["threshold"]
         inside = graph.math("GREATER_THAN", above, 0.0)
     with graph.section("Mud"):
-        inside_mud = graph.math("GREATER_THAN", soiled - given["threshold"], 0.0)
-        blurred = _blurred(inside_mud, given["scaling"] * (canvas.scale / finest))
+        above_mud = soiled - given["threshold"]
+        blurred = _blurred(graph.math("GREATER_THAN", above_mud, 0.0), given["scaling"] * (canvas.scale / finest))
         mud = blurred * graph.math("GREATER_THAN", blurred, 0.8)
     with graph.section("Water: distance to the rim"):
         distance = _distance(noise, above, given["mean"], sigma_px) / sigma_px
@@ -159,6 +155,17 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         wet = graph.math("MULTIPLY_ADD", cover, _encoded(_WATER_RGB), canvas.image)
         muddy = graph.mix(canvas.image, _encoded(_MUD_RGB), cover)
         return _either(given["complexity"], wet, muddy, "color")
+
+
+def _parted(complexity: Socket, noise: Socket) -> tuple[Socket, Socket]:
+    """Return the noise for water and for mud.
+
+    Where a severity decides the complexity, Blender calculates both. Then the noise of that which is not shown is a
+    single number, of which all the rest takes no time.
+    """
+    if complexity.node == INTERFACE:
+        return noise, noise
+    return _either(complexity, noise, 0.0, "float"), _either(complexity, 0.0, noise, "float")
 
 
 def _either(complexity: Socket, water: Value, mud: Value, kind: Kind) -> Socket:

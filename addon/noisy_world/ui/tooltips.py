@@ -113,6 +113,16 @@ SEEN: dict[str, dict[str, str]] = {
     },
     "impulse_noise": {"amount": "Higher: more pixels are pure black, white or a pure color"},
     "jpeg_compression": {"quality": "Lower: coarser blocks of 8 pixels, and blurrier colors"},
+    "lens_dirt": {
+        "dust": "Higher: darker specks of dust",
+        "smudges": "Higher: thicker grease; bright light spreads over it",
+        "scratches": "Higher: deeper scratches, which light up near lamps",
+        "size": "Higher: all dirt is larger",
+        "reach_px": "Higher: lamps light up dirt further away from them",
+        "streaks": "Higher: lamps draw streaks instead of halos",
+        "wiped_deg": "Turns the streaks, which run across the direction of wiping",
+        "glare": "Higher: dirt shines more than it takes away; 1 is as it is, 0 only takes away",
+    },
     "lens_drops": {
         "coverage": "Higher: more drops on the glass",
         "size_px": "Higher: larger drops, and fewer",
