@@ -55,7 +55,7 @@ assets: venv ## write the asset library of node groups for Blender's asset brows
 example: venv ## write out/example/street.blend: a lit street with four node groups behind its render, ready to play
 	$(PY) headless/tools/example.py
 
-film: venv ## render the street's path and write docs/street.mp4 anew: an hour of a processor
+film: venv ## render the street's path and write docs/street.mp4 anew: a quarter of an hour on two idle cores
 	$(PY) headless/tools/street_frames.py out/film/frames --samples 5
 	$(PY) headless/tools/film.py docs/street --frames out/film/frames
 

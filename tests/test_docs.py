@@ -55,6 +55,16 @@ def test_a_broken_link_would_be_found(tmp_path):
     assert broken_links(page) == ["page.md#three", "none.jpg"]
 
 
+def test_examples_are_shown():
+    # A formatter takes the line for Python where the block says so, and then nothing is shown.
+    included = [
+        line for page in PAGES for line in re.findall(r"^--8.*", page.read_text(encoding="utf-8"), re.MULTILINE)
+    ]
+    assert len(included) > 5
+    for line in included:
+        assert (ROOT / re.fullmatch(r'--8<-- "(.+)"', line)[1]).is_file()
+
+
 def test_every_page_is_in_the_sites_contents():
     config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
 

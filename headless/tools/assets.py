@@ -43,10 +43,11 @@ LOOKS: dict[str, dict[str, Any]] = {
     "shot_noise": {"severity": 3},
     "brightness": {"severity": 3},
     "contrast": {"severity": 2},
+    "lens_frost": {"severity": 2},
     "jpeg_compression": {"severity": 5},
 }
 SEVERITY = 4
-REFERENCES_PX = {"pixelate": 110, "jpeg_compression": 200, "gaussian_blur": 250, "spatter": 300}
+REFERENCES_PX = {"pixelate": 110, "jpeg_compression": 200, "gaussian_blur": 250, "spatter": 300, "lens_drops": 260}
 REFERENCE_PX = 420
 MOMENT = 30  # a frame at which what drifts is under way
 

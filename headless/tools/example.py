@@ -18,7 +18,7 @@ import bpy
 from noisy_world.blender.render import muted_output
 from noisy_world.blender.typed import override
 from tools.street.chain import CHAIN, show_behind_render
-from tools.street.scene import FPS, FRAMES, build_street
+from tools.street.scene import FRAMES, build_street, intrinsics_of
 
 SIZE_PX = (1200, 680)
 NODES_SHARE = 0.45  # of the area that the 3D view had
@@ -43,7 +43,7 @@ def write_example(path: Path, size_px: tuple[int, int] = SIZE_PX, frames: int = 
     scene = bpy.context.scene
     bpy.data.batch_remove([*bpy.data.objects, *bpy.data.meshes, *bpy.data.materials, *bpy.data.worlds])
     street = build_street(size_px, frames)
-    tree = show_behind_render(scene, CHAIN, street.c2w, FPS)
+    tree = show_behind_render(scene, CHAIN, intrinsics_of(size_px), street.c2w)
     scene.render.engine = "BLENDER_EEVEE"
     scene.render.filepath = "//street_"
     scene.frame_set(0)

@@ -26,7 +26,7 @@ from noisy_world.blender.render import muted_output
 from tools.lit_compositor import LitScene, shown
 from tools.street.chain import OVERRIDE, Link, add_groups, key_camera
 from tools.street.frames import LitFrame, read_frame
-from tools.street.scene import FPS
+from tools.street.scene import FPS, intrinsics_of
 
 REFERENCE_PX = 1200
 SKY_M = 500.0  # how far the sky is, for the fog: to where it would reach up
@@ -35,22 +35,22 @@ POSTER = 60  # the frame of the picture
 QUALITIES = ("HIGH", "MEDIUM", "LOW", "VERYLOW", "LOWEST")  # of Blender's encoder, from the best
 STRIP_PX, INK, SHADE = 26, (235, 235, 235), 0.45  # of the captions
 
-# What comes in when, by eye: the effects are pulled like a lens or a weather would change, and stay.
+# What comes in when, by eye: the effects come on as weather does, and stay.
 FILM = (
     Link(
         "fog_depth",
         {OVERRIDE: True, "Airlight": 0.45},
-        {"Visibility": ((5, 20000.0), (8, 2500.0), (12, 600.0), (20, 170.0))},
+        {"Mask": ((4, 0.0), (9, 1.0)), "Visibility": ((5, 3000.0), (12, 600.0), (20, 170.0))},
     ),
     Link("snow_depth", {"Frame Rate": 24.0}, {"Severity": ((18, 0.0), (21, 1.0), (34, 4.0))}),
     Link(
-        "defocus_depth",
-        {OVERRIDE: True, "Focus": 5.0, "Focal Length": 31.0, "Max Radius": 10.0},
-        {"F-Stop": ((34, 22.0), (38, 4.0), (46, 1.0))},
+        "lens_frost",
+        {OVERRIDE: True, "Opacity": 1.5, "Growth Per S": 0.0},
+        {"Coverage": ((32, 0.0), (36, 0.08), (66, 0.6))},
     ),
-    Link("gaussian_noise", {OVERRIDE: True}, {"Std": ((50, 0.0), (58, 0.06))}),
+    Link("gaussian_noise", {OVERRIDE: True}, {"Std": ((52, 0.0), (60, 0.045))}),
 )
-SHOWN_FROM = {5: "Fog by Depth", 18: "Snow by Depth", 34: "Depth of Field", 50: "Gaussian Noise"}
+SHOWN_FROM = {5: "Fog by Depth", 18: "Snow by Depth", 34: "Lens Frost", 52: "Gaussian Noise"}
 
 
 def main(arguments: list[str]) -> int:
@@ -77,8 +77,11 @@ def film(folder: Path) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     cameras = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))
     names = sorted(name for name in cameras["c2w"] if (folder / name).exists())
     poses = np.array([cameras["c2w"][name] for name in names])
-    with LitScene((cameras["width"], cameras["height"]), 1, SKY_M) as scene:
-        groups = add_groups(scene.tree, scene.rgb, scene.depth_m, FILM, REFERENCE_PX)
+    size_px = cameras["width"], cameras["height"]
+    with LitScene(size_px, 1, SKY_M) as scene:
+        groups = add_groups(
+            scene.tree, scene.rgb, scene.depth_m, FILM, camera=intrinsics_of(size_px), reference_width_px=REFERENCE_PX
+        )
         key_camera(scene.tree, groups, poses, FPS)
         scene.write([groups[-1].outputs["Image"]])
         for number, name in enumerate(names):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw every perturbation of colour at severities 1, 3 and 5 on a frame of the demo, as the compositor makes it.
 
-Those of the environment are shown on the whole frame, the others on a part of it, pixel for pixel.
+Those of the environment and of the front glass are shown on the whole frame, the others on a part, pixel for pixel.
 
 python headless/tools/gallery.py docs/gallery.jpg
 """
@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import Stage
+from noisy_world.core.perturbing.kinds import ColourPerturbation
 from tools.showcase import demo_frame, perturbed, shown_perturbations
 
 SEVERITIES = (1, 3, 5)  # as in the paper; the sizes below are chosen, for a picture 1,860 pixels wide
+ON_THE_LENS = ("lens_drops", "lens_dirt")
 TILE_PX = (300, 170)
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 GAP_PX = 6
@@ -41,7 +42,7 @@ def main(arguments: list[str]) -> int:
     clean = rgb_bytes(rgb)
     blocks = [strip("Clean: whole frame, and detail", [whole(clean), detail(clean)])]
     blocks += [
-        strip(f"{item.label}   {item.stage}", [view(item.stage)(made[item.name, level]) for level in SEVERITIES])
+        strip(f"{item.label}   {item.stage}", [view(item)(made[item.name, level]) for level in SEVERITIES])
         for item in shown_perturbations()
     ]
     blocks += [np.full_like(blocks[0], GROUND)] * (-len(blocks) % SHEETS_ACROSS)
@@ -52,9 +53,9 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def view(stage: Stage) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
-    """Return the function that gives the part of a frame to show."""
-    return whole if stage == "environment" else detail
+def view(item: ColourPerturbation) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
+    """Return the function that gives the part of a frame to show: all of it for weather and what is on the lens."""
+    return whole if item.stage == "environment" or item.name in ON_THE_LENS else detail
 
 
 def whole(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -12,6 +12,8 @@ from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.trajectories.motion import CameraMotion
 from noisy_world.perturbations import registry
 
 NAMES = ("snow_depth", "rain_depth")
@@ -82,3 +84,51 @@ def test_a_known_camera_decides_the_field_of_view():
             made.append(compositor.evaluate(grey()[:24, :36], {"x": (0, (7, "room", "s"))}, depth_m)[0]["x"])
     assert np.array_equal(made[0], made[1])
     assert not np.array_equal(made[1], made[2])
+
+
+def moving(velocity_m_s, turning_rad_s):
+    """The motion of a level camera, whose world's axes are its own."""
+    return CameraMotion(np.eye(4), np.eye(4), np.array(velocity_m_s), np.array(turning_rad_s))
+
+
+MOTIONS = {
+    "at rest": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "aside": ((12.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    "on": ((0.0, 0.0, 15.0), (0.0, 0.0, 0.0)),
+    "turning": ((0.0, 0.0, 0.0), (0.0, 1.5, 0.0)),
+    "rolling": ((0.0, 0.0, 0.0), (0.0, 0.0, 8.0)),
+}
+
+
+def slants(image):
+    """In quarters of the image: which way streaks lie (-1 to 1: across, along; and the diagonals)."""
+    rows, columns = np.gradient(image.mean(axis=-1).astype(np.float64))
+    down, right = SIZE[0] // 2, SIZE[1] // 2
+    found = []
+    for part in ((slice(None, down), slice(None, right)), (slice(down, None), slice(right, None))):
+        x, y = columns[part], rows[part]
+        energy = (x * x + y * y).sum()
+        found += [(x * x - y * y).sum() / energy, 2 * (x * y).sum() / energy]
+    return np.array(found)
+
+
+def test_streaks_follow_the_camera_s_motion():
+    """Fine rain, so that many streaks are seen; by both executions they lie alike, and not as for a camera at rest."""
+    depth_m = np.full(SIZE, 12.0, np.float32)
+    step = step_of("rain_depth", severity=5, least_mrad=4.0, gusts_m_s=0.0, shutter_ms=8.0, temporal="drift")
+    made = {}
+    with Compositor((SIZE[1], SIZE[0]), {"x": [step]}, SIZE[1]) as compositor:
+        for name, motion in MOTIONS.items():
+            found = []
+            for k in range(4):
+                where, frame = moving(*motion), (k * 37, (7, "room", "s"))
+                nodes = compositor.evaluate(grey(), {"x": frame}, depth_m, {"x": where})[0]["x"]
+                context = step.context(FrameContext(*frame, motion=where, read_depth_m=lambda: depth_m))
+                arrays = step.perturbation.apply(grey(), step.parameters(5), context)
+                found.append((slants(nodes), slants(arrays), nodes.mean() - 0.15, arrays.mean() - 0.15))
+            made[name] = [np.mean(part, axis=0) for part in zip(*found, strict=True)]
+    for name, (nodes, arrays, change, wanted) in made.items():
+        assert np.abs(nodes - arrays).max() < 0.2, (name, nodes, arrays)
+        assert change == pytest.approx(wanted, rel=0.05), name
+        if name != "at rest":
+            assert np.abs(arrays - made["at rest"][1]).max() > 0.3, name

@@ -6,7 +6,13 @@ import pytest
 
 pytest.importorskip("bpy", reason="bpy is not installed")
 
-from group_tools import by_nodes, by_reference, levels_apart, picture
+from cases import cases
+from group_tools import by_nodes, by_reference, levels_apart, picture, step_of
+
+from noisy_world.blender.compositor import Compositor
+from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.trajectories.motion import motion_between
 
 SIZE = (41, 63)
 
@@ -24,3 +30,41 @@ def test_haze_keeps_to_the_reference():
     for values in ({"severity": 1}, {"severity": 5}, {"angstrom": 4.0, "blueness": 1.0, "void_m": 80.0}):
         pair = [make("haze", picture(*SIZE), depth_m=depths(), **values)[0] for make in (by_nodes, by_reference)]
         assert levels_apart(*pair)[0] < 0.1
+
+
+UNEVEN = {
+    "thinner": {"falloff_m": 2.0, "camera_height_m": 1.0},
+    "clumps": {"unevenness": 0.8, "clump_m": 5.0, "temporal": "drift", "wind_m_s": 2.0},
+    "fresh": {"unevenness": 0.8, "visibility_m": 60.0},
+    "glow": {"glow": 1.0, "airlight": 0.2},
+    "all": {"falloff_m": 3.0, "unevenness": 0.5, "glow": 0.7, "airlight": 0.4, "temporal": "drift"},
+}
+
+
+@cases("name", UNEVEN)
+def test_fog_that_is_no_even_layer_keeps_to_the_reference(name):
+    values = {"severity": 2, "depth_m": depths(), **UNEVEN[name]}
+    found, wanted = (make("fog_depth", picture(*SIZE), (7,), **values)[0] for make in (by_nodes, by_reference))
+    assert levels_apart(found, wanted)[0] < 0.1
+    (even,) = by_reference("fog_depth", picture(*SIZE), severity=2, depth_m=depths())
+    assert levels_apart(even, wanted)[0] > 3
+
+
+def test_fog_stays_in_the_world_in_the_compositor_too():
+    """A camera that has gone on, turned and tilted since the first frame."""
+    first, now = np.eye(4), np.eye(4)
+    first[:3, :3], first[:3, 3] = rotation_from_euler_deg(-90.0, 0.0, 0.0), (1e5, 0.0, 3.0)
+    now[:3, :3] = rotation_from_euler_deg(-80.0, 5.0, 30.0)
+    now[:3, 3] = (1e5 + 2.0, 4.0, 3.5)
+    motion = motion_between(first, first, now, 0.05)
+    camera = Intrinsics(SIZE[1], SIZE[0], 40.0, 40.0, (SIZE[1] - 1) / 2, (SIZE[0] - 1) / 2)
+    step = step_of("fog_depth", severity=2, falloff_m=3.0, unevenness=0.8, temporal="drift")
+    image, depth_m, where = picture(*SIZE), depths(void=False), (7, "room", "setting")
+    with Compositor((SIZE[1], SIZE[0]), {"x": [step]}, SIZE[1], camera) as compositor:
+        moved, still = (
+            compositor.evaluate(image, {"x": (5, where)}, depth_m, motions)[0]["x"] for motions in ({"x": motion}, None)
+        )
+    context = step.context(FrameContext(5, where, intrinsics=camera, motion=motion, read_depth_m=lambda: depth_m))
+    wanted = step.perturbation.apply(image, step.parameters(2), context)
+    assert levels_apart(moved, wanted)[0] < 0.2
+    assert levels_apart(still, wanted)[0] > 5

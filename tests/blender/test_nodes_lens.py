@@ -144,14 +144,15 @@ def test_glass_changes_as_much_as_its_reference():
         assert abs(one.mean() - other.mean()) * 255 < 0.3
 
 
-def test_a_preview_of_glass_moves_the_same_places():
+def test_a_preview_of_glass_shows_means_of_the_same_places():
     image, half = places(120, 160), places(60, 80)
     values = {"sigma_px": 0, "max_delta_px": 4, "iterations": 1, "reference_width": 160}
     full = offsets_taken(image, by_nodes("glass_blur", image, **values)[0])
     small = offsets_taken(half, by_nodes("glass_blur", half, **values)[0])
     for one, other in zip(full, small, strict=True):
-        # Half a pixel is left to rounding.
-        assert np.abs(one[1::2, 1::2] / 2 - other)[10:-10, 10:-10].max() < 0.51
+        means = one.reshape(60, 2, 80, 2).mean(axis=(1, 3)) / 2
+        # Half of the 0.25 px that a pixel of the frame is beside the preview's: edges are drawn steeper than they are.
+        assert np.abs(means - other)[10:-10, 10:-10].max() < 0.13
 
 
 # --- depth of field ---

@@ -41,7 +41,7 @@ def test_the_example_is_ready_to_play(opened):
     (editor,) = (area.spaces.active for area in screen.areas if area.type == "NODE_EDITOR")
     assert editor.tree_type == "CompositorNodeTree"
     assert editor.node_tree == scene.compositing_node_group
-    assert opened.stat().st_size < 4e6
+    assert opened.stat().st_size < 8e6
 
 
 def test_its_compositing_is_a_chain_of_four_groups(opened):

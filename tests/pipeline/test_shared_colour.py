@@ -77,7 +77,8 @@ class Watched(FrameContext):
 
 
 def test_what_says_so_is_repeatable():
-    found = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.repeatable]
+    coloured = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
+    found = [item for item in coloured if item.is_repeatable(item.at_severity(3))]
     assert {item.name for item in found} == {*REPEATABLE, "haze", "fog_depth", "defocus_depth"}
     rng = np.random.default_rng(0)
     rgb, depth_m = rng.random((24, 32, 3), dtype=np.float32), rng.uniform(1, 5, (24, 32)).astype(np.float32)
@@ -91,6 +92,8 @@ def test_what_says_so_is_repeatable():
 
 
 def test_a_random_pattern_is_not_repeatable():
+    fog = registry()["fog_depth"]
+    assert not fog.is_repeatable(fog.at_severity(3, unevenness=0.1))
     given = {item.name: getattr(registry()["gaussian_noise"], item.name) for item in fields(ColourPerturbation)}
     with pytest.raises(ValueError, match="gaussian_noise: what is repeatable has no random pattern"):
         ColourPerturbation(**{**given, "repeatable": True})

@@ -3,6 +3,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from written import run
 
 from noisy_world.cli.command import main
 from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.datasets.video_files import VideoReader, read_video, write_video
+from noisy_world.core.datasets.video_files import VideoFile, VideoReader, read_video, write_video
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
@@ -80,6 +81,14 @@ def test_a_video_that_lacks_frames_is_told(tmp_path):
     assert re.fullmatch(
         r"walk\.avi says that it has 7 frames, of which [1-5] can be decoded: it may be cut.*", notes[0]
     )
+
+
+def test_a_rate_that_varies_is_no_cut():
+    times = np.array([0, 1, 2, 30, 58, 59]) / 30  # of two seconds at 30 Hz, as Matroska says them
+    assert VideoFile(Path("a.mkv"), (4, 3), times, 60, 30.0).note == ""
+    assert "a.mkv says that it has 60 frames, of which 4" in VideoFile(Path("a.mkv"), (4, 3), times[:4], 60, 30.0).note
+    assert "of which 1 can be decoded" in VideoFile(Path("a.mkv"), (4, 3), times[:1], 60, 30.0).note
+    assert VideoFile(Path("a.mkv"), (4, 3), times, 0, 0.0).note == ""
 
 
 def test_a_video_is_a_scene(tmp_path, capfd):

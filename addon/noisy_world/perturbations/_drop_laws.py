@@ -56,6 +56,8 @@ BEAD_RADIUS = (0.13, 0.3)
 
 # --- looks ---
 
+HALVINGS = 4  # from the frame to what drops show: they make it so much smaller that fewer would leave out lamps
+
 GLINT_AT = (-0.33, -0.42)  # of a drop's radius: to the left and above
 GLINT_RADIUS = 0.2
 

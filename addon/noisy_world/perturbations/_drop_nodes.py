@@ -24,12 +24,12 @@ def build_drops(canvas: Canvas, given: Given) -> Socket:
         given = {name: value / canvas.scale if name.endswith("_px") else value for name, value in given.items()}
     glass = glass_nodes(canvas, given["focus_px"])
     sheet = SheetNodes.of(graph, *_uneven(canvas, glass, given["size_px"]))
-    runs = sheet_graph("NW Running drops", "Drops that run down, and their beads", RUN_INPUTS, run_nodes, canvas)
+    runs = sheet_graph("Running Drops", "Drops that run down, and their beads", RUN_INPUTS, run_nodes, canvas)
     with graph.section("Drops that run"):
         inputs = {"Size": given["size_px"], "Height": glass.height_px, "Share": given["runs"]}
         inputs |= {"Run": canvas.drift_frames * given["run_px"]}
         sheet = sheet.after(canvas, runs, inputs, name="Running drops")
-    part = sheet_graph("NW Drops of a size", "Drops of an octave of diameters", _OWN, _class_nodes, canvas)
+    part = sheet_graph("Drops of a Size", "Drops of an octave of diameters", _OWN, _class_nodes, canvas)
     for number, share in enumerate(_shares(given)):
         with graph.section("Drops that sit"):
             largest = given["size_px"] * (laws.LARGEST * 0.5**number)
@@ -129,21 +129,25 @@ def _class_nodes(canvas: Canvas, own: Given, sheet: SheetNodes) -> SheetNodes:
 def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNodes) -> tuple[Socket, Socket]:
     """Return the light of the drops, 0 beside them, and where they are, as `refracted` does."""
     graph = canvas.graph
-    small = reduced_nodes(canvas)
+    small = reduced_nodes(canvas, laws.HALVINGS)
+    rho_squared, aside, down = sheet.rho_squared, sheet.aside, sheet.down
+    assert isinstance(rho_squared, Socket)
+    assert isinstance(aside, Socket)
+    assert isinstance(down, Socket)
     with graph.section("Refraction"):
         focal_px = glass.width_px * 0.5 / graph.math("TANGENT", given["view_deg"] * (math.pi / 360))
         contact = graph.math("SINE", given["contact_deg"] * (math.pi / 180))
-        cap = bent_nodes(graph, sheet.rho_squared, contact)
-        long = graph.math("MULTIPLY_ADD", sheet.aside, sheet.aside, sheet.down * sheet.down)
+        cap = bent_nodes(graph, rho_squared, contact)
+        long = graph.math("MULTIPLY_ADD", aside, aside, down * down)
         per = graph.math("DIVIDE", 1.0, graph.math("MAXIMUM", graph.math("SQRT", long), 1e-6))
-        aside, down = sheet.aside * per, sheet.down * per
+        aside, down = aside * per, down * per
         far = cap.tangent * focal_px
         x = graph.math("PINGPONG", glass.x_px - aside * far, glass.width_px)
         y = graph.math("PINGPONG", glass.y_px - down * far, glass.height_px)
         share = graph.vector(x / glass.width_px, 1.0 - y / glass.height_px)
         seen = sampled(small, share)
     with graph.section("Light of the drops"):
-        rho = graph.math("SQRT", sheet.rho_squared)
+        rho = graph.math("SQRT", rho_squared)
         apart_x = graph.math("MULTIPLY_ADD", aside, rho, -laws.GLINT_AT[0])
         apart_y = graph.math("MULTIPLY_ADD", down, rho, -laws.GLINT_AT[1])
         apart = graph.math("MULTIPLY_ADD", apart_x, apart_x, apart_y * apart_y)
@@ -151,5 +155,5 @@ def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNode
         own = graph.math("MULTIPLY_ADD", 1.0 - cap.passes, given["rim"], spot * given["glint"])
         passes = graph.vector(cap.passes, cap.passes, cap.passes)
         light = graph.math("MULTIPLY_ADD", seen, passes, mean_of(small) * graph.vector(own, own, own))
-        cover = sheet.rho_squared < 1.0
+        cover = rho_squared < 1.0
         return light * graph.vector(cover, cover, cover), cover

@@ -60,7 +60,8 @@ def runs_on(size_px: tuple[int, int], parameters: LensDrops, noise: WhiteNoise, 
     radius_px = (large * one(laws.RUN_RADIUS[1]) + one(laws.RUN_RADIUS[0])) * grown * one(parameters.size_px)
     middle_px = (strip + (beside - one(0.5)) * one(laws.ASIDE) + one(0.5 - laws.STRIP_START)) * one(strip_px)
     winding = np.stack([beside, high]) * one(4 * math.pi)
-    return Runs(first, there, number, begin_px, at_px, radius_px, middle_px, winding)
+    made = (np.asarray(item, np.float32) for item in (number, begin_px, at_px, radius_px, middle_px, winding))
+    return Runs(first, there, *made)
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,8 @@ def beads_of(runs: Runs, height_px: int, parameters: LensDrops, noise: WhiteNois
     radius_px = (thick * thick * one(laws.BEAD_RADIUS[1]) + one(laws.BEAD_RADIUS[0])) * one(size_px) * np.sqrt(fade)
     left = (middle_px < runs.at_px - one(1.3) * runs.radius_px) & (middle_px > runs.begin_px) & (fade > 0)
     aside_px = (beside - one(0.5)) * one(0.5 * size_px)
-    per_px = 1 / np.maximum(radius_px, one(1e-3))
-    return Beads(first, left.ravel(), middle_px.ravel(), aside_px.ravel(), per_px.ravel())
+    made = (middle_px, aside_px, 1 / np.maximum(radius_px, one(1e-3)))
+    return Beads(first, left.ravel(), *(np.asarray(item, np.float32).ravel() for item in made))
 
 
 def paint_runs(sheet: Sheet, runs: Runs, beads: Beads, parameters: LensDrops) -> None:
@@ -112,7 +113,7 @@ def paint_runs(sheet: Sheet, runs: Runs, beads: Beads, parameters: LensDrops) ->
     per_px = (1 / runs.radius_px).take(strip)
     at_px, begin_px = runs.at_px.take(strip), runs.begin_px.take(strip)
     behind_px = at_px - y_px
-    _paint_drop(sheet, pixels, aside_px * per_px, behind_px * per_px)
+    _paint_drop(sheet, pixels, np.multiply(aside_px, per_px), np.multiply(behind_px, per_px))
     bead = (y_px * one(1 / (laws.BEADS * size_px)) + one(laws.BEAD_START)).astype(np.intp) - beads.first
     _paint_beads(sheet, beads, bead * len(runs.number) + strip, (pixels, aside_px, y_px))
     fresh = np.clip(2 - behind_px * one(2 / (laws.TRAIL * size_px)), 0, 1)

@@ -30,7 +30,7 @@ def seen_through(rgb: Float32, parameters: LensDrops, context: FrameContext) -> 
     glass = pane(rgb.shape[:2], parameters.focus_px)
     camera = context.intrinsics
     focal_px = rgb.shape[1] / 2 / math.tan(math.radians(parameters.view_deg) / 2) if camera is None else camera.fx_px
-    small = reduced(linear)
+    small = reduced(linear, laws.HALVINGS)
     mean = small.mean(axis=(0, 1))
     layer = np.empty((*glass.shape, 4), np.float32)
     for top, sheet in sheets(glass, parameters, white_noise(context), context.drift_frames):
@@ -68,18 +68,18 @@ def shares(parameters: LensDrops) -> list[float]:
 
 @dataclass(frozen=True)
 class Cells:
-    """A class's cells: rows and columns of them, from a first row and column. Arrays are (rows * columns,).
+    """A class's cells: rows and columns of them, from a first row and column, and the N drops in them.
 
     number: of the class. size_px: width and height of a cell, in pixels of the frame. first: row and column. columns:
-    in a row. there: whether a drop is in the cell. aside_px, down_px: its middle, from the cell's left and top. per_px:
-    1 / radius.
+    in a row. drop: (rows * columns,) the cell's drop, -1 where there is none. aside_px, down_px: (N,) a drop's middle,
+    from the cell's left and top. per_px: (N,) 1 / radius.
     """
 
     number: int
     size_px: tuple[float, float]
     first: tuple[int, int]
     columns: int
-    there: NDArray[np.bool_]
+    drop: NDArray[np.intp]
     aside_px: Float32
     down_px: Float32
     per_px: Float32
@@ -100,13 +100,16 @@ def cells_of(number: int, parameters: LensDrops, glass_px: tuple[int, int], nois
     phase, pace, often = noise.random(2 * number, column, row)
     turned = (pace + one(0.5)) * (one(frames) * one(parameters.drying * laws.drying_rate(number))) + phase
     turn = np.floor(turned)
-    there = (often + turn * one(laws.PRESENT)) % one(1) < one(shares(parameters)[number])
-    scale, right_share, low = noise.random(2 * number + 1, turn * one(laws.TURNS) + column, row)
+    (there,) = np.nonzero((often + turn * one(laws.PRESENT)) % one(1) < one(shares(parameters)[number]))
+    scale, right_share, low = noise.random(2 * number + 1, (turn * one(laws.TURNS) + column)[there], row[there])
     diameter_px = np.power(one(0.5), scale) * one(largest_px)
     aside_px = right_share * one(width_px) + diameter_px * (one(0.5) - right_share)
     down_px = low * one(height_px) + diameter_px * (one(0.5) - low) * one(laws.TALL[number])
-    per_px = one(2) / (diameter_px * np.sqrt(1 - (turned - turn)))
-    return Cells(number, (width_px, height_px), (first, left), right + 1 - left, there, aside_px, down_px, per_px)
+    per_px = one(2) / (diameter_px * np.sqrt(1 - (turned - turn)[there]))
+    place = np.full(row.size, -1, np.intp)
+    place[there] = np.arange(len(there))
+    made = (np.asarray(item, np.float32) for item in (aside_px, down_px, per_px))
+    return Cells(number, (width_px, height_px), (first, left), right + 1 - left, place, *made)
 
 
 def paint_class(sheet: Sheet, cells: Cells) -> None:
@@ -123,13 +126,14 @@ def paint_class(sheet: Sheet, cells: Cells) -> None:
     column = np.floor(u)
     first = cells.first[0] * cells.columns + cells.first[1]
     cell = (row * one(cells.columns) + (column - one(first))).astype(np.intp)
-    (pixels,) = np.nonzero(cells.there.take(cell))
-    cell = cell.take(pixels)
-    per_px = cells.per_px.take(cell)
+    drop = cells.drop.take(cell)
+    (pixels,) = np.nonzero(drop >= 0)
+    drop = drop.take(pixels)
+    per_px = cells.per_px.take(drop)
     u -= column
     v -= row
-    aside = (u.take(pixels) * one(width_px) - cells.aside_px.take(cell)) * per_px
-    down = (v.take(pixels) * one(height_px) - cells.down_px.take(cell)) * per_px
+    aside = (u.take(pixels) * one(width_px) - cells.aside_px.take(drop)) * per_px
+    down = (v.take(pixels) * one(height_px) - cells.down_px.take(drop)) * per_px
     down *= one(1 / laws.TALL[cells.number])
     aside *= 1 - one(laws.SAG[cells.number]) * down
     sheet.paint(pixels, aside, down)
@@ -152,7 +156,9 @@ def refracted(small: Float32, mean: Float32, sheet: Sheet, focal_px: float, para
     far_px = cap.tangent * np.float32(focal_px)
     row, column = np.divmod(pixels, sheet.pane.shape[1])
     x, y = sheet.pane.x_px[column] - aside * far_px, sheet.pane.y_px[row] - down * far_px
-    light = shown_at(small, x, y, sheet.pane.size_px) * cap.passes[:, None]
+    light = (
+        shown_at(small, np.asarray(x, np.float32), np.asarray(y, np.float32), sheet.pane.size_px) * cap.passes[:, None]
+    )
     apart = (aside * rho - np.float32(laws.GLINT_AT[0])) ** 2 + (down * rho - np.float32(laws.GLINT_AT[1])) ** 2
     spot = np.maximum(1 - apart * np.float32(laws.GLINT_RADIUS**-2), np.float32(0))
     own = (1 - cap.passes) * np.float32(parameters.rim) + spot * np.float32(parameters.glint)

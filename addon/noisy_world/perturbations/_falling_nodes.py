@@ -35,8 +35,9 @@ class Laws:
 
 def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
     """Mix the image, of linear light, with the particles' light, by the transmission of streaks and veil."""
-    graph = canvas.graph
+    graph, camera = canvas.graph, canvas.camera
     assert canvas.depth_m is not None
+    assert camera is not None
     with graph.section("What falls"):
         many, measured_mm = laws.sizes(graph, given["rate_mm_h"])
         scale_mm = measured_mm * given["size"]
@@ -54,16 +55,24 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         nearness = graph.math("MULTIPLY_ADD", pixel.x, 0.0, nearness)
     with graph.section("Camera"):
         half = graph.math("TANGENT", given["view_deg"] * (math.pi / 360))
+        wind_m_s = given["wind_m_s"]
+        across = graph.math("ARCTAN2", camera.back.x * -1.0, camera.back.y * -1.0)
+        upwards = graph.math("ARCSINE", graph.clamp(camera.back.z * -1.0, -1.0, 1.0))
         shared = {
+            "Down": graph.vector(camera.right.z * -1.0, camera.up.z, camera.back.z),
+            "Blown": graph.vector(camera.right.x * wind_m_s, camera.up.x * -wind_m_s, camera.back.x * -wind_m_s),
+            "Own": camera.to_own(camera.velocity),
+            "Turning": camera.turning * (1.0, -1.0, -1.0),
+            "Turned": graph.vector(across, upwards),
             "Nearness": nearness,
             "Height": canvas.height_px,
+            "Width": canvas.width_px,
             "Scale": canvas.scale,
             "Count": count_m3,
             "Mean": scale_mm,
             "Measured": measured_mm,
             "Seen to": seen_to_m,
             "Focal length": canvas.width_px / canvas.scale * 0.5 / half,
-            "Wind": given["wind_m_s"],
             "Gusts": given["gusts_m_s"],
             "Fall": given["fall"],
             "Exposure": given["shutter_ms"] * 1e-3,
@@ -106,13 +115,13 @@ def _light(canvas: Canvas, given: Mapping[str, Socket]) -> Socket:
 _INPUTS = {
     "Nearness": "1 / metres of what hides, at each pixel",
     "Height": "Rows of the image",
+    "Width": "Columns of the image",
     "Scale": "Pixels of the image in one of the reference width",
     "Count": "Particles of all sizes in a cubic metre",
     "Mean": "Mean diameter, mm",
     "Measured": "Mean diameter of the measured particles, mm, which decides the speed",
     "Seen to": "Metres at which the mean particle spans the least angle",
     "Focal length": "In pixels",
-    "Wind": "Metres a second to the right",
     "Gusts": "Standard deviation of each particle's own velocity, m/s",
     "Fall": "Speed of fall, times that in still air",
     "Exposure": "Seconds",
@@ -124,6 +133,14 @@ _INPUTS = {
 }
 
 
+_VECTORS = {
+    "Down": "Direction of fall in the camera's axes: right, down, forward",
+    "Blown": "Velocity of the wind in the camera's axes, m/s",
+    "Own": "The camera's velocity in its axes, m/s",
+    "Turning": "The camera's turning about its axes, rad/s",
+    "Turned": "How far the camera has turned to the right and up, rad",
+}
+
 type Taken = Mapping[str, Socket]
 """The inputs of a shell's group by name."""
 
@@ -133,14 +150,17 @@ def _shell_graph(laws: Laws) -> Graph:
     graph = Graph(f"{laws.name} Shell", "How much light passes the streaks of the particles in a shell", alone=True)
     start = graph.input(GroupInput("Start", "vector", (0.0, 0.0, 0.0), "Where on the tile the first pixel lies"))
     taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in _INPUTS.items()}
+    taken |= {name: graph.input(GroupInput(name, "vector", (0.0, 0.0, 0.0), text)) for name, text in _VECTORS.items()}
     places = [
         graph.input(GroupInput(f"Depth {power}", "float", 0.0, f"Coefficient of a level to the power {power}"))
         for power in range(len(shells()[0].places))
     ]
     with graph.section("Fall"):
         fall_m_s = laws.speed(graph, taken["Measured"] * (taken["Middle"] + 1.0)) * taken["Fall"]
-        moved = graph.vector(taken["Wind"], fall_m_s)
-        speed_m_s = graph.math("MAXIMUM", graph.math("LENGTH", moved), 1e-3)
+        fallen = graph.math("MULTIPLY_ADD", taken["Down"], graph.vector(fall_m_s, fall_m_s, fall_m_s), taken["Blown"])
+        # The tile lies along the fall on the image; straight down from above it has any direction.
+        moved = graph.vector(fallen.x, fallen.y + 1e-4)
+        speed_m_s = graph.math("LENGTH", moved)
         direction = moved / graph.vector(speed_m_s, speed_m_s, speed_m_s)
         run_px = speed_m_s * taken["Focal length"] / taken["Seen to"] / taken["Middle"]  # a second
     own, right_px, down_px = _nearest_particle(graph, taken, start, direction, run_px)
@@ -154,12 +174,16 @@ def _shell_graph(laws: Laws) -> Graph:
         nearness = graph.math("DIVIDE", per_m, depth, label="1 / its depth in metres")
         large = graph.math("MULTIPLY_ADD", own - level, EXCESS, depth, label="Its diameter, of the mean one's")
         area, width_px = _area_and_width(graph, taken, large, nearness)
-        length_px = nearness * (speed_m_s * taken["Focal length"] * taken["Exposure"])
+        aside_px, ahead_px = _run(graph, taken, fallen - taken["Own"], direction, nearness)
+        length_px = graph.math("SQRT", graph.math("MULTIPLY_ADD", aside_px, aside_px, ahead_px * ahead_px))
     with graph.section("Its streak"):
         # Its own direction, from another number of its own.
         lean = (graph.math("FRACT", level * _GOLDEN) - 0.5) * (taken["Gusts"] / speed_m_s * math.sqrt(12))
-        beside = graph.math("MULTIPLY_ADD", lean, down_px, right_px)
-        before = graph.math("MULTIPLY_ADD", length_px, -0.5, graph.math("ABSOLUTE", down_px))
+        shares = aside_px / length_px, ahead_px / length_px
+        along = graph.math("MULTIPLY_ADD", shares[1], down_px, shares[0] * right_px)
+        across = graph.math("MULTIPLY_ADD", shares[1], right_px, shares[0] * down_px * -1.0)
+        beside = graph.math("MULTIPLY_ADD", lean, along, across)
+        before = graph.math("MULTIPLY_ADD", length_px, -0.5, graph.math("ABSOLUTE", along))
         before = graph.math("MAXIMUM", before, 0.0)
         apart = graph.math("SQRT", graph.math("MULTIPLY_ADD", beside, beside, before * before))
         ramp = graph.math("MAXIMUM", width_px * SOFTNESS, 1.0)
@@ -190,8 +214,13 @@ def _nearest_particle(
         top = taken["Height"] - 0.5
         aside = graph.vector(direction.y * across, direction.x * across) * graph.vector(finer, finer)
         ahead = graph.vector(direction.x * along, direction.y * along * -1.0) * graph.vector(finer, finer)
+        # A camera that turns sees other parts of the tile.
+        turned = taken["Turned"] * graph.vector(*[taken["Focal length"] * taken["Scale"]] * 3)
         first_u = graph.math("MULTIPLY_ADD", aside.x, 0.5, start.x) - aside.y * top
         first_v = graph.math("MULTIPLY_ADD", ahead.x, 0.5, drifted) - ahead.y * top
+        first_u, first_v = (
+            graph.math("DOT_PRODUCT", turned, axis) + at for axis, at in ((aside, first_u), (ahead, first_v))
+        )
         pixel = graph.node("CompositorNodeImageCoordinates", {"Image": taken["Nearness"]}).out("Pixel", "vector")
         u = graph.math("DOT_PRODUCT", pixel, aside) + first_u
         v = graph.math("DOT_PRODUCT", pixel, ahead) + first_v
@@ -205,6 +234,32 @@ def _nearest_particle(
         right_px = graph.math("WRAP", columns - u, turn, -turn) / across
         down_px = graph.math("WRAP", rows - v, turn, -turn) / along
     return own, right_px, down_px
+
+
+def _run(
+    graph: Graph, taken: Taken, velocity_m_s: Socket, direction: Socket, nearness: Socket
+) -> tuple[Socket, Socket]:
+    """Return how far a particle goes on the image while the shutter is open, aside of the fall and along it, in pixels.
+
+    velocity_m_s: relative to the camera's, in its axes. At a place (x, y, 1) on the image, a camera that turns by w
+    adds what a point at rest seems to do: (x (w_x y - w_y x) - w_y + w_z y, y (w_x y - w_y x) + w_x - w_z x).
+    """
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": taken["Nearness"]}).out("Pixel", "vector")
+    slope = graph.math("DIVIDE", 1.0, taken["Focal length"] * taken["Scale"])
+    x = graph.math("MULTIPLY_ADD", pixel.x, slope, (taken["Width"] - 1.0) * slope * -0.5)
+    y = graph.math("MULTIPLY_ADD", pixel.y, slope * -1.0, (taken["Height"] - 1.0) * slope * 0.5)
+    turning = taken["Turning"]
+    swept = graph.math("MULTIPLY_ADD", turning.x, y, turning.y * x * -1.0)
+    back = graph.math("MULTIPLY_ADD", velocity_m_s.z, nearness * -1.0, swept)
+    right = graph.math("MULTIPLY_ADD", turning.z, y, turning.y * -1.0)
+    down = graph.math("MULTIPLY_ADD", turning.z, x * -1.0, turning.x)
+    right = graph.math("MULTIPLY_ADD", velocity_m_s.x, nearness, right)
+    down = graph.math("MULTIPLY_ADD", velocity_m_s.y, nearness, down)
+    right, down = graph.math("MULTIPLY_ADD", back, x, right), graph.math("MULTIPLY_ADD", back, y, down)
+    open_px = taken["Focal length"] * taken["Exposure"]
+    aside = graph.math("MULTIPLY_ADD", direction.y, right, direction.x * down * -1.0) * open_px
+    # Never quite at rest, so that it has a direction.
+    return aside, graph.math("MULTIPLY_ADD", direction.x, right, direction.y * down) * open_px + 1e-4
 
 
 def _area_and_width(graph: Graph, taken: Taken, large: Socket, nearness: Socket) -> tuple[Socket, Socket]:

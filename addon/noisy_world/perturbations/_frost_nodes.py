@@ -26,6 +26,7 @@ from ._crystals import (
     atlas_picture,
     levels,
 )
+from ._full_size import full_size, with_full_sizes
 from ._linear_light import LUMINANCE
 
 _CHANNELS = ("Red", "Green", "Blue")
@@ -34,6 +35,12 @@ _EXTEND = {"Extension X": "Extend", "Extension Y": "Extend"}
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Displace the image, of linear light, by the slope of ice, and add what the ice scatters."""
+    full = full_size(canvas)
+    return full.back(_frosted(full.canvas, full.pixel, with_full_sizes(full, given, "refraction_px")))
+
+
+def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> Socket:
+    """Return the image behind ice; pixel: each pixel's column and row, from below."""
     graph = canvas.graph
     with graph.section("Draws"):
         drawn = canvas.random(0)
@@ -43,7 +50,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         time = graph.clamp(gained + given["coverage"]) * (1 + RISE)
     short_px = graph.math("MINIMUM", canvas.width_px, canvas.height_px)
     zoom = graph.math("DIVIDE", SHORT_SIDE_PX, short_px, label="Pixels of the strip in one")
-    centre = _centres(canvas)
+    with graph.section("Pixels"):
+        flipped = graph.vector(0.5, canvas.height_px - 0.5)
+        centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped, label="Centres, from the upper left")
     ice = _ice(canvas, drawn, centre, zoom, time)
     with graph.section("Slopes"):
         relief = graph.math("DOT_PRODUCT", ice, (RIDGE_RELIEF, 0.0, BODY_RELIEF))
@@ -66,15 +75,6 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         white = graph.math("MULTIPLY_ADD", glints * glints, given["glint"], white)
     with graph.section("Over the image"):
         return graph.math("MULTIPLY_ADD", light, _thrice(graph, white), behind * _thrice(graph, seen))
-
-
-def _centres(canvas: Canvas) -> Socket:
-    """Return each pixel's centre, in pixels of the input image from its upper left."""
-    graph = canvas.graph
-    with graph.section("Pixels"):
-        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
-        flipped = graph.vector(0.5, canvas.height_px - 0.5)
-        return graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
 
 
 def _ice(canvas: Canvas, drawn: Socket, centre: Socket, zoom: Socket, time: Socket) -> Socket:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ._bands import by_bands
+from ._bands import bands
 from ._kernels import gaussian
 from ._linear_light import encoded
 from ._patterns import three_channels
@@ -23,7 +23,6 @@ PER_BLUR = 0.6  # pixels of the frame to one of the glass's image, for each pixe
 LEAST_BLUR_PX = 1.0  # the radius that smooths outlines on a sharp glass
 LEAST_COVER = 1e-4  # of a pixel: less is not seen
 SIGMA = 0.5  # of a disc's radius: its standard deviation along a line
-HALVINGS = 3  # from the frame to the image that drops show
 
 
 @dataclass(frozen=True)
@@ -62,11 +61,11 @@ def coarseness(focus_px: float) -> float:
     return min(max(focus_px * PER_BLUR, 1.0), COARSEST)
 
 
-def reduced(linear: Float32) -> Float32:
-    """Return (H, W, 3) halved three times, each pixel the mean of four."""
+def reduced(linear: Float32, times: int) -> Float32:
+    """Return (H, W, 3) halved so many times, each pixel the mean of four."""
     import cv2
 
-    for _ in range(HALVINGS):
+    for _ in range(times):
         size = tuple(max(1, int(side / 2 + 0.5)) for side in linear.shape[1::-1])
         linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_LINEAR), np.float32)
     return linear
@@ -105,15 +104,15 @@ def laid_over(rgb: Float32, linear: Float32, layer: Float32) -> Float32:
     import cv2
 
     large = np.asarray(cv2.resize(layer, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
-
-    def over(band: Float32, band_linear: Float32, band_layer: Float32) -> Float32:
+    result = rgb.copy()
+    for band, band_linear, band_layer in zip(bands(result), bands(linear), bands(large), strict=True):
         cover = np.ascontiguousarray(band_layer[..., 3])
         there = (cover > LEAST_COVER).astype(np.uint8)
-        if not there.any():
-            return band
-        light = np.asarray(cv2.cvtColor(band_layer, cv2.COLOR_BGRA2BGR), np.float32).reshape(band.shape)
-        light += band_linear
-        light -= three_channels(cover) * band_linear
-        return np.asarray(cv2.copyTo(encoded(light), there, band.copy()), np.float32).reshape(band.shape)
-
-    return by_bands(rgb, rgb.dtype, over, linear, large)
+        if there.any():
+            light = np.asarray(cv2.cvtColor(band_layer, cv2.COLOR_BGRA2BGR), np.float32).reshape(band.shape)
+            light += band_linear
+            seen = three_channels(cover).reshape(band.shape)
+            seen *= band_linear
+            light -= seen
+            cv2.copyTo(encoded(light), there, band)
+    return result

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
-from ._glass import COARSEST, HALVINGS, LEAST_BLUR_PX, PER_BLUR, SIGMA
+from ._glass import COARSEST, LEAST_BLUR_PX, PER_BLUR, SIGMA
 
 CHANNELS = ("Red", "Green", "Blue")
 _EXTEND = {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
@@ -34,14 +34,14 @@ def glass_nodes(canvas: Canvas, focus_px: Socket) -> GlassNodes:
         coarse = graph.clamp(focus_px * PER_BLUR, 1.0, COARSEST)
         coarse = graph.math("MAXIMUM", coarse, 1.0 / canvas.scale)
         finer = graph.math("DIVIDE", 1.0, coarse)
-        share = _share(graph, _whole(graph.vector(width, height) * graph.vector(finer, finer)))
+        share = share_of(graph, _whole(graph.vector(width, height) * graph.vector(finer, finer)))
         x = share.x * width
         y = graph.math("MULTIPLY_ADD", share.y, height * -1.0, height)
         sigma = graph.math("MAXIMUM", focus_px, LEAST_BLUR_PX) * SIGMA / coarse
     return GlassNodes(x, y, width, height, sigma)
 
 
-def _share(graph: Graph, size_px: Socket) -> Socket:
+def share_of(graph: Graph, size_px: Socket) -> Socket:
     """Return where the pixels of a new image of a size, whole numbers, lie: from 0 to 1 along its sides."""
     blank = graph.node("CompositorNodeBlankImage", {"Size": size_px}).out("Image", "color")
     return graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Normalized", "vector")
@@ -59,14 +59,14 @@ def _whole(size_px: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("FLOOR", size_px + (0.5, 0.5, 0.0)), (1.0, 1.0, 0.0))
 
 
-def reduced_nodes(canvas: Canvas) -> Socket:
-    """Return the image halved three times, each pixel the mean of four."""
+def reduced_nodes(canvas: Canvas, times: int) -> Socket:
+    """Return the image halved so many times, each pixel the mean of four."""
     graph, image = canvas.graph, canvas.image
     with graph.section("The scene, smaller"):
         size = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
-        for _ in range(HALVINGS):
+        for _ in range(times):
             size = _whole(size * (0.5, 0.5, 0.0))
-            image = sampled(image, _share(graph, size))
+            image = sampled(image, share_of(graph, size))
     return image
 
 

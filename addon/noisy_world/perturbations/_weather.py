@@ -5,14 +5,12 @@ Each pixel's light is image * t + light * (1 - t), linear, with t the transmissi
 of the veil of all particles too small to be seen by themselves, as Koschmieder's law has it.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
 from ..core.trajectories.stance import stance_of
@@ -22,6 +20,7 @@ from ._particles import Air, View, in_sight
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
 from ._streaks import Lens, optical_depth, streaks_of
+from ._view import camera_of
 
 type Float32 = NDArray[np.float32]
 
@@ -130,17 +129,8 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Vie
     while it moves.
     """
     height, width = depth_m.shape
-    camera = context.intrinsics
-    if camera is None:
-        focal = width / 2 / math.tan(math.radians(parameters.view_deg / 2))
-        focal_px, middle_px = (focal, focal), ((width - 1) / 2, (height - 1) / 2)
-    else:
-        focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
+    camera = camera_of(context.intrinsics, (width, height), parameters.view_deg)
+    focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
     lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
     stance = stance_of(None if context.temporal == "fixed" else context.motion)
     return View(stance.rotation, stance.position_m, stance.velocity_m_s, stance.turning_rad_s, *lens)
-
-
-def by_camera(intrinsics: Intrinsics) -> dict[str, float]:
-    """Return the parameter that intrinsics decide: the field of view."""
-    return {"view_deg": math.degrees(2 * math.atan(intrinsics.width_px / 2 / intrinsics.fx_px))}

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fog by depth: the further away a surface is, the more it fades into the airlight."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,39 +9,30 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
-from ..core.schema import key
+from ._bands import by_bands
+from ._fog_air import fogged
+from ._fog_nodes import clumps_nodes, distance_nodes, glow_nodes, thinned_nodes
+from ._fog_parameters import EXTINCTION, FogDepth, is_even
 from ._patterns import three_channels
-
-# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
-CONTRAST_THRESHOLD = 0.05
-_EXTINCTION = -math.log(CONTRAST_THRESHOLD)
-
-
-@dataclass(frozen=True)
-class FogDepth:
-    """Koschmieder's law: image * t + airlight * (1 - t), with t = 0.05^(distance / visibility), in linear light.
-
-    The fog is homogeneous. Planar depth is used as the distance, so the corners of a wide view get a little too little
-    fog. Void counts as infinitely far: pure airlight.
-    """
-
-    visibility_m: float = key(
-        "distance at which 5 % of the contrast is left", default=15.0, unit="m", above=0, maximum=100000
-    )
-    airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
+from ._view import by_camera
 
 
 def apply(rgb: NDArray[np.float32], parameters: FogDepth, context: FrameContext) -> NDArray[np.float32]:
     """Fog (H, W, 3) by the context's planar depth (H, W), metres; 0 and NaN are void, infinite is allowed."""
-    depth_m = context.depth_m
-    distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
-    seen = three_channels(np.exp(distance_m * np.float32(-_EXTINCTION / parameters.visibility_m)))
-    light = _decoded(rgb)
+    if not is_even(parameters):
+        return fogged(rgb, parameters, context)
     air = _decoded(np.array([parameters.airlight], dtype=np.float32))
-    light -= air
-    light *= seen
-    light += air
-    return _encoded(light)
+    rate = np.float32(-EXTINCTION / parameters.visibility_m)
+
+    def veiled(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
+        light = _decoded(band)
+        light -= air
+        light *= three_channels(np.exp(distance_m * rate)).reshape(light.shape)
+        light += air
+        return _encoded(light)
+
+    return by_bands(rgb, rgb.dtype, veiled, context.depth_m)
 
 
 def _decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -59,20 +48,22 @@ def _encoded(light: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
-    """Mix with the airlight by depth, between decoding and encoding."""
-    graph, depth_m = canvas.graph, canvas.depth_m
-    assert depth_m is not None
+    """Mix with the airlight by depth, and add the glow."""
+    graph = canvas.graph
     with graph.section("Transmission"):
-        # Maximum returns its first operand where the second is NaN.
-        known = graph.math("GREATER_THAN", graph.math("MAXIMUM", 0.0, depth_m), 0.0, label="Not void")
-        rate = graph.math("DIVIDE", -_EXTINCTION, given["visibility_m"], label="Koschmieder")
-        seen = graph.math("EXPONENT", graph.math("MAXIMUM", 0.0, depth_m) * rate) * known
-    with graph.section("Airlight, in linear light"):
+        rate = graph.math("DIVIDE", -EXTINCTION, given["visibility_m"], label="Koschmieder")
+        distance_m = distance_nodes(canvas, given)
+    thinned = thinned_nodes(canvas, given, distance_m)
+    clumps = clumps_nodes(canvas, given, distance_m)
+    with graph.section("What is seen"):
+        depth = distance_m * rate * (thinned * clumps)
+        seen = graph.math("EXPONENT", depth)
+    with graph.section("Airlight"):
         grey = given["airlight"]
         air = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
-        light = convert(graph, canvas.image, "sRGB", "Linear Rec.709")
-        fogged = graph.mix(air, light, seen)
-        return convert(graph, fogged, "Linear Rec.709", "sRGB")
+    glow = glow_nodes(canvas, given, air, depth)
+    with graph.section("Over the image"):
+        return graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
 
 
 PERTURBATION = ColourPerturbation(
@@ -84,7 +75,11 @@ PERTURBATION = ColourPerturbation(
     severities={"visibility_m": (50, 25, 15, 10, 6)},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
     apply=apply,
-    repeatable=True,
     build=build,
+    linear=True,
     needs_depth=True,
+    uses_motion=True,
+    by_camera=by_camera,
+    repeats=is_even,
+    temporals=("fresh", "fixed", "drift"),
 )

@@ -13,6 +13,7 @@ from ..core.node_graphs.graph import Picture, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._full_size import full_size, with_full_sizes
 from ._kernels import gaussian
 from ._quantiles import look_up, uniform_codes
 
@@ -139,7 +140,12 @@ TABLE = Picture("Glass Blur Offsets", "1", _table)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
-    """Blur, move pixels by offsets from a packed table, blur again."""
+    """Blur, move pixels by offsets from a packed table, blur again; a preview's pixels are moved at full size."""
+    full = full_size(canvas)
+    return full.back(_shuffled(full.canvas, with_full_sizes(full, given, "sigma_px", "max_delta_px"), served))
+
+
+def _shuffled(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
     graph = canvas.graph
     image = _gaussian(canvas.image, given["sigma_px"], "Blur before")
     with graph.section("Table of offsets"):

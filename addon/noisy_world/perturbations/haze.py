@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Haze: what is far away fades and turns blue, and its own light reddens, as short waves scatter more."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -13,13 +12,12 @@ from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
+from ._fog_parameters import EXTINCTION
 from ._linear_light import LUMINANCE, decoded, encoded
-from .fog_depth import CONTRAST_THRESHOLD
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.
 CHANNELS_NM = (611.4, 549.1, 464.2)
-_EXTINCTION = -math.log(CONTRAST_THRESHOLD)
 
 
 @dataclass(frozen=True)
@@ -44,7 +42,7 @@ class Haze:
 
     def extinction_per_m(self) -> NDArray[np.float64]:
         """Return (3,): of red, green and blue."""
-        return _EXTINCTION / self.visibility_m * _bluer(self.angstrom)
+        return EXTINCTION / self.visibility_m * _bluer(self.angstrom)
 
     def light(self) -> NDArray[np.float64]:
         """Return (3,): the linear light of haze without end; its luminance is that of the grey."""
@@ -88,7 +86,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         void = graph.math("LESS_THAN", known_m, 1e-12)
         far_m = graph.math("MULTIPLY_ADD", void, given["void_m"], known_m)
         distance_m = graph.math("MINIMUM", far_m, given["void_m"])
-        rate = graph.math("DIVIDE", -_EXTINCTION, given["visibility_m"], label="Koschmieder")
+        rate = graph.math("DIVIDE", -EXTINCTION, given["visibility_m"], label="Koschmieder")
         ratios = [VISUAL_NM / wave for wave in CHANNELS_NM]
         rates = [rate * graph.math("POWER", ratio, given["angstrom"]) for ratio in ratios]
         seen = graph.vector(*(graph.math("EXPONENT", distance_m * each) for each in rates))

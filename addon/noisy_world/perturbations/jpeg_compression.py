@@ -12,6 +12,7 @@ from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._full_size import full_size
 from ._jpeg_nodes import compressed
 
 
@@ -41,11 +42,12 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: JpegCompression, _context: F
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Do to the pixels what encoding and decoding do, with all 64 coefficients of each block.
 
-    A preview is enlarged to the reference width (nearest pixel) and its result made small again. So its blocks look as
-    they do in the frame, and it takes as long as the frame. An image larger than the reference width has blocks of 8 of
-    its own pixels.
+    A preview is enlarged to the reference width, by slopes between its pixels, and its result made small again. So its
+    blocks look as they do in the frame, and it takes as long as the frame. An image larger than the reference width has
+    blocks of 8 of its own pixels.
     """
-    return compressed(canvas, given["quality"])
+    full = full_size(canvas)
+    return full.back(compressed(full.canvas, given["quality"]))
 
 
 PERTURBATION = ColourPerturbation(

@@ -12,7 +12,7 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ._drop_laws import LensDrops
 from ._drop_nodes import build_drops
 from ._drops import seen_through
-from ._weather import by_camera
+from ._view import by_camera
 
 
 def apply(rgb: NDArray[np.float32], parameters: LensDrops, context: FrameContext) -> NDArray[np.float32]:
@@ -27,7 +27,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 PERTURBATION = ColourPerturbation(
     name="lens_drops",
-    label="Drops on the lens",
+    label="Lens drops",
     stage="lens",
     order=60,
     parameters=LensDrops,

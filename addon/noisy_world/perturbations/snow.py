@@ -13,6 +13,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
+from ._full_size import full_size, with_full_sizes
 from ._kernels import correlate, line_kernel
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
@@ -108,8 +109,22 @@ _SOFTNESS = 0.2
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
-    """Add two layers of streaked flakes, one of them turned, to the whitened image."""
+    """Add two layers of streaked flakes, one of them turned, to the whitened image; a preview's are of full size."""
     graph, image = canvas.graph, canvas.image
+    full = full_size(canvas)
+    sized = with_full_sizes(full, given, "blur_radius_px", "blur_sigma_px", "fall_px")
+    flakes = full.back(_both_layers(full.canvas, full.pixel, sized, served))
+    with graph.section("Whiten"):
+        grey = graph.math("MULTIPLY_ADD", graph.math("DOT_PRODUCT", image, _GREY), 1.5, 0.5)
+        white = graph.math("MAXIMUM", image, grey)
+        whitened = graph.mix(white, image, given["blending_ratio"])
+    with graph.section("Snow on it"):
+        return whitened + flakes
+
+
+def _both_layers(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Return the sum of both layers; pixel: each pixel's column and row, from below."""
+    graph = canvas.graph
     with graph.section("Noise"):
         size_px = graph.vector(canvas.width_px, canvas.height_px)
         full_px = graph.math("ROUND", size_px / graph.vector(canvas.scale, canvas.scale))
@@ -130,7 +145,6 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         fallen_px = canvas.drift_frames * given["fall_px"]
         drifts = graph.math("ABSOLUTE", fallen_px) > 0.0
     with graph.section("Flakes"):
-        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
         inputs = {
             "Noise": noise,
             "Zoom": zoom,
@@ -154,12 +168,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
         rising = graph.group(part, inputs | there, name="Rising layer").out("Flakes", "float")
         other = graph.choose(drifts, rising, layer, "float")
         turned = graph.node("CompositorNodeFlip", {"Image": other, "Flip X": True, "Flip Y": True})
-    with graph.section("Whiten"):
-        grey = graph.math("MULTIPLY_ADD", graph.math("DOT_PRODUCT", image, _GREY), 1.5, 0.5)
-        white = graph.math("MAXIMUM", image, grey)
-        whitened = graph.mix(white, image, given["blending_ratio"])
-    with graph.section("Snow on it"):
-        return whitened + (layer + turned.out("Image", "float"))
+        return layer + turned.out("Image", "float")
 
 
 def _normal_noise(canvas: Canvas, cells: Socket) -> Socket:

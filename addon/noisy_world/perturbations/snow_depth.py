@@ -13,7 +13,8 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
 from ._precipitation import SWOLLEN, flake_speed_m_s, snow
-from ._weather import Falling, Kind, by_camera, fallen_on
+from ._view import by_camera
+from ._weather import Falling, Kind, fallen_on
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,15 @@ SEEN: dict[str, dict[str, str]] = {
     "fog_depth": {
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
+        "falloff_m": "Above 0 the fog lies on the ground: lower, and roofs and sky come out of it",
+        "camera_height_m": "Higher: the camera stands more above low fog, and sees more",
+        "unevenness": "Higher: the fog comes in clumps, with clearer air between",
+        "clump_m": "Higher: larger clumps",
+        "wind_m_s": "Further from 0: with the pattern Drift, clumps move faster to the right, or to the left below 0",
+        "glow": "Higher: lamps glow more in the fog",
+        "glow_width_deg": "Higher: wider and softer glows",
+        "view_deg": "Higher: as through a wider lens; a known camera decides it",
+        "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
     },
     "haze": {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
@@ -104,6 +113,16 @@ SEEN: dict[str, dict[str, str]] = {
     },
     "impulse_noise": {"amount": "Higher: more pixels are pure black, white or a pure color"},
     "jpeg_compression": {"quality": "Lower: coarser blocks of 8 pixels, and blurrier colors"},
+    "lens_dirt": {
+        "dust": "Higher: darker specks of dust",
+        "smudges": "Higher: thicker grease; bright light spreads over it",
+        "scratches": "Higher: deeper scratches, which light up near lamps",
+        "size": "Higher: all dirt is larger",
+        "reach_px": "Higher: lamps light up dirt further away from them",
+        "streaks": "Higher: lamps draw streaks instead of halos",
+        "wiped_deg": "Turns the streaks, which run across the direction of wiping",
+        "glare": "Higher: dirt shines more than it takes away; 1 is as it is, 0 only takes away",
+    },
     "lens_drops": {
         "coverage": "Higher: more drops on the glass",
         "size_px": "Higher: larger drops, and fewer",

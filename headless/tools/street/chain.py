@@ -21,7 +21,9 @@ from noisy_world.blender.typed import (
     outputs,
     set_value,
 )
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.camera import camera_values
+from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.trajectories.motion import motion_between
@@ -44,17 +46,17 @@ class Link:
     keys: Mapping[str, Keys] = field(default_factory=dict)
 
 
-# Chosen by eye for the street: a winter's evening, the cafe's board in focus.
+# Chosen by eye for the street: a winter's evening.
 CHAIN = (
     Link("fog_depth", {OVERRIDE: True, "Visibility": 170.0, "Airlight": 0.45}),
     Link("snow_depth", {"Severity": 3.0, "Frame Rate": 24.0}),
-    Link("defocus_depth", {OVERRIDE: True, "Focus": 5.0, "F-Stop": 1.2, "Focal Length": 31.0}),
+    Link("lens_frost", {"Severity": 2.0, "Frame Rate": 24.0}),
     Link("gaussian_noise", {OVERRIDE: True, "Std": 0.03}),
 )
 
 
 def show_behind_render(
-    scene: bpy.types.Scene, chain: Sequence[Link], c2w: NDArray[np.float64], fps: float
+    scene: bpy.types.Scene, chain: Sequence[Link], camera: Intrinsics, c2w: NDArray[np.float64]
 ) -> bpy.types.NodeTree:
     """Make the scene's compositing a chain of groups behind its render; return it. c2w: the camera's path, from 0."""
     tree = new_tree("Street")
@@ -62,10 +64,11 @@ def show_behind_render(
     layers = new_node(tree, bpy.types.CompositorNodeRLayers)
     layers.scene = scene
     passes = outputs(layers)
-    groups = add_groups(tree, passes["Image"], passes["Depth"], chain, scene.render.resolution_x)
+    wide_px = scene.render.resolution_x
+    groups = add_groups(tree, passes["Image"], passes["Depth"], chain, camera=camera, reference_width_px=wide_px)
     end = tree.nodes.new("NodeGroupOutput")
     tree.links.new(groups[-1].outputs["Image"], end.inputs["Image"])
-    key_camera(tree, groups, c2w, fps)
+    key_camera(tree, groups, c2w, scene.render.fps)
     arrange([layers, *groups, end])
     scene.compositing_node_group = tree
     scene.render.use_compositing = True
@@ -77,12 +80,14 @@ def add_groups(
     image: bpy.types.NodeSocket,
     depth_m: bpy.types.NodeSocket,
     chain: Sequence[Link],
+    *,
+    camera: Intrinsics,
     reference_width_px: int,
 ) -> list[bpy.types.CompositorNodeGroup]:
     """Add the groups, each behind the other, the first behind `image`."""
     groups = []
     for seed, link in enumerate(chain, 1):
-        node = _group(tree, link)
+        node = _group(tree, link, camera)
         own = {"Reference Width": reference_width_px, "Seed": seed}
         for name, value in own.items():
             if name in node.inputs:
@@ -95,12 +100,15 @@ def add_groups(
     return groups
 
 
-def _group(tree: bpy.types.NodeTree, link: Link) -> bpy.types.CompositorNodeGroup:
+def _group(tree: bpy.types.NodeTree, link: Link, camera: Intrinsics) -> bpy.types.CompositorNodeGroup:
     perturbation = registry()[link.perturbation]
     assert isinstance(perturbation, ColourPerturbation)
     node = new_node(tree, bpy.types.CompositorNodeGroup)
     node.node_tree = ensure_group(build_group(perturbation))
     node.width = group_of(node).default_group_node_width
+    seen = {} if perturbation.by_camera is None else perturbation.by_camera(camera)
+    for name, value in seen.items():
+        set_value(node.inputs[socket_name(name)], socket_value(perturbation, name, value))
     for name, value in link.values.items():
         set_value(node.inputs[name], value)
     for name, keys in link.keys.items():

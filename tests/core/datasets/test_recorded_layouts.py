@@ -178,6 +178,26 @@ def test_an_intrinsic_json_that_is_none(tmp_path):
             find_sequence(tmp_path)
 
 
+@pytest.mark.parametrize(("name", "file"), [("redwood", "intrinsic.txt"), ("seven_scenes", "camera-intrinsics.txt")])
+def test_a_matrix_beside_the_frames_is_their_camera(name, file, tmp_path):
+    folder = tmp_path / "seq-01"
+    folder.mkdir()
+    WRITERS[name](folder)
+    assert find_sequence(folder).assumed
+    for place in (tmp_path, folder):  # 3DMatch has it above its sequences
+        path = place / file
+        path.write_text("544.5 0 320.25\n0 543.5 240.75\n0 0 1\n")
+        found = find_sequence(folder)
+        assert intrinsics(found.known_camera) == (640, 480, 544.5, 543.5, 320.25, 240.75)
+        assert (found.camera_path, found.assumed) == (path, "")
+    path.write_text("544.5 0 320.25\n0 543.5 240.75\n")
+    with pytest.raises(InputError, match=f"{file}: is no matrix of three lines of three numbers; mend it"):
+        find_sequence(folder)
+    path.write_text("544.5 1 320.25\n0 543.5 240.75\n0 0 1\n")
+    with pytest.raises(InputError, match=f"{file}: is no matrix of intrinsics; a pinhole's matrix is"):
+        find_sequence(folder)
+
+
 def test_tum_as_the_benchmark_gives_it(tmp_path):
     folder = tmp_path / "rgbd_dataset_freiburg1_desk"
     stamps = ["1305031453.359684", "1305031453.391690", "1305031453.423683"]

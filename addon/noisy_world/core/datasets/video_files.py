@@ -21,13 +21,15 @@ WRITTEN = {".mp4": "mp4v", ".avi": "MJPG", ".mkv": "MJPG"}  # codecs that OpenCV
 class VideoFile:
     """What a video holds. stamps_s: (N,) when each frame is shown, seconds, increasing; N is counted, not stated.
 
-    stated_count: the frames that its header says or that follow from its length; 0 where neither is known.
+    stated_count: the frames that its header says or that follow from its length and its rate; 0 where neither is known.
+    rate_hz: the rate that its header says; 0 where it says none.
     """
 
     path: Path
     size_px: tuple[int, int]
     stamps_s: NDArray[np.float64]
     stated_count: int = 0
+    rate_hz: float = 0.0
 
     def __len__(self) -> int:
         return len(self.stamps_s)
@@ -36,10 +38,18 @@ class VideoFile:
     def note(self) -> str:
         """A sentence on frames that are missing; "" where none seem to be."""
         missing = self.stated_count - len(self)
-        if missing <= max(1, _UNCERTAIN * self.stated_count):
+        if missing <= max(1, _UNCERTAIN * self.stated_count) or self._reaches_its_end:
             return ""
         told = f"{self.path.name} says that it has {self.stated_count} frames, of which {len(self)} can be decoded"
-        return f"{told}: it may be cut or damaged"
+        return f"{told}: it may be cut"
+
+    @property
+    def _reaches_its_end(self) -> bool:
+        """Whether its frames are as long as it says: a rate that varies gives another count than it has frames."""
+        if self.rate_hz <= 0 or len(self) < 2:
+            return False
+        gap_s = float(np.median(np.diff(self.stamps_s)))
+        return float(self.stamps_s[-1]) + 2 * gap_s >= (1 - _UNCERTAIN) * self.stated_count / self.rate_hz
 
 
 def read_video(path: Path) -> VideoFile:
@@ -66,8 +76,8 @@ def read_video(path: Path) -> VideoFile:
         if not 0 < rate_hz < 1e4:
             raise InputError(path, "tells neither when its frames are shown nor how many a second")
         stamps_s = np.arange(len(stamps_ms)) / rate_hz
-    known = math.isfinite(stated) and stated > 0
-    return VideoFile(path, (first.shape[1], first.shape[0]), stamps_s, int(stated) if known else 0)
+    stated, rate_hz = (value if math.isfinite(value) and value > 0 else 0.0 for value in (stated, rate_hz))
+    return VideoFile(path, (first.shape[1], first.shape[0]), stamps_s, int(stated), rate_hz)
 
 
 class VideoReader:

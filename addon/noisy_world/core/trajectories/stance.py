@@ -17,7 +17,10 @@ type Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Stance:
-    """Of a camera. rotation: (3, 3), to the air. position_m, velocity_m_s: (3,), of the air. turning_rad_s: (3,)."""
+    """How a camera stands and moves.
+
+    rotation: (3, 3), camera to air. position_m, velocity_m_s: (3,), of the air. turning_rad_s: (3,), the camera's axes.
+    """
 
     rotation: Float64
     position_m: Float64

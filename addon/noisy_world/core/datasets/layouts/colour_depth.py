@@ -32,7 +32,7 @@ from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, read_text
 from .numbered import NumberedPoses, numbered_frames, numbered_images
-from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
+from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
 INTRINSICS = ("intrinsic.json", "camera_intrinsic.json")
 TRAJECTORIES = ("*.log", "scene/*.log", "*-traj.txt", "*trajectory.txt")
@@ -116,6 +116,7 @@ class RedwoodLayout(RecordedLayout):
         colour, depth = numbered_images(images, COLOUR), numbered_images(folder / "depth", DEPTH)
         given = None if truth is None else _log(truth, colour)
         found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
+        camera, path = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -125,11 +126,11 @@ class RedwoodLayout(RecordedLayout):
             found.stamps,
             MILLIMETRES,
             None,
-            PRIMESENSE,
-            None,
+            camera,
+            path,
             (*found.notes, *counted_note(rate_hz, used_hz)),
             used_hz,
-            assumed=_ASSUMED,
+            assumed="" if path else _ASSUMED,
         )
 
 
@@ -216,6 +217,7 @@ def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -
         rows = list(counted)
         path = Trajectory(np.array([counted[row] for row in rows]), colour.stamps.seconds[rows])
     found = associate_frames(folder, colour, depth, path, policy=policy)
+    camera, file = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
     return StoredSequence(
         folder,
         found.rgb_files,
@@ -225,10 +227,10 @@ def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -
         found.stamps,
         MILLIMETRES,
         images,
-        PRIMESENSE,
-        None,
+        camera,
+        file,
         found.notes,
-        assumed=_ASSUMED,
+        assumed="" if file else _ASSUMED,
     )
 
 

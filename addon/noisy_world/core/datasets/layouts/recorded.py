@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...trajectories.pose_text import read_text, text_rows
 from ..known_poses import PosePolicy
-from ..stored import StoredSequence, checked_intrinsics
+from ..stored import StoredSequence, checked_intrinsics, size_of
 
 MILLIMETRES = 1000.0  # steps per metre of depth in millimetres
+# Three lines of three numbers: 3DMatch and tsdf-fusion have the first (data/camera-intrinsics.txt), SceneNN the second.
+MATRIX_FILES = ("camera-intrinsics.txt", "intrinsic.txt")
 RECORDED_HZ = 30.0  # the rate of Kinect, PrimeSense, Structure and RealSense, where a recording says no time
 
 
@@ -44,6 +47,21 @@ class RecordedLayout(ABC):
 def counted_note(rate_hz: float | None, used_hz: float) -> tuple[str, ...]:
     """Return a note that the frames' times are counted, unless the user has said the rate."""
     return () if rate_hz else (f"no file says time stamps: {used_hz:g} frames a second, or rate_hz",)
+
+
+def stated_camera(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:
+    """Return the camera that a file of a matrix says, in a recording's folder or above it, and that file; or None.
+
+    image: one of the colour images. Raises InputError where the file is no matrix of intrinsics.
+    """
+    places = [parent / name for parent in (folder, folder.parent) for name in MATRIX_FILES]
+    path = next((path for path in places if path.is_file()), None)
+    if path is None:
+        return None
+    rows = text_rows(path, read_text(path))
+    if rows.widths.tolist() != [3, 3, 3]:
+        raise InputError(path, "is no matrix of three lines of three numbers", remedy="mend it, or take it away")
+    return intrinsics_of_matrix(path, rows.numbers.reshape(3, 3), size_of(image)), path
 
 
 def intrinsics_of_matrix(path: Path, matrix: NDArray[np.float64], size_px: tuple[int, int]) -> Intrinsics:

@@ -20,7 +20,7 @@ from ..json_text import finite_number
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, read_text, same_camera
 from .numbered import NumberedPoses, numbered_frames, numbered_images
-from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
+from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
 COLOUR = r"frame-([0-9]+)\.color\.(?:png|jpg)"
 DEPTH = r"frame-([0-9]+)\.depth\.png"
@@ -93,6 +93,8 @@ def _read(
     images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
     found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)
     camera, optics = (KINECT, Optics()) if calibration is None else _cameras(calibration)
+    if calibration is None and (stated := stated_camera(folder, found.rgb_files[0])) is not None:
+        camera, calibration = stated
     return StoredSequence(
         folder,
         found.rgb_files,

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What fog by depth is told."""
+
+import math
+from dataclasses import dataclass
+
+from ..core.schema import key
+
+# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
+CONTRAST_THRESHOLD = 0.05
+EXTINCTION = -math.log(CONTRAST_THRESHOLD)
+
+
+@dataclass(frozen=True)
+class FogDepth:
+    """Koschmieder's law: image * t + airlight * (1 - t), with t = 0.05^(distance / visibility), in linear light.
+
+    Planar depth is used as the distance, so the corners of a wide view get a little too little fog. Void counts as
+    infinitely far. The fog is even, unless falloff, unevenness or glow are above 0.
+    """
+
+    visibility_m: float = key(
+        "distance at which 5 % of the contrast is left", default=15.0, unit="m", above=0, maximum=100000
+    )
+    airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
+    falloff_m: float = key(
+        "height in which the fog thins to 37 %; 0 is as dense everywhere", default=0.0, unit="m", minimum=0, maximum=1e5
+    )
+    camera_height_m: float = key(
+        "height of the first camera above where visibility is meant", default=1.5, unit="m", minimum=-1e5, maximum=1e5
+    )
+    unevenness: float = key(
+        "standard deviation of the fog's density, relative; 0 is even", default=0.0, minimum=0, maximum=1
+    )
+    clump_m: float = key("size of the largest clumps", default=8.0, unit="m", minimum=0.1, maximum=10000)
+    wind_m_s: float = key("wind to the right, which carries clumps", default=1.0, unit="m/s", minimum=-50, maximum=50)
+    glow: float = key("share of the light that fog takes from lamps and that glows", default=0.0, minimum=0, maximum=1)
+    glow_width_deg: float = key(
+        "how wide a glow is at an optical depth of 1", default=2.0, unit="deg", minimum=0.1, maximum=20
+    )
+    view_deg: float = key(
+        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
+    )
+    frame_rate_hz: float = key(
+        "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
+    )
+
+
+def is_even(parameters: FogDepth) -> bool:
+    """Tell whether the fog is the same everywhere and does not glow."""
+    return parameters.falloff_m == 0 and parameters.unevenness == 0 and parameters.glow == 0
