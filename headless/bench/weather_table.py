@@ -78,12 +78,14 @@ def _setting(name: str, steps: Mapping[str, Any]) -> str:
 def table(folder: Path) -> str:
     """Return the table of a study: a row a setting. folder: of its tables."""
     sequences = {row["setting"]: row for row in _rows(folder / "sequences.csv")}
+    runs = {row["setting"]: row for row in _rows(folder / "runs.csv")}
+    names = ["clean", *(name for some in KINDS.values() for name in some), *OTHERS]
     lines = ["| setting | ORB features | found again | ATE, mm |", "|---|---|---|---|"]
-    for run in _rows(folder / "runs.csv"):
-        seen = sequences[run["setting"]]
-        ate = f"{1e3 * float(run['ate_rmse_m']):.1f}" if run["ate_rmse_m"] else run["failure"]
-        found, again = (float(seen[f"{name}_mean"]) for name in ("orb_found", "orb_tracked"))
-        lines.append(f"| `{run['setting']}` | {found:.0f} | {again:.0f} | {ate} |")
+    for name in [name for name in names if name in runs]:
+        run, seen = runs[name], sequences[name]
+        ate = f"{1e3 * float(run['ate_rmse_m']):.2f}" if run["ate_rmse_m"] else run["failure"]
+        found, again = (float(seen[f"{key}_mean"]) for key in ("orb_found", "orb_tracked"))
+        lines.append(f"| `{name}` | {found:.0f} | {again:.0f} | {ate} |")
     return "\n".join(lines)
 
 

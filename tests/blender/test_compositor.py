@@ -154,11 +154,11 @@ def test_a_frame_is_its_seed_s_and_its_number_s_alone():
     frames = many_by_nodes(chains, [rgb], (0, 3), depth_m=depth_m)
     (alone,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m)
     (other,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m, identifiers=(8, "room", "setting"))
-    for name, kind in chains:
+    for (name, kind), (step,) in chains.items():
         first, last, single, seeded = (item[name, kind] for item in (*frames, alone, other))
         assert np.array_equal(last, single), (name, kind)
         assert np.array_equal(last, seeded) == (not temporals(name)), (name, kind)
-        assert np.array_equal(first, last) == (kind == "fixed" or not temporals(name)), (name, kind)
+        assert np.array_equal(first, last) == (step.temporal == "fixed" or not temporals(name)), (name, kind)
 
 
 def temporals(name):

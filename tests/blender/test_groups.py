@@ -81,7 +81,7 @@ def test_sockets_say_what_the_parameters_say(trees, name):
     assert ({"Seed", "Frame Offset"} <= set(items)) == bool(perturbation.temporals)
     assert ("Pattern" in items) == (len(perturbation.temporals) > 1)
     if "Pattern" in items:
-        assert items["Pattern"].default_value == ("Drift" if "drift" in perturbation.temporals else "Fresh")
+        assert items["Pattern"].default_value == perturbation.natural.capitalize()
     assert ("Depth" in items) == perturbation.needs_depth
 
 

@@ -6,11 +6,15 @@ import pytest
 
 pytest.importorskip("bpy", reason="bpy is not installed")
 
+import bpy
 from cases import cases
 from group_tools import by_nodes, by_reference, levels_apart, picture, step_of
+from shown import evaluate_scene, image_of
 
+from noisy_world.blender.chain_scene import make_chain, show_chain
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
+from noisy_world.core.node_graphs.chain import step_node
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.trajectories.motion import motion_between
 
@@ -68,3 +72,30 @@ def test_fog_stays_in_the_world_in_the_compositor_too():
     wanted = step.perturbation.apply(image, step.parameters(2), context)
     assert levels_apart(moved, wanted)[0] < 0.2
     assert levels_apart(still, wanted)[0] > 5
+
+
+def test_an_artist_s_camera_drives_the_fog_and_the_panel_leaves_it_so(tmp_path):
+    """A driver of the plainest kind, from an object's transform: no expression, so no script."""
+    steps = [step_of("fog_depth", severity=3, visibility_m=1.0, falloff_m=0.5), step_of("rain_depth", severity=1)]
+    rgb = np.full((4, 6, 3), 0.2, np.float32)
+    scene = bpy.data.scenes.new("Street")
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 6, 4, 100
+    scene.render.compositor_device, scene.render.compositor_precision = "CPU", "FULL"
+    seen_from = bpy.data.objects.new("Seen from", None)
+    scene.collection.objects.link(seen_from)
+    chain = make_chain("Driven", steps, range(3), (1, "a", "b"))
+    node = chain.nodes[step_node(steps[0])]
+    curve = node.inputs["Camera Location"].driver_add("default_value", 2)
+    curve.driver.type = "SUM"
+    read = curve.driver.variables.new()
+    read.type = "TRANSFORMS"
+    target = read.targets[0]
+    target.id, target.transform_type, target.transform_space = seen_from, "LOC_Z", "WORLD_SPACE"
+    assert make_chain("Driven", steps, range(3), (1, "a", "b")) == chain
+    assert len(chain.animation_data.drivers) == 1
+    show_chain(scene, chain, image=image_of(rgb), encoded=True)
+    means = []
+    for height_m in (0.0, 3.0):
+        seen_from.location.z = height_m
+        means.append(evaluate_scene(scene, tmp_path).mean())
+    assert means[0] > means[1] + 0.02

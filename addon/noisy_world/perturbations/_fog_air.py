@@ -38,7 +38,7 @@ def fogged(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32
     through = light * np.asarray(cv2.merge([seen] * 3), np.float32)
     if parameters.glow > 0:
         camera = camera_of(context.intrinsics, (rgb.shape[1], rgb.shape[0]), parameters.view_deg)
-        through += glow_of(light - through, depth, parameters, camera.fx_px)
+        through += glow_of((light - through).astype(np.float32, copy=False), depth, parameters, camera.fx_px)
     through += np.float32(air)
     return by_bands(through, rgb.dtype, encoded)
 
@@ -99,4 +99,4 @@ def pixel_rays(parameters: FogDepth, context: FrameContext, size: tuple[int, ...
 def grid_points(count: int, step: int) -> NDArray[np.float64]:
     """Return where the points of a grid over `count` pixels lie, in pixels, so that resizing puts them back."""
     points = -(-count // step)
-    return (np.arange(points) + 0.5) * (count / points) - 0.5
+    return (np.arange(points, dtype=np.float64) + 0.5) * np.float64(count / points) - 0.5

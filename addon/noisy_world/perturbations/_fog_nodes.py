@@ -83,7 +83,7 @@ def clumps_nodes(canvas: Canvas, given: Given, distance_m: Socket) -> Socket:
         grid = [_grid_side(graph, side / canvas.scale, on) for side in (canvas.width_px, canvas.height_px)]
         blank = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(*grid)}).out("Image", "color")
         pixel = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector")
-        right, up = _slopes(canvas, given, pixel, graph.vector(*grid, 1.0))
+        right, up = _slopes(canvas, given, pixel, graph.vector(grid[0], grid[1], 1.0))
         ray = graph.math("MULTIPLY_ADD", camera.right, graph.vector(right, right, right), camera.back * -1.0)
         ray = graph.math("MULTIPLY_ADD", camera.up, graph.vector(up, up, up), ray)
     with graph.section("Clumps: waves"):
@@ -211,6 +211,7 @@ def glow_nodes(canvas: Canvas, given: Given, air: Socket, depth: Socket) -> Sock
     with graph.section("Glow: over the frame"):
         blocks = graph.vector(sizes[0] * side, sizes[1] * side, 1.0)
         at = graph.math("DIVIDE", _pixels(canvas, on) + graph.vector(side + 0.5, side + 0.5, 1.0), blocks)
+        assert isinstance(total, Socket)
         found = _looked_up(graph, total, at, "Bilinear")
         strength = given["glow"]
         return found * graph.vector(strength, strength, strength)

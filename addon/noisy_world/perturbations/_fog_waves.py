@@ -86,7 +86,7 @@ def phases_rad(bank: Bank, stance: Stance) -> Float64:
     """Return (N,): each wave's phase at the camera."""
     right, down, forward = stance.position_m
     place = np.array([right - bank.blown_m, forward, -down]) / bank.clump_m
-    parts = np.float32(bank.key) * np.array([wave.turns for wave in waves()], np.float32)
+    parts = np.array(bank.key, np.float32) * np.array([wave.turns for wave in waves()], np.float32)
     turns = (parts - np.floor(parts)).sum(axis=1, dtype=np.float64)
     return 2 * np.pi * turns + np.array([wave.vector for wave in waves()]) @ place
 

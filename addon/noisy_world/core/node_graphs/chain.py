@@ -9,8 +9,7 @@ from ..geometry import Intrinsics
 from ..labels import title
 from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers
 from ..perturbing.steps import Step
-from ..trajectories.motion import CameraMotion
-from ..trajectories.stance import stance_of
+from ..trajectories.stance import AT_REST, Stance
 from .camera import camera_values
 from .flat import flat
 from .graph import Graph, Socket
@@ -124,12 +123,12 @@ def socket_values(
     *,
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
-    motion: CameraMotion | None = None,
+    stance: Stance | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
-    scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics, motion: of the camera, if
-    known.
+    scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if
+    known. stance: how it stands and moves; None leaves its sockets alone.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
@@ -145,9 +144,9 @@ def socket_values(
             values[socket_name(item.name)] = value
     if severity != 0 and perturbation.is_repeatable(step.parameters(severity)):
         return values, note
-    if severity != 0 and perturbation.uses_motion:
+    if severity != 0 and stance is not None and perturbation.uses_motion:
         held = perturbation.goes_with_camera and step.temporal == "fixed"
-        values |= camera_values(stance_of(None if held else motion))
+        values |= camera_values(AT_REST if held else stance)
     if perturbation.temporals:
         values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
