@@ -37,7 +37,7 @@ CATALOG_NAMES = {"environment": "Environment", "lens": "Lens", "sensor": "Sensor
 # How the previews are made, chosen so that one tells a group from another in a small picture: with these values of a
 # preset where severity SEVERITY is too much or too little, and with sizes in pixels as in a frame of this width.
 LOOKS: dict[str, dict[str, Any]] = {
-    "fog_depth": {"severity": 1},
+    "fog_depth": {"visibility_m": 50.0, "airlight": 0.6, "falloff_m": 8.0, "glow": 0.6, "unevenness": 0.6},
     "defocus_depth": {"focus_m": 7.0, "f_number": 0.7, "focal_length_mm": 85.0, "max_radius_px": 10.0},
     "gaussian_noise": {"severity": 3},
     "shot_noise": {"severity": 3},

@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.render import muted_output
 from tools.lit_compositor import LitScene, shown
-from tools.street.chain import OVERRIDE, Link, add_groups, key_camera
+from tools.street.chain import EVENING_FOG, OVERRIDE, Link, add_groups, key_camera
 from tools.street.frames import LitFrame, read_frame
 from tools.street.scene import FPS, intrinsics_of
 
 REFERENCE_PX = 1200
 SKY_M = 500.0  # how far the sky is, for the fog: to where it would reach up
 LARGEST_BYTES = 2_000_000
-POSTER = 60  # the frame of the picture
+POSTER = 54  # the frame of the picture
 QUALITIES = ("HIGH", "MEDIUM", "LOW", "VERYLOW", "LOWEST")  # of Blender's encoder, from the best
 STRIP_PX, INK, SHADE = 26, (235, 235, 235), 0.45  # of the captions
 
@@ -39,8 +39,8 @@ STRIP_PX, INK, SHADE = 26, (235, 235, 235), 0.45  # of the captions
 FILM = (
     Link(
         "fog_depth",
-        {OVERRIDE: True, "Airlight": 0.45},
-        {"Mask": ((4, 0.0), (9, 1.0)), "Visibility": ((5, 3000.0), (12, 600.0), (20, 170.0))},
+        {OVERRIDE: True} | EVENING_FOG,
+        {"Mask": ((4, 0.0), (9, 1.0)), "Visibility": ((5, 2000.0), (11, 400.0), (19, 80.0))},
     ),
     Link("snow_depth", {"Frame Rate": 24.0}, {"Severity": ((18, 0.0), (21, 1.0), (34, 4.0))}),
     Link(

@@ -45,8 +45,10 @@ def test_a_film_has_the_frames_that_are_there_and_begins_clean(frames):
     wanted = shown(lit(0).rgb)
     clean = wanted.shape[0] - film.STRIP_PX
     assert read[0].shape == wanted.shape
-    assert np.abs(read[0][:clean, ::, ::-1].astype(float) - wanted[:clean]).mean() < 3
-    assert (read[0][clean:] < 130).mean() > 0.8  # the caption's strip is dark
+    (_, first), *_ = film.film(frames)
+    changed = np.abs(first[:clean].astype(int) - wanted[:clean]).max(axis=-1) > 3
+    assert changed.mean() < 0.05  # ice that has not grown yet moves the edges of a lamp of 60 a little
+    assert np.abs(read[0][..., ::-1].astype(float) - first).mean() < 20  # H.264 halves the colours' resolution
 
 
 def test_a_film_that_is_too_large_is_an_error(frames):

@@ -46,9 +46,10 @@ class Link:
     keys: Mapping[str, Keys] = field(default_factory=dict)
 
 
-# Chosen by eye for the street: a winter's evening.
+# Chosen by eye for the street: a winter's evening, fog that lies low, moves and glows around the lamps.
+EVENING_FOG = {"Airlight": 0.5, "Falloff": 6.0, "Glow": 0.8, "Unevenness": 0.6, "Frame Rate": 24.0}
 CHAIN = (
-    Link("fog_depth", {OVERRIDE: True, "Visibility": 170.0, "Airlight": 0.45}),
+    Link("fog_depth", {OVERRIDE: True, "Visibility": 80.0} | EVENING_FOG),
     Link("snow_depth", {"Severity": 3.0, "Frame Rate": 24.0}),
     Link("lens_frost", {"Severity": 2.0, "Frame Rate": 24.0}),
     Link("gaussian_noise", {OVERRIDE: True, "Std": 0.03}),
