@@ -46,8 +46,7 @@ def test_a_film_has_the_frames_that_are_there_and_begins_clean(frames):
     clean = wanted.shape[0] - film.STRIP_PX
     assert read[0].shape == wanted.shape
     (_, first), *_ = film.film(frames)
-    changed = np.abs(first[:clean].astype(int) - wanted[:clean]).max(axis=-1) > 3
-    assert changed.mean() < 0.05  # ice that has not grown yet moves the edges of a lamp of 60 a little
+    assert np.abs(first[:clean].astype(int) - wanted[:clean]).max() <= 3
     assert np.abs(read[0][..., ::-1].astype(float) - first).mean() < 20  # H.264 halves the colours' resolution
 
 

@@ -36,11 +36,14 @@ _EXTEND = {"Extension X": "Extend", "Extension Y": "Extend"}
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Displace the image, of linear light, by the slope of ice, and add what the ice scatters."""
     full = full_size(canvas)
-    return full.back(_frosted(full.canvas, full.pixel, with_full_sizes(full, given, "refraction_px")))
+    frosted, icy = _frosted(full.canvas, full.pixel, with_full_sizes(full, given, "refraction_px"))
+    # Enlarging and looking up change a lamp's edge a little: where no ice is, the image is as it was.
+    covered = full.back(icy) > 0.0
+    return canvas.graph.blend(canvas.image, full.back(frosted), covered)
 
 
-def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> Socket:
-    """Return the image behind ice; pixel: each pixel's column and row, from below."""
+def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> tuple[Socket, Socket]:
+    """Return the image behind ice, and what is above 0 where ice is; pixel: each pixel's column and row, from below."""
     graph = canvas.graph
     with graph.section("Draws"):
         drawn = canvas.random(0)
@@ -74,7 +77,8 @@ def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> Sock
         glints = graph.clamp(graph.math("MULTIPLY_ADD", lean, GLINT_SLOPE, -GLINT_FROM))
         white = graph.math("MULTIPLY_ADD", glints * glints, given["glint"], white)
     with graph.section("Over the image"):
-        return graph.math("MULTIPLY_ADD", light, _thrice(graph, white), behind * _thrice(graph, seen))
+        frosted = graph.math("MULTIPLY_ADD", light, _thrice(graph, white), behind * _thrice(graph, seen))
+        return frosted, graph.math("DOT_PRODUCT", ice, (1.0, 0.0, 1.0)) + graph.math("LENGTH", slope)
 
 
 def _ice(canvas: Canvas, drawn: Socket, centre: Socket, zoom: Socket, time: Socket) -> Socket:

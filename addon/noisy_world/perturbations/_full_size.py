@@ -91,8 +91,10 @@ def _enlarged(canvas: Canvas, blank: Socket, size: Socket) -> Socket:
     aside = graph.math("SUBTRACT", place, middle) / side
     before, after = (_looked_up(canvas.image, where, "Bilinear") for where in (upright - aside, upright + aside))
     own = _looked_up(canvas.image, upright, "Nearest")
-    sloping = graph.math("MULTIPLY_ADD", after - before, (SLOPE / 2,) * 3, own)
-    return graph.math("MAXIMUM", sloping, 0.0)
+    # The same limit both ways, so that the mean stays: beside a lamp, dark pixels would become dark and bright halves.
+    most = graph.math("ABSOLUTE", own)
+    slope = graph.math("MINIMUM", (after - before) * ((SLOPE / 2,) * 3), most)
+    return own + graph.math("MAXIMUM", slope, most * (-1.0, -1.0, -1.0))
 
 
 def _normalized(image: Socket) -> Socket:
