@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from analytic import box_mesh
 from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
-from worlds import generate, write_world
+from worlds import generate, path_poses, write_world
 
+from noisy_world.blender.chain_scene import shown_chain
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.scene import add_mesh
 from noisy_world.blender.still import render_stills
+from noisy_world.blender.typed import fcurves_of
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
@@ -267,9 +269,14 @@ def test_the_operator_makes_the_picture(room):
     assert not bpy.ops.noisy_world.preview_depth.poll()
 
 
+def is_of(curve, socket):
+    return curve.data_path == socket.path_from_id("default_value")
+
+
 def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_path):
     """From the panel's scene, keyed camera and colours on the one side, from files on the other."""
-    misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"desync": {"offset": 1}}]}
+    clumps = {"visibility_m": 2, "unevenness": 1, "clump_m": 0.5, "falloff_m": 0.4, "temporal": "drift"}
+    misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"fog_depth": clumps}, {"desync": {"offset": 1}}]}
     write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
     bpy.context.view_layer.update()
     for module in (world, operators, presets):
@@ -281,9 +288,20 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
         scene.frame_set(2)
         picture, _ = frame_preview.draw_colour(scene)
         pair, _ = frame_preview.draw_depth(scene)
+        preview.show(scene)
+        chain = shown_chain(scene)
+        socket = next(node.inputs["Camera Location"] for node in chain.nodes if "Camera Location" in node.inputs)
+        shown_m = [
+            [curve.evaluate(frame) for curve in fcurves_of(chain.animation_data) if is_of(curve, socket)]
+            for frame in range(6)
+        ]
+        preview.hide(scene)
     finally:
         for module in (presets, operators, world):
             module.unregister()
+    away_m = np.linalg.norm(path_poses(6)[:, :3, 3] - path_poses(6)[0, :3, 3], axis=1)
+    assert np.abs(np.linalg.norm(shown_m, axis=1) - away_m).max() < 1e-5
+    assert away_m[-1] > 0.1
     generate(tmp_path / "preset.yaml", "--out", tmp_path / "out")
     folder = tmp_path / "out" / "misty" / "box" / "results"
     written = cv2.imread(str(folder / "frame000002.png"))[..., ::-1].astype(int)

@@ -12,7 +12,7 @@ from ..core.node_graphs.chain import build_chain, capacity_of, step_node
 from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
-from .chain_values import set_values
+from .chain_values import StanceAt, set_values
 from .nodes import adopt, described_as, ensure_group, made_before, remove_group
 from .typed import get_node, get_value, interface, new_node, new_socket, new_tree, set_value
 
@@ -33,19 +33,21 @@ def make_chain(
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
     intrinsics: Intrinsics | None = None,
+    stance_at: StanceAt | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
     At scene frame k the chain then shows what the generator writes as frame index_of(k), by default k, of the sequence
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
     only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
-    scene frame, by default the first. intrinsics: of the camera, if known.
+    scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands and moves at a
+    frame of the sequence; without it, the camera's sockets stay as they are.
     """
     old = made_before(bpy.data.node_groups, name)
     # By number, as a child that is made anew too is gone then.
     children = set() if old is None else {group.session_uid for group in _groups_in(old)}
     tree = ensure_group(_described(name, steps))
-    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics)
+    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics, stance_at=stance_at)
     if tree != old:
         _remove_unused(children)
     return tree
@@ -223,18 +225,26 @@ def refresh_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
     intrinsics: Intrinsics | None = None,
+    stance_at: StanceAt | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
     index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
-    the camera.
+    the camera. stance_at: how it stands and moves at a frame of the sequence, if known.
     """
     chain = shown_chain(scene)
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
     chain = make_chain(
-        name, steps, frames, identifiers, index_of=index_of, now=scene.frame_current, intrinsics=intrinsics
+        name,
+        steps,
+        frames,
+        identifiers,
+        index_of=index_of,
+        now=scene.frame_current,
+        intrinsics=intrinsics,
+        stance_at=stance_at,
     )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):

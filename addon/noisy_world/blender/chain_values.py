@@ -9,9 +9,10 @@ import bpy
 import numpy as np
 
 from ..core.geometry import Intrinsics
-from ..core.node_graphs.chain import shown_values, step_node
+from ..core.node_graphs.chain import shown_values, stance_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
+from ..core.trajectories.stance import Stance
 from .typed import action_of, fcurves_of, get_value, interpolation, new_action, set_value
 
 LEFT_AT = "noisy_world_left_at"  # of a chain: the values that we gave its sockets, by their paths, as JSON
@@ -20,6 +21,9 @@ BUILT_AS = "noisy_world_built_as"  # of a chain: its nodes and links as we made 
 
 type IndexOf = Callable[[int], int]
 """A scene frame -> the frame of the sequence that it shows."""
+
+type StanceAt = Callable[[int], Stance]
+"""A frame of the sequence -> how the camera stands and moves at it."""
 
 
 def set_values(
@@ -31,11 +35,13 @@ def set_values(
     index_of: IndexOf | None,
     now: int | None,
     intrinsics: Intrinsics | None = None,
+    stance_at: StanceAt | None = None,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
     A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
-    now: the current scene frame, by default the first. intrinsics: of the camera, if known.
+    now: the current scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands
+    and moves; without it, its sockets are left alone.
     """
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
@@ -47,7 +53,7 @@ def set_values(
         node = tree.nodes.get(step_node(step))
         if node is None:  # a user has removed it
             continue
-        each = list(_values(step, frames, identifiers, index_of, intrinsics))
+        each = list(_values(step, frames, identifiers, index_of, intrinsics, stance_at=stance_at))
         for name in dict.fromkeys(name for _, sockets in each for name in sockets):
             socket = node.inputs[name]
             path = socket.path_from_id("default_value")
@@ -89,15 +95,20 @@ def _values(
     identifiers: Identifiers,
     index_of: IndexOf | None,
     intrinsics: Intrinsics | None,
+    *,
+    stance_at: StanceAt | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
-    for k in frames if step.levels is not None or index_of is not None else frames[:1]:
+    stance_at = stance_at if step.perturbation.uses_motion else None
+    for k in frames if step.levels is not None or index_of is not None or stance_at is not None else frames[:1]:
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
             by_severity[severity] = shown_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)
         values = by_severity[severity]
+        if stance_at is not None:
+            values = values | stance_values(step, severity, stance_at(index))
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
 
 
@@ -134,16 +145,19 @@ def action_bag(item: bpy.types.ID) -> bpy.types.ActionChannelbag:
 
 
 def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
-    """Key a socket with constant interpolation: each value holds until the next key."""
+    """Key a socket, a number or a vector, with constant interpolation: each value holds until the next key."""
     if tree.animation_data is None or tree.animation_data.action is None:
         new_action(tree, f"{tree.name} severity")
     path = socket.path_from_id("default_value")
-    curve = action_of(tree).fcurve_ensure_for_datablock(tree, path)
-    points = curve.keyframe_points
-    points.add(len(values))
-    points.foreach_set("co", np.array(values, dtype=np.float32).ravel())
-    points.foreach_set("interpolation", np.full(len(values), interpolation("CONSTANT"), dtype=np.int32))
-    curve.update()
+    frames = np.array([frame for frame, _ in values], dtype=np.float32)
+    numbers = np.array([value for _, value in values], dtype=np.float32).reshape(len(values), -1)
+    for part, column in enumerate(numbers.T):
+        curve = action_of(tree).fcurve_ensure_for_datablock(tree, path, index=part)
+        points = curve.keyframe_points
+        points.add(len(values))
+        points.foreach_set("co", np.column_stack([frames, column]).ravel())
+        points.foreach_set("interpolation", np.full(len(values), interpolation("CONSTANT"), dtype=np.int32))
+        curve.update()
 
 
 # --- what a user did ---

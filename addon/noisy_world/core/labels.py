@@ -3,7 +3,7 @@
 
 import re
 
-UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s", "_mm_h", "_mrad", "_ms")
+UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s", "_mm_h", "_mrad", "_ms", "_per_s")
 NAMES = {"f_number": "F-Stop"}  # where Blender has a word of its own
 _SMALL_WORDS = ("by", "of", "to", "and", "on", "in", "the")
 _AMERICAN = {

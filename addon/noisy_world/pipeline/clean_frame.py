@@ -105,12 +105,12 @@ class Camera:
             identifiers=sequence.identifiers,
             stamp_s=float(self.stamps_s[frame]),
             intrinsics=self.intrinsics,
-            motion=self._motion(sequence, frame) if setting.uses_motion else None,
+            motion=self.motion(sequence, frame) if setting.uses_motion else None,
             read_rgb=clean.read_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_depth_m if setting.needs_depth else None,
         )
 
-    def _motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
+    def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
         """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate."""
         if self.path is None:
             return None

@@ -29,6 +29,7 @@ from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
+from .shown_motion import camera_at
 from .stills import beside, check_depth, path_frames, rendered
 
 type Kind = Literal["COLOUR", "DEPTH"]
@@ -120,7 +121,7 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     if sequence.setting.rgb:
         height, width = before.shape[:2]
         only = replace(sequence, frames=(index,))
-        with colour_of([only], _camera(scene), (width, height)) as colour:
+        with colour_of([only], camera_at(scene, sequence, index), (width, height)) as colour:
             image = colour.of(clean)[only.folder, index]()
             made, notes = image.pixels(), image.notes
         after = before if made is None else _as_stored(made, stored)

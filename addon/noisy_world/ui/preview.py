@@ -20,6 +20,7 @@ from .document import intrinsics_of
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
+from .shown_motion import is_unknown, stances
 from .standard_view import UseStandardView, falsified_by, is_working_space_wrong, shown_after
 from .stills import path_frames
 from .wording import spoken
@@ -42,6 +43,7 @@ SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend", "eve
 
 _changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
 _errors: dict[int, str] = {}  # by scene
+_at_rest: set[int] = set()  # scenes whose weather is shown as for a camera that stands still
 
 
 # --- following ---
@@ -158,7 +160,9 @@ def show(scene: bpy.types.Scene) -> None:
         reference_width_px=intrinsics_of(panel).width_px,
         split=panel.preview_split,
         intrinsics=intrinsics_of(panel),
+        stance_at=stances(scene, sequence),
     )
+    (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)
 
 
 def index_of(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], int] | None:
@@ -277,6 +281,9 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if is_chain_edited(scene):
         write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
         layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")
+    if scene.session_uid in _at_rest:
+        text = "Weather is shown as for a camera at rest; Load Trajectory shows it as written"
+        write(layout, context, text, "INFO")
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)

@@ -144,15 +144,26 @@ def socket_values(
             values[socket_name(item.name)] = value
     if severity != 0 and perturbation.is_repeatable(step.parameters(severity)):
         return values, note
-    if severity != 0 and stance is not None and perturbation.uses_motion:
-        held = perturbation.goes_with_camera and step.temporal == "fixed"
-        values |= camera_values(AT_REST if held else stance)
+    if stance is not None:
+        values |= stance_values(step, severity, stance)
     if perturbation.temporals:
         values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
         if len(perturbation.temporals) > 1:
             values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def stance_values(step: Step[ColourPerturbation], severity: float | None, stance: Stance) -> dict[str, Any]:
+    """Return the values of the camera's sockets, by name; none where a step does not ask for them.
+
+    severity: of the frame. stance: how the camera stands and moves.
+    """
+    perturbation = step.perturbation
+    if severity == 0 or not perturbation.uses_motion or perturbation.is_repeatable(step.parameters(severity)):
+        return {}
+    held = perturbation.goes_with_camera and step.temporal == "fixed"
+    return dict(camera_values(AT_REST if held else stance))
 
 
 def shown_values(
