@@ -216,7 +216,7 @@ class _Tasks:
     def _take(self, reference: Any, stopping: bool) -> None:
         """Hear of a task that has ended, and run it again where that may help."""
         order, tries = self._running.pop(reference)
-        outcome, node_id = _outcome(reference, order)
+        outcome, node_id = _outcome(reference, order, stopping)
         if outcome is None or (stopping and not outcome.done):
             return
         if outcome.status == REFUSED:
@@ -233,15 +233,16 @@ class _Tasks:
             self._ended(outcome)
 
 
-def _outcome(reference: Any, order: Order) -> tuple[Outcome | None, str]:
-    """Return how a task ended, None where it was stopped; and the identifier of its node."""
+def _outcome(reference: Any, order: Order, stopping: bool) -> tuple[Outcome | None, str]:
+    """Return how a task ended, None where it was stopped; and its node."""
     exceptions = module("ray.exceptions")
     try:
         told = module("ray").get(reference)
     except exceptions.TaskCancelledError:
         return None, ""
     except exceptions.RayTaskError as error:
-        if isinstance(error.cause, KeyboardInterrupt):
+        # Ray's worker fails with a TypeError of its own where it is cancelled while it reads its arguments.
+        if stopping or isinstance(error.cause, KeyboardInterrupt):
             return None, ""
         raise  # a bug
     except exceptions.RayError as error:
