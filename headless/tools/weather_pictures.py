@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw weather and lenses on a frame of the street at severities 1, 3 and 5, beside the clean frame, for judging.
 
-    python headless/tools/weather_pictures.py FOLDER --frame FRAME.exr [--only snow_depth lens_drops]
+    python headless/tools/weather_pictures.py FOLDER --frame FRAME.exr [--only snow_depth haze] [--overview FILE.jpg]
 
-FRAME.exr is what street_frames.py writes. FOLDER gets a sheet for each effect, in the frame's own size.
+FRAME.exr is what street_frames.py writes. FOLDER gets a sheet for each effect, in the frame's own size; the
+overview has them all, small.
 """
 
 import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,6 +29,8 @@ from tools.street.scene import intrinsics_of
 
 SEVERITIES = (1, 3, 5)
 REFERENCE_PX = 1200
+OVERVIEW_PX = 480  # the width of a picture there
+QUALITY = 82
 INDEX = 30  # of the film, so that what lands and dries has had time
 GAP_PX, LABEL_PX = 6, 24
 INK, GROUND = (30, 30, 30), 255
@@ -38,14 +42,25 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("folder", type=Path, help="the folder to write into")
     parser.add_argument("--frame", type=Path, required=True, help="a frame of the street, as an EXR")
     parser.add_argument("--only", nargs="+", default=list(effects()), choices=list(effects()), help="perturbations")
+    parser.add_argument("--overview", type=Path, help="a JPEG of all of them, a line for each")
     options = parser.parse_args(arguments)
     frame = read_frame(options.frame)
     options.folder.mkdir(parents=True, exist_ok=True)
+    lines = []
     for name in options.only:
-        path = options.folder / f"{name}.png"
-        cv2.imwrite(str(path), sheet(name, frame)[..., ::-1])
-        print(f"wrote {path}")
+        made = pictures(name, frame)
+        save(options.folder / f"{name}.png", sheet({"clean": shown(frame.rgb)} | made))
+        lines.append(line(made))
+    if options.overview is not None:
+        save(options.overview, np.concatenate(lines))
     return 0
+
+
+def save(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a picture, and say so; quality of a JPEG: QUALITY. Raises OSError where it cannot be written."""
+    _, data = cv2.imencode(path.suffix, picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    path.write_bytes(data.tobytes())
+    print(f"wrote {path}")
 
 
 def effects() -> dict[str, ColourPerturbation]:
@@ -54,14 +69,28 @@ def effects() -> dict[str, ColourPerturbation]:
     return {name: item for name, item in colour.items() if item.needs_depth or item.linear}
 
 
-def sheet(name: str, frame: LitFrame) -> NDArray[np.uint8]:
-    """Return the clean frame and the effect at three severities, two by two, with a line each."""
+def pictures(name: str, frame: LitFrame) -> dict[str, NDArray[np.uint8]]:
+    """Return the effect at three severities, by what to write above each."""
     wide, high = frame.depth_m.shape[1], frame.depth_m.shape[0]
     steps = {f"{level}": severe(name, level) for level in SEVERITIES}
     made = perturbed(frame, INDEX, steps, dict.fromkeys(steps, REFERENCE_PX), intrinsics_of((wide, high)))
-    pictures = {"clean": frame.rgb} | {f"{name}, severity {level}": rgb for level, rgb in made.items()}
-    tiles = [labelled(label, shown(rgb)) for label, rgb in pictures.items()]
+    return {f"{name}, severity {level}": shown(rgb) for level, rgb in made.items()}
+
+
+def sheet(made: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Return four pictures, two by two, each under its name."""
+    tiles = [labelled(label, picture) for label, picture in made.items()]
     return np.concatenate([np.concatenate(tiles[:2], axis=1), np.concatenate(tiles[2:], axis=1)])
+
+
+def line(made: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Return pictures beside one another, small, each under its name."""
+    tiles = []
+    for label, picture in made.items():
+        high = round(picture.shape[0] * OVERVIEW_PX / picture.shape[1])
+        small = cv2.resize(picture, (OVERVIEW_PX, high), interpolation=cv2.INTER_AREA)
+        tiles.append(labelled(label, np.asarray(small, np.uint8)))
+    return np.concatenate(tiles, axis=1)
 
 
 def severe(name: str, severity: float) -> ColourStep:
