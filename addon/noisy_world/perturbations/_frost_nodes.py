@@ -37,9 +37,10 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     """Displace the image, of linear light, by the slope of ice, and add what the ice scatters."""
     full = full_size(canvas)
     frosted, icy = _frosted(full.canvas, full.pixel, with_full_sizes(full, given, "refraction_px"))
-    # Enlarging and looking up change a lamp's edge a little: where no ice is, the image is as it was.
-    covered = full.back(icy) > 0.0
-    return canvas.graph.blend(canvas.image, full.back(frosted), covered)
+    shown, covered = full.back(frosted), full.back(icy)
+    with canvas.graph.section("Where ice is"):
+        # Enlarging and looking up change a lamp's edge a little: where no ice is, the image is as it was.
+        return canvas.graph.blend(canvas.image, shown, covered > 0.0)
 
 
 def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> tuple[Socket, Socket]:

@@ -38,7 +38,7 @@ def steps_of(*items):
 def sockets_by_parameter(name):
     """The group's inputs by the words of their parameter's name, without its unit."""
     inputs = {item.name.lower(): item for item in build_group(COLOUR[name]).inputs}
-    units = ("_mm_h", "_m_s", "_px", "_deg", "_mrad", "_mm", "_ms", "_hz", "_m")
+    units = ("_per_s", "_mm_h", "_m_s", "_px", "_deg", "_mrad", "_mm", "_ms", "_hz", "_m")
     inputs["f number"] = inputs.get("f-stop")  # Blender's word for it
     found = {}
     for item in fields(COLOUR[name].parameters):
