@@ -13,6 +13,8 @@ import pytest
 from worlds import content, generate_here
 from written import run, world
 
+from noisy_world.cluster import ray_runner
+
 SETTINGS = [
     {"name": "clean"},
     {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]},
@@ -119,3 +121,20 @@ def test_a_cluster_that_loses_a_command_a_worker_and_a_node(tmp_path, cluster, p
     generate_here(preset, "--out", here)
     generate_here(preset, "--out", packed, "--ray", cluster.address, "--shards", "2", "--cpus", "1")
     assert content(tmp_path / "ray/packed") == content(tmp_path / "local/packed")
+
+
+@pytest.mark.parametrize("stopping", [True, False])
+def test_a_task_that_fails_as_it_is_stopped_was_stopped_and_else_has_a_bug(monkeypatch, stopping):
+    """Ray's worker raises this where it is cancelled while it reads a task's arguments."""
+    ray = pytest.importorskip("ray", reason="ray is not installed")
+    error = TypeError("'Handlers' object is not callable")
+
+    def fails(_):
+        raise ray.exceptions.RayTaskError("in_ray", "", error, proctitle="", pid=1, ip="").as_instanceof_cause()
+
+    monkeypatch.setattr(ray, "get", fails)
+    if stopping:
+        assert ray_runner._outcome(None, None, stopping) == (None, "")
+    else:
+        with pytest.raises(TypeError, match="Handlers"):
+            ray_runner._outcome(None, None, stopping)

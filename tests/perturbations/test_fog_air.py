@@ -11,8 +11,12 @@ from scipy.integrate import quad
 
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
 from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Setting
+from noisy_world.core.schema import Place
 from noisy_world.core.trajectories.motion import motion_between
 from noisy_world.core.trajectories.stance import AT_REST, Stance, stance_of
+from noisy_world.perturbations import registry
 from noisy_world.perturbations._fog_air import optical_depth
 from noisy_world.perturbations._fog_waves import EDGES, Bank, mean_before, phases_rad, slab_means, waves
 from noisy_world.perturbations.fog_depth import PERTURBATION, is_even
@@ -211,3 +215,21 @@ def test_a_stance_is_a_blender_object_s():
     assert stance_of(None).as_blender()[1] == pytest.approx((np.pi / 2, 0, 0))
     rolled = Stance(rotation_from_euler_deg(0.0, 0.0, 90.0), np.zeros(3), np.zeros(3), np.zeros(3)).as_blender()[1]
     assert np.isfinite(rolled).all()
+
+
+@cases(
+    "values, asks",
+    [
+        ({"severity": 3}, False),
+        ({"severity": 3, "mode": "dynamic"}, False),
+        ({"severity": 0, "unevenness": 0.6}, False),
+        ({"severity": 3, "unevenness": 0.6}, True),
+        ({"visibility_m": 9, "falloff_m": 2}, True),
+    ],
+)
+def test_only_fog_that_is_in_the_world_asks_how_the_camera_moves(values, asks):
+    (step,) = parse_steps([{"fog_depth": values}], Place("test"), registry())
+    motion = moved(np.eye(3), (1.0, 2.0, 3.0))
+    assert step.uses_motion == asks
+    assert Setting("fog", (step,)).uses_motion == asks
+    assert (step.context(FrameContext(0, (1, "a", "b"), motion=motion)).motion is motion) == asks

@@ -100,7 +100,7 @@ def _values(
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
-    stance_at = stance_at if step.perturbation.uses_motion else None
+    stance_at = stance_at if step.uses_motion else None
     for k in frames if step.levels is not None or index_of is not None or stance_at is not None else frames[:1]:
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))

@@ -242,7 +242,7 @@ def _outcome(reference: Any, order: Order, stopping: bool) -> tuple[Outcome | No
         return None, ""
     except exceptions.RayTaskError as error:
         # Ray's worker fails with a TypeError of its own where it is cancelled while it reads its arguments.
-        if stopping or isinstance(error.cause, KeyboardInterrupt):
+        if isinstance(error.cause, KeyboardInterrupt) or (stopping and isinstance(error.cause, TypeError)):
             return None, ""
         raise  # a bug
     except exceptions.RayError as error:

@@ -58,10 +58,19 @@ class Step[Kind: Perturbation]:
             identifiers=own if self.stream is None else (*where.identifiers[:-1], self.stream, *own[-2:]),
             chosen_by=None if self.stream is None else own,
             temporal=self.temporal,
-            motion=where.motion if isinstance(kind, ColourPerturbation) and kind.uses_motion else None,
+            motion=where.motion if self.uses_motion else None,
             read_rgb=where.read_rgb if isinstance(kind, DepthPerturbation) and kind.needs_rgb else None,
             read_depth_m=where.read_depth_m if isinstance(kind, ColourPerturbation) and kind.needs_depth else None,
         )
+
+    @property
+    def uses_motion(self) -> bool:
+        """Whether this step, with one of its severities, looks at the camera's motion."""
+        kind = self.perturbation
+        if not isinstance(kind, ColourPerturbation) or not kind.uses_motion:
+            return False
+        severities = (self.severity,) if self.levels is None else self.levels
+        return any(not kind.is_repeatable(self.parameters(each)) for each in severities if each != 0)
 
     def sequence_context(self, identifiers: Identifiers) -> SequenceContext:
         """Return this step's context for a whole sequence. identifiers: the sequence's."""
@@ -146,7 +155,7 @@ class Setting:
     @property
     def uses_motion(self) -> bool:
         """Whether a step of colour looks at the camera's motion."""
-        return any(step.perturbation.uses_motion for step in self.rgb)
+        return any(step.uses_motion for step in self.rgb)
 
     @property
     def needs_rgb(self) -> bool:
