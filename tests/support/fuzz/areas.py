@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, mesh_headers, meshes, presets, recording_files, recordings,
+    dataset_folders, dataset_records, definitions, estimates, mesh_headers, meshes, presets, recording_files,
+    recordings,
     results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datasets in each layout that is written, whose records and texts are changed by structure; and clean frames.
 
-A dataset is opened, asked how far it has come, verified, described as a recipe, given to a system, or taken up by a run.
+A dataset is opened, asked how far it has come, verified, described as a recipe, given to a system,
+or taken up by a run.
 """
 
 import contextlib
@@ -35,8 +36,10 @@ from noisy_world.recipes.verifying import verify
 TASK = "task.json"
 TEXTS = (".json", ".jsonl", ".txt", ".csv", ".yaml")
 WORDS = (
-    "box", "clean", "noise", "late", "clean/box", "noise/box", "../box", "a/b/c", "rgb", "depth", "motion", "pairing", "sha256",
-    "0" * 64, "frames", "manifest.json", "results/frame000000.png", "overview.png", "gaussian_noise", "compositor", "frames.jsonl",
+    "box", "clean", "noise", "late", "clean/box", "noise/box", "../box", "a/b/c", "rgb", "depth", "motion",
+    "pairing", "sha256",
+    "0" * 64, "frames", "manifest.json", "results/frame000000.png", "overview.png", "gaussian_noise", "compositor",
+    "frames.jsonl",
 )  # fmt: skip
 MANY_FRAMES = 1000
 READINGS = ("open", "open", "status", "check", "verify", "recipe", "given", "run")
@@ -279,5 +282,3 @@ def differs(folder, meaning, peer=None):
 @functools.cache
 def _sound_frames(out):
     return _opened(open_path(out))
-
-

@@ -7,12 +7,24 @@ import yaml
 from fuzz.mutation import pick
 from fuzz.structure import as_yaml, changed, note
 
-import noisy_world.evaluation.systems as systems
+from noisy_world.evaluation import systems
 from noisy_world.evaluation.systems.definition import PLACEHOLDERS, read_system
 from noisy_world.evaluation.systems.readers import READERS
 from pathlib import Path
 
-WORDS = (*(f"{{{name}}}" for name in PLACEHOLDERS), *READERS, "{", "{x}", "colour", "depth", "A=B", "A", "tum", "euroc", "index")
+WORDS = (
+    *(f"{{{name}}}" for name in PLACEHOLDERS),
+    *READERS,
+    "{",
+    "{x}",
+    "colour",
+    "depth",
+    "A=B",
+    "A",
+    "tum",
+    "euroc",
+    "index",
+)
 FULL = {
     "name": "own",
     "about": "a system",

@@ -4,6 +4,7 @@
 import io
 import json
 import struct
+import warnings
 import zipfile
 
 import numpy as np
@@ -22,9 +23,36 @@ COUNT = 6
 STAMPS_S = [1000.0 + 0.1 * k for k in range(COUNT)]
 TASK = "task.json"
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
-WORDS = ("nan", "tracked", "lost", "frame000001.png", "index", "# ", "1000.1", "1000100000000", "transform_matrix", "pose")
+WORDS = (
+    "nan",
+    "tracked",
+    "lost",
+    "frame000001.png",
+    "index",
+    "# ",
+    "1000.1",
+    "1000100000000",
+    "transform_matrix",
+    "pose",
+)
 RAWS = tuple(
-    map(Raw, (b"nan", b"inf", b"-inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b"1_0", b"\r", b"1e400", b"\x1a"))
+    map(
+        Raw,
+        (
+            b"nan",
+            b"inf",
+            b"-inf",
+            b"1e999",
+            b"\xff\xfe",
+            b"\x00",
+            b"9" * 5000,
+            b"0x10",
+            b"1_0",
+            b"\r",
+            b"1e400",
+            b"\x1a",
+        ),
+    )
 )
 
 
@@ -109,7 +137,13 @@ def _array(name="poses.npy"):
 def _described(array):
     """Return an array as a tree: what its header says, and its numbers."""
     shape = list(array.shape)
-    return {"version": [1, 0], "descr": array.dtype.str, "fortran_order": False, "shape": shape, "data": array.ravel().tolist()}
+    return {
+        "version": [1, 0],
+        "descr": array.dtype.str,
+        "fortran_order": False,
+        "shape": shape,
+        "data": array.ravel().tolist(),
+    }
 
 
 def _npy(tree):
@@ -143,7 +177,8 @@ def _listed(value):
 def _npz(tree):
     """Return a tree of arrays as a .npz."""
     file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
+    with zipfile.ZipFile(file, "w") as archive, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a name may stand there twice
         for name, array in tree.items() if isinstance(tree, dict) else [("poses", tree)]:
             archive.writestr(f"{name}.npy".replace("\0", "0")[:200].encode("utf-8", "replace").decode(), _npy(array))
     return file.getvalue()

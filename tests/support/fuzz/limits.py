@@ -43,10 +43,10 @@ class _Watch:
                     self._check(event, arguments[place])
 
     def _check(self, event, path):
-        text = os.fsdecode(path)
-        if not os.path.isabs(text) and event != "open":  # relative to the descriptor of a folder: rmtree's
+        given = Path(os.fsdecode(path))
+        if not given.is_absolute() and event != "open":  # relative to the descriptor of a folder: rmtree's
             return
-        place = os.path.join(os.path.realpath(os.path.dirname(text)), os.path.basename(text))
+        place = os.path.realpath(given.parent) + os.sep + given.name
         inside = any(place == each or place.startswith(each + os.sep) for each in (self.folder, *self.own))
         if not inside and not place.startswith(_SHARED) and not place.endswith(".pyc") and "__pycache__" not in place:
             self.outside.append(f"{event} {place[:200]}")
@@ -99,5 +99,3 @@ def _status(name):
     except OSError:
         return 0
     return next((1024 * int(line.split()[1]) for line in lines if line.startswith(name)), 0)
-
-

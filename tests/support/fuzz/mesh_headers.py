@@ -14,8 +14,10 @@ from noisy_world.core.scenes.ply import read_ply
 
 TASK = "task.json"
 WORDS = (
-    "vertex", "face", "uchar", "int", "float", "double", "list", "x", "red", "ascii", "binary_little_endian", "f", "v", "vt",
-    "mtllib", "usemtl", "POSITION", "VEC3", "data:,x", "http://x/y", "room.bin", "room.mtl", "walls.png", "-mm", "1/1/1",
+    "vertex", "face", "uchar", "int", "float", "double", "list", "x", "red", "ascii", "binary_little_endian", "f",
+    "v", "vt",
+    "mtllib", "usemtl", "POSITION", "VEC3", "data:,x", "http://x/y", "room.bin", "room.mtl", "walls.png", "-mm",
+    "1/1/1",
 )  # fmt: skip
 TYPES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d"}
 RANGES = {"b": (-128, 127), "B": (0, 255), "h": (-(2**15), 2**15 - 1), "H": (0, 2**16 - 1)}
@@ -200,7 +202,10 @@ def gltf_text(rng):
 def glb(rng):
     """Return mesh.glb; its header and its chunks may disagree after a change."""
     document, blob = gltf(room_attributes())
-    chunks = [{"length": None, "kind": 0x4E4F534A, "json": document}, {"length": None, "kind": 0x004E4942, "data": None}]
+    chunks = [
+        {"length": None, "kind": 0x4E4F534A, "json": document},
+        {"length": None, "kind": 0x004E4942, "data": None},
+    ]
     tree = {"magic": "glTF", "version": 2, "length": None, "chunks": chunks}
     tree, told = changed(tree, rng, words=WORDS)
     body = b""

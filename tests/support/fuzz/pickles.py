@@ -37,7 +37,7 @@ def pickled(tree):
     return b"\x80\x02" + _written(tree) + b"."
 
 
-def _written(tree):  # noqa: PLR0911 - a case for each kind
+def _written(tree):  # noqa: PLR0911, C901 - a case for each kind
     match tree:
         case None:
             return b"N"
@@ -45,7 +45,11 @@ def _written(tree):  # noqa: PLR0911 - a case for each kind
             return b"\x88" if tree else b"\x89"
         case int():
             data = tree.to_bytes(tree.bit_length() // 8 + 1, "little", signed=True)
-            return b"\x8a" + bytes([len(data)]) + data if len(data) < 256 else b"\x8b" + struct.pack("<i", len(data)) + data
+            return (
+                b"\x8a" + bytes([len(data)]) + data
+                if len(data) < 256
+                else b"\x8b" + struct.pack("<i", len(data)) + data
+            )
         case float():
             return b"G" + struct.pack(">d", tree)
         case str():

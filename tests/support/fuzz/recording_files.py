@@ -2,7 +2,6 @@
 """Recordings of every layout whose texts are changed by structure, and whose files are renamed, lost and mixed up."""
 
 import json
-import os
 
 import yaml
 from fuzz import recorded, recordings
@@ -13,11 +12,28 @@ LAYOUTS = (
     recordings.replica, recordings.tum, recordings.euroc, recordings.vslamlab, *recorded.WRITERS
 )  # fmt: skip
 WORDS = (
-    "camera", "fx", "scale", "timestamp", "rgb/", "depth/", "../sequence/traj.txt", "data.csv", "radial-tangential", "PINHOLE",
+    "camera", "fx", "scale", "timestamp", "rgb/", "depth/", "../sequence/traj.txt", "data.csv", "radial-tangential",
+    "PINHOLE",
     "1403636579760000000", "OPENCV_FISHEYE", "m_depthShift", "=", "frames", "file_path", "k1", "nan",
 )  # fmt: skip
 RAWS = tuple(
-    map(Raw, (b"nan", b"inf", b"-inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b"#", b"\r", b"1,5", b"\xef\xbb\xbf"))
+    map(
+        Raw,
+        (
+            b"nan",
+            b"inf",
+            b"-inf",
+            b"1e999",
+            b"\xff\xfe",
+            b"\x00",
+            b"9" * 5000,
+            b"0x10",
+            b"#",
+            b"\r",
+            b"1,5",
+            b"\xef\xbb\xbf",
+        ),
+    )
 )
 
 
@@ -84,7 +100,7 @@ def _files_changed(sequence, rng):
         case 0:
             path.unlink()
         case 1:
-            os.replace(path, path.with_name(pick(rng, ("x", "é", "a" * 200, "-1", "1e3", "000000", " ")) + path.suffix))
+            path.replace(path.with_name(pick(rng, ("x", "é", "a" * 200, "-1", "1e3", "000000", " ")) + path.suffix))
         case 2:
             path.with_name(path.stem + "0" + path.suffix).write_bytes(data)
         case 3:
@@ -96,7 +112,7 @@ def _files_changed(sequence, rng):
             path.unlink()
             path.symlink_to(other)
         case 6:
-            os.replace(path, path.with_suffix(path.suffix.upper()))
+            path.replace(path.with_suffix(path.suffix.upper()))
         case _:
             path.with_suffix(".bak").write_bytes(data)
             path.write_bytes(b"")

@@ -20,8 +20,23 @@ from noisy_world.evaluation.study.tables import write_tables
 
 TASK = "task.json"
 FEW = {"systems": ("rgbd_odometry", "orb_slam3"), "scenes": ("room0",), "settings": SETTINGS[:4], "seeds": ("1",)}
-WORDS = ("room0", "clean", "finished", "crashed", "strict", "paper", "nan", "inf", "seed", "gaussian_noise", "dynamic", "ate_rmse_m")
-RAWS = tuple(map(Raw, (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b'"', b"\r", b"a,b", b"'")))
+WORDS = (
+    "room0",
+    "clean",
+    "finished",
+    "crashed",
+    "strict",
+    "paper",
+    "nan",
+    "inf",
+    "seed",
+    "gaussian_noise",
+    "dynamic",
+    "ate_rmse_m",
+)
+RAWS = tuple(
+    map(Raw, (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b'"', b"\r", b"a,b", b"'"))
+)
 
 
 @functools.cache

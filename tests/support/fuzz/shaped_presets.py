@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets made by the schema of their keys, then changed by structure."""
 
-import functools
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+import json
 import types
 
 import numpy as np
-from fuzz import presets, recorded
+from fuzz import presets, recordings
 from fuzz.mutation import pick
 from fuzz.structure import RAWS, as_yaml, changed, note
 from worlds import write_box_ply, write_replica, path_poses
@@ -19,7 +19,22 @@ from noisy_world.core.presets.scene_keys import HandheldSpec
 from noisy_world.core.trajectories.pose_text import FORMATS
 from noisy_world.perturbations import registry
 
-WORDS = ("mesh.ply", "traj.txt", "recording", "fog", "static", "dynamic", "keyed", "box", "*", "embedded:room", "preset.yaml")
+WORDS = (
+    "mesh.ply",
+    "traj.txt",
+    "recording",
+    "fog",
+    "static",
+    "dynamic",
+    "keyed",
+    "box",
+    "*",
+    "embedded:room",
+    "preset.yaml",
+)
+
+
+DEVIATES = "motion_deviation"  # which no recording can do
 
 
 def _of_schema(cls, rng, likely=0.4):
@@ -104,12 +119,6 @@ def _setting(rng, number, known):
     return {"name": f"setting{number}", "perturb": list(steps.values())}
 
 
-@functools.cache
-def _known():
-    """The perturbations whose parameters may be drawn one by one: those of no other rules between two of them."""
-    return dict(registry())
-
-
 def _document(rng):
     camera = {**_of_schema(CameraSpec, rng), "near_m": 0.01, "far_m": float(rng.uniform(1, 1e6))}
     camera |= {"width": int(rng.integers(1, 5000)), "height": int(rng.integers(1, 5000))}
@@ -117,14 +126,16 @@ def _document(rng):
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}
     render["samples"] = pick(rng, WORKBENCH_SAMPLES) if render.get("engine") == "workbench" else 1
     scenes = [_scene(rng, k) for k in range(int(rng.integers(1, 4)))]
+    recorded = any("sequence" in scene for scene in scenes)
+    known = {name: each for name, each in registry().items() if not (recorded and name == DEVIATES)}
     document = {
         "scenes": scenes,
-        "settings": [_setting(rng, k, _known()) for k in range(int(rng.integers(1, 5)))],
+        "settings": [_setting(rng, k, known) for k in range(int(rng.integers(1, 5)))],
         "seed": int(rng.integers(2**63)),
         "render": render,
         "output": {"layout": layout.name, "image": pick(rng, layout.images), "modalities": ["rgb", "depth"]},
     }
-    if not any("sequence" in scene for scene in scenes):
+    if not recorded:
         document["camera"] = camera
         if rng.integers(3) == 0:
             document["rig"] = {"rgb": {"translation_m": [0.1, 0.0, 0.2], "quat_wxyz": [1.0, 0.0, 0.0, 0.0]}}
@@ -136,7 +147,9 @@ def write(folder, rng):
     write_box_ply(folder / "mesh.ply")
     write_replica(folder / "traj.txt", path_poses(6))
     (folder / "recording").mkdir()
-    recorded.nerfstudio(folder / "recording", np.random.default_rng(5))
+    recordings.replica(folder / "recording", np.random.default_rng(2))
+    camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 6553.5}
+    (folder / "recording/cam_params.json").write_text(json.dumps({"camera": camera}))
     (folder / "outside").mkdir()
     (folder / "outside/kept.txt").write_text("somebody's")
     tree, told = changed(_document(rng), rng, raws=RAWS, words=(*WORDS, *FORMATS))

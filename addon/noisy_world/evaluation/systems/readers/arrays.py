@@ -56,12 +56,15 @@ def load_arrays(path: Path, wanted: Container[str] | None = None) -> dict[str, N
             if isinstance(held, np.ndarray):
                 return {"poses": held}
             with held:
-                return {name: held[name] for name in held.files if wanted is None or name in wanted}
+                found = {name: held[name] for name in held.files if wanted is None or name in wanted}
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
     # What numpy and zipfile raise for bytes that are no array, an archive that is cut off or packed in an unknown way.
     except (ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError) as error:
         raise InputError(path, "is no array of numbers as numpy writes it", remedy="a .npy or .npz file") from error
+    if others := [name for name, array in found.items() if not isinstance(array, np.ndarray)]:
+        raise InputError(path, "is no array as numpy writes it", where=others[0])
+    return found
 
 
 def _poses_name(path: Path, arrays: dict[str, NDArray]) -> str:
@@ -78,6 +81,8 @@ def _poses_name(path: Path, arrays: dict[str, NDArray]) -> str:
 def _numbers(path: Path, name: str, array: NDArray) -> NDArray[np.float64]:
     if array.dtype.kind not in "fiu":
         raise InputError(path, f"holds {array.dtype}, but has to be numbers", where=name)
+    if not array.ndim:
+        raise InputError(path, "is one number, but has to have one entry for each pose", where=name)
     return array.astype(np.float64)
 
 
