@@ -26,6 +26,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, PreparedSource
+from ..core.regular_files import read_array
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .inputs import different_input
@@ -117,7 +118,7 @@ def read_store(folder: Path) -> CleanStore:
 
 def _array(path: Path) -> NDArray[Any]:
     try:
-        return np.load(path, allow_pickle=False)
+        return read_array(path)
     except (OSError, ValueError, EOFError) as error:
         raise InputError(path, "is damaged or cannot be read", remedy=AGAIN) from error
 
