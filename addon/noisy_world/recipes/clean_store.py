@@ -35,7 +35,7 @@ CLEAN = "clean.json"
 PATH = "path.npy"
 KIND = "clean frames of Noisy World"
 FORMAT = 1  # version of the store; raised when its files change
-AGAIN = "run 'noisy-world clean' again: it makes what is missing or damaged"
+AGAIN = "run 'noisy-world render-clean' again: it makes what is missing or damaged"
 
 
 def image_name(modality: Modality, source: int) -> str:
@@ -103,7 +103,7 @@ def read_store(folder: Path) -> CleanStore:
         content = read_json(path)
     except FileNotFoundError as error:
         problem = "is no folder of clean frames" if folder.is_dir() else "no such folder"
-        raise InputError(folder, problem, remedy="'noisy-world clean RECIPE --out DIR' makes one") from error
+        raise InputError(folder, problem, remedy="'noisy-world render-clean RECIPE --out DIR' makes one") from error
     except ValueError as error:
         raise InputError(path, str(error), remedy=AGAIN) from error
     identity: Any = content.get("identity") if isinstance(content, dict) else None
