@@ -428,9 +428,7 @@ def test_isolation_that_is_not_there_is_one_line(tmp_path, recording, monkeypatc
     script = script_system(tmp_path / "system", GOOD, isolate="bubblewrap")
     try:
         monkeypatch.setattr("noisy_world.evaluation.systems.isolation.PROGRAM", "no-such-program")
-        with pytest.raises(
-            MissingDependencyError, match="cannot be isolated by bubblewrap: there is no program"
-        ):
+        with pytest.raises(MissingDependencyError, match="cannot be isolated by bubblewrap: there is no program"):
             run_system(script, recording, tmp_path / "out")
         isolation_problem.cache_clear()
         refusing = tmp_path / "refusing"
