@@ -11,6 +11,7 @@ from typing import Any
 
 from ...core.datasets.json_text import parse_json
 from ...core.errors import MissingDependencyError
+from ...core.regular_files import read_text
 from .definition import STUDY_NAMES, System, filled
 from .environments import environment_folder, environment_python
 from .isolation import isolated, isolated_variables, isolation_problem, own_folders, program_folders
@@ -124,8 +125,8 @@ def _asked_versions(system: System) -> dict[str, str]:
             errors=errors,
         )
         try:
-            texts = [file.read_bytes().decode(errors="replace") for file in (said, errors)]
-        except OSError:  # it has removed them, so it says nothing
+            texts = [read_text(file, errors="replace") for file in (said, errors)]
+        except OSError:  # it has removed or replaced them, so it says nothing
             texts = ["", ""]
     if told.ended == "limit":
         raise _missing(system, f"its command for versions took more than {VERSIONS_LIMIT_S:g} s")

@@ -98,7 +98,7 @@ class Given:
             link_or_copy(source.resolve(), target, target.parent)
             return
         try:
-            data = source.read_bytes()
+            data = read_bytes(source)
         except OSError as error:
             raise InputError(source, f"cannot be read: {error.strerror or error}") from error
         with storage_errors(target):

@@ -39,4 +39,5 @@ class _Pieces(io.RawIOBase):
 
 def open_archive(stream: BinaryIO) -> zipfile.ZipFile:
     """Open an archive. Raises BadZipFile, and what zipfile raises beside it."""
-    return zipfile.ZipFile(cast("BinaryIO", _Pieces(stream)))
+    file = cast("BinaryIO", _Pieces(stream))
+    return zipfile.ZipFile(file)
