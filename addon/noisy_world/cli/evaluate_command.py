@@ -85,7 +85,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         metavar="ADDRESS",
         nargs="?",
         const="auto",
-        help="evaluate on a Ray cluster that shares this disk; it needs pip install 'noisy-world[cluster]'",
+        help="evaluate on a Ray cluster that shares this disk; it needs the extra cluster",
     )
     parser.add_argument(
         "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
