@@ -256,8 +256,8 @@ def test_an_archive_of_what_is_no_array_is_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "params.npz", "w") as archive:
         for name in ("poses", "cam_unnorm_rots", "cam_trans"):
             archive.writestr(f"{name}.npy", b"[1.0, 2.0]")
-    for reader, name in (("array", "poses"), ("splatam", "cam_unnorm_rots")):
-        with pytest.raises(InputError, match=f"params.npz: {name}: is no array as numpy writes it"):
+    for reader in ("array", "splatam"):
+        with pytest.raises(InputError, match=r"params\.npz: is no array of numbers as numpy writes it"):
             read_estimate(reader, tmp_path / "params.npz", INDEX)
 
 

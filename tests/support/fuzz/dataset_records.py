@@ -192,7 +192,7 @@ def _given(_folder, out):
     for setting in sorted(path for path in out.iterdir() if path.is_dir() and not path.name.startswith(".")):
         for scene in sorted(path for path in setting.iterdir() if path.is_dir()):
             asked = Intrinsics(*dataset_folders.SIZE, 16.0, 16.0, 15.5, 11.5)
-            found[scene.name] = given_sequence(scene, camera=asked).document()
+            found[scene.name] = given_sequence(scene, camera=asked).document(out.parent / "given")
     return found
 
 
