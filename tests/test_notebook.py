@@ -30,8 +30,7 @@ def run(monkeypatch, folder, **changed):
     monkeypatch.setitem(sys.modules, "IPython.display", display)
     monkeypatch.chdir(folder)
     defined = {}
-    code = "
-".join(cells("code"))
+    code = "\n".join(cells("code"))
     for name, value in changed.items():
         code, count = re.subn(rf"^{name} = .*$", lambda _, n=name, v=value: f"{n} = {v!r}", code, flags=re.MULTILINE)
         assert count == 1, name

@@ -4,6 +4,7 @@
 import json
 import re
 import sys
+import tomllib
 from typing import get_args
 
 import pytest
@@ -15,7 +16,7 @@ from noisy_world.core.planning.estimate import estimate, size_text
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import EngineName, read_preset
 from noisy_world.core.scenes.embedded import ROOMS
-from noisy_world.evaluation.systems.registry import shipped_names
+from noisy_world.evaluation.systems.registry import find_system, shipped_names
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
 
@@ -49,6 +50,7 @@ def settings(preset):
     return len(read_settings(read_preset(ROOT / f"presets/{preset}.yaml"), registry()))
 
 
+WITH_IT = [name for name in shipped_names() if not find_system(name).environment]  # they need no other packages
 MIXED = settings("noisy_replica_mixed")
 # Page, the words with the numbers in groups, what they have to be.
 CLAIMS = [
@@ -59,6 +61,7 @@ CLAIMS = [
     ("README.md", r"in two rooms under (\d+) settings", [settings("benchmark")]),
     ("README.md", r"a study of (\d+) settings", [settings("study")]),
     ("README.md", r"clean and under (\w+) settings", [settings("demo") - 1]),
+    ("README.md", r"(\w+) systems come with it", [len(WITH_IT)]),
     ("docs/index.md", r"all (\d+) perturbations", [len(COMING_ALONG)]),
     ("docs/perturbations.md", r"There are (\d+): all (\d+) of the paper's taxonomy, and (\w+) of our own",
      [len(COMING_ALONG), len(PAPERS), len(OURS)]),
@@ -137,6 +140,8 @@ def test_the_registries_are_named_on_their_pages():
     assert re.search(r"engine: cycles, .*# (.*)", PAGES["docs/generate.md"].read_text())[1].split(" | ") == list(
         get_args(EngineName)
     )
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(re.findall(r"^\| `(\w+)` \|", PAGES["docs/install.md"].read_text(), re.MULTILINE)) == set(extras)
     written = re.search(r"layout: replica, .*# ([^;]*);", PAGES["docs/generate.md"].read_text())[1]
     assert written.split(" | ") == list(LAYOUTS)
     rows = re.search(r"these are read alone:\n\n(.*?)\n\n", PAGES["docs/recordings.md"].read_text(), re.S)[
