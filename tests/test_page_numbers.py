@@ -50,7 +50,8 @@ def settings(preset):
     return len(read_settings(read_preset(ROOT / f"presets/{preset}.yaml"), registry()))
 
 
-WITH_IT = [name for name in shipped_names() if not find_system(name).environment]  # they need no other packages
+# Neither an environment nor a remedy that gets one.
+WITH_IT = [system for system in map(find_system, shipped_names()) if not (system.environment or system.remedy)]
 MIXED = settings("noisy_replica_mixed")
 # Page, the words with the numbers in groups, what they have to be.
 CLAIMS = [
