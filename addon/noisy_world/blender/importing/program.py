@@ -9,20 +9,28 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 
+from ...core.errors import InputError
 from ...core.scenes.imported import ImportedScene, write_imported
 from ...core.scenes.turning import Up
 from .base_colour import surface_of
 from .compressed import compression_problem
-from .images import ImageFiles, MissingImageError
+from .finite import NotFiniteError, check_finite, finite_gltf
+from .images import ImageFiles, UnfitImageError
 from .lit import save_lit
 from .parts import imported_parts
-from .usd_layers import look_at
+from .usd_layers import UsdLook, look_at
 
 REFUSED = 4  # the exit status where the importer refuses
+NOT_FINITE = 5  # where a coordinate is not finite
 REFUSAL = "refused.txt"  # then says why, in the folder
+
+
+class _RefusedError(Exception):
+    """The file is refused; the message says why."""
 
 
 def main(order: str) -> int:
@@ -32,54 +40,66 @@ def main(order: str) -> int:
     then asked, the axis that points up or null.
     """
     wanted = json.loads(order)
-    path, folder = Path(wanted["path"]), Path(wanted["folder"])
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    for world in list(bpy.data.worlds):
-        bpy.data.worlds.remove(world)  # of which only the file's own is to shine
-    beside: tuple[str, ...] = ()
-    up, look = _UP[wanted["format"]], None
-    module, operator = _OPERATORS[wanted["format"]]
-    if operator not in dir(getattr(bpy.ops, module)):
-        return _refused(
-            folder, f"this Blender is built without an importer of {wanted['format']}; export the mesh as PLY or glTF"
-        )
+    folder = Path(wanted["folder"])
     try:
-        if wanted["format"] == "USD":
-            look = look_at(path)
-            if look.missing:
-                return _refused(folder, f"refers to {look.missing[0][:200]!r}, which is not there")
-            up, beside = look.up, look.beside
-        if problem := compression_problem(wanted["compression"]):
-            return _refused(folder, problem)
-        _IMPORTERS[wanted["format"]](str(path), wanted["webp"], wanted["blend"] is not None)
-        notes = _still()
-        if wanted["blend"] is not None:
-            if problem := save_lit(Path(wanted["blend"]), up, wanted["asked"]):
-                return _refused(folder, problem)
-            write_imported(folder, ImportedScene((), (), (), up, beside, notes))
-            return 0
-        images = ImageFiles(folder)
-        materials = sorted(bpy.data.materials, key=lambda each: each.name)
-        parts = imported_parts({material.name: number for number, material in enumerate(materials)})
-        used = {number for part in parts for number in part.face_surfaces.tolist()}
-        surfaces = [
-            surface_of(material, images.number_of if number in used else lambda _: 0)
-            for number, material in enumerate(materials)
-        ]
-        if look is not None and look.unknown:
-            beside, notes = images.read, (*notes, look.unknown)
-    except MissingImageError as error:
-        return _refused(folder, f"its texture {str(error)[:200]!r} is missing")
-    except RuntimeError as error:  # so Blender says that an operator failed
+        write_imported(folder, _imported(wanted, Path(wanted["path"]), folder))
+    except NotFiniteError as error:
+        return _refused(folder, str(error), NOT_FINITE)
+    except InputError as error:
+        return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
+    except (_RefusedError, UnfitImageError, RuntimeError) as error:  # the last is how Blender says that it failed
         return _refused(folder, str(error))
-    write_imported(folder, ImportedScene(parts, tuple(surfaces), tuple(images.images), up, beside, notes))
     return 0
 
 
-def _refused(folder: Path, why: str) -> int:
+def _refused(folder: Path, why: str, status: int = REFUSED) -> int:
     # Not on standard output, where Blender leaves lines unended.
-    (folder / REFUSAL).write_text(why, encoding="utf-8")
-    return REFUSED
+    (folder / REFUSAL).write_text(why, encoding="utf-8", errors="backslashreplace")
+    return status
+
+
+def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene:
+    """Return what Blender made of a file, without its parts where it was saved with its lights."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    for world in list(bpy.data.worlds):
+        bpy.data.worlds.remove(world)  # of which only the file's own is to shine
+    form = wanted["format"]
+    module, operator = _OPERATORS[form]
+    if operator not in dir(getattr(bpy.ops, module)):
+        raise _RefusedError(f"this Blender is built without an importer of {form}; export the mesh as PLY or glTF")
+    look = look_at(path) if form == "USD" else UsdLook(_UP[form], (), ())
+    if look.missing:
+        raise _RefusedError(f"refers to {look.missing[0][:200]!r}, which is not there")
+    if problem := compression_problem(wanted["compression"]):
+        raise _RefusedError(problem)
+    _IMPORTERS[form](str(path), wanted["webp"], wanted["blend"] is not None)
+    _validate_meshes()
+    notes = _still()
+    if wanted["blend"] is not None:
+        if problem := save_lit(Path(wanted["blend"]), look.up, wanted["asked"], path.parent):
+            raise _RefusedError(problem)
+        return ImportedScene((), (), (), look.up, look.beside, notes)
+    images = ImageFiles(folder, path.parent)
+    materials = sorted(bpy.data.materials, key=lambda each: each.name)
+    parts = imported_parts({material.name: number for number, material in enumerate(materials)})
+    used = {number for part in parts for number in part.face_surfaces.tolist()}
+    surfaces = tuple(
+        surface_of(material, images.number_of if number in used else lambda _: 0)
+        for number, material in enumerate(materials)
+    )
+    told = (*notes, *images.notes, *([look.unknown] if look.unknown else []))
+    beside = images.read if look.unknown else look.beside
+    return ImportedScene(parts, surfaces, tuple(images.images), look.up, beside, told)
+
+
+def _validate_meshes() -> None:
+    """Repair the meshes as the importers would, once it is sure that they are finite: a repair puts 0 for what is not.
+
+    glTF's importer validates each mesh itself, and is watched while it does.
+    """
+    for mesh in bpy.data.meshes:
+        check_finite(mesh)
+        mesh.validate(clean_customdata=False)
 
 
 def _still() -> tuple[str, ...]:
@@ -91,25 +111,26 @@ def _still() -> tuple[str, ...]:
 
 
 def _gltf(path: str, webp: bool, _lit: bool) -> None:
-    bpy.ops.import_scene.gltf(
-        filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
-    )
+    with finite_gltf():
+        bpy.ops.import_scene.gltf(
+            filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
+        )
 
 
 def _obj(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z")  # as stored
+    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z", validate_meshes=False)  # as stored
 
 
 def _stl(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.stl_import(filepath=path)  # as stored
+    bpy.ops.wm.stl_import(filepath=path, use_mesh_validate=False)  # as stored
 
 
 def _fbx(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.fbx_import(filepath=path, use_anim=False)
+    bpy.ops.wm.fbx_import(filepath=path, use_anim=False, validate_meshes=False)
 
 
 def _usd(path: str, _webp: bool, lit: bool) -> None:
-    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=True)
+    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=False)
 
 
 _IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {
