@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from .arguments import add_set_option, positive
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .part import add_part_options
 from .places import folder, path
-from .shipped import found_preset
+from .shipped import found_preset, no_such_preset
 
 if TYPE_CHECKING:
     from ..evaluation.study.order import Order
@@ -27,7 +28,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
         "on those of a dataset or recording; score them, and report.",
@@ -140,6 +141,8 @@ def order_of(options: argparse.Namespace) -> "Order":
         part = chosen_part(options.scenes, options.settings)
     else:
         subject = found_preset(subject)
+        if not subject.exists():
+            raise no_such_preset(subject)
         data = data_folder(options)
         preset = read_preset(subject, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
         document = preset.document

@@ -82,4 +82,6 @@ def _meaning(error: BaseException) -> tuple[str, str]:
 def missing(address: str, package: str) -> MissingDependencyError:
     """Return the error that says which package reads and writes an address, and the command that installs it."""
     wanted = EXTRA if package in IN_EXTRA else package
-    return MissingDependencyError(f"{address}: needs {package}, which is not installed: pip install '{wanted}'")
+    packed = "a packed dataset, in a folder too, " if address.startswith("file://") else ""
+    problem = f"{packed}needs {package}, which is not installed: pip install '{wanted}'"
+    return MissingDependencyError(f"{address.removeprefix('file://')}: {problem}")

@@ -9,7 +9,6 @@ from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, TRIANGLES, XYZ, assert_is, face, ply, vertex
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.scenes import ply_file
 from noisy_world.core.scenes.ply import read_ply
 
 
@@ -149,7 +148,7 @@ class TestErrors:
         def refuse_to_open(*_args, **_kwargs):
             raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr(ply_file, "open_regular", refuse_to_open)
+        monkeypatch.setattr("os.open", refuse_to_open)
         with pytest.raises(InputError, match="cannot be read: Permission denied"):
             read_ply(tmp_path / "secret.ply")
 

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import regular_files
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..optics import PINHOLE, Optics
@@ -267,7 +268,7 @@ def check_files(listing: Path, files: tuple[Path, ...]) -> None:
 def read_text(path: Path) -> str:
     """Return the text of a file. Raises InputError where it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return regular_files.read_text(path, encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, NotFiniteError
+from ..regular_files import read_bytes
 from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
 from .trajectory import Axes
@@ -134,7 +135,7 @@ class TextRows:
 def read_text(path: Path) -> str:
     """Return the content of a text file. Raises InputError where it cannot be read or is no UTF-8."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except FileNotFoundError:
         raise InputError(path, "does not exist") from None
     except OSError as error:

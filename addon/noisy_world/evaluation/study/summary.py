@@ -4,8 +4,10 @@
 import csv
 import statistics
 from collections.abc import Iterable
+from io import StringIO
 
 from ...core.errors import MissingDependencyError
+from ...core.regular_files import read_text
 from ..metrics.names import METRICS, PAPER_METRICS
 from .results import Results
 from .tables import RUNS
@@ -25,8 +27,7 @@ def summary_text(results: Results, protocol: str) -> str:
     except ImportError as error:
         remedy = "install it with pip install 'noisy-world[evaluate]'"
         raise MissingDependencyError(f"tabulate: missing in this Python; {remedy}") from error
-    with (results.tables / RUNS).open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = list(csv.DictReader(StringIO(read_text(results.tables / RUNS))))
     systems = list(dict.fromkeys(row["system"] for row in rows))
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:

@@ -12,6 +12,7 @@ from typing import Literal
 
 from ...core.datasets.layouts import LAYOUTS
 from ...core.errors import InputError
+from ...core.regular_files import read_bytes
 from ...core.schema import Choice, Place, key, parse, shown
 from ...core.yaml_reading import read_yaml
 from .readers import READERS, TEXT_FORMATS
@@ -165,7 +166,7 @@ class System:
 def read_system(path: Path) -> System:
     """Read a definition. Raises InputError, with file and key, for what is wrong in it."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     place = Place(path)

@@ -15,6 +15,7 @@ from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
 from ...core.datasets.stored import StoredSequence
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
+from ...core.regular_files import read_bytes
 from ...core.trajectories.sensor_paths import SensorPaths
 from ...core.trajectories.trajectory import Trajectory
 from .definition import Modality
@@ -91,7 +92,7 @@ class Given:
 
     def _image(self, layout: Layout) -> Image:
         """Return the kind of image that colour is stored as: its own if the layout takes it, else PNG."""
-        kind = _kind(self.stored.rgb_files[0].read_bytes())
+        kind = _kind(read_bytes(self.stored.rgb_files[0]))
         if kind in layout.images:
             return kind
         return "png" if "png" in layout.images else layout.images[0]
@@ -99,7 +100,7 @@ class Given:
     def _link(self, source: Path, target: Path, image: Image) -> None:
         with storage_errors(target):
             target.parent.mkdir(parents=True, exist_ok=True)
-        data = source.read_bytes()
+        data = read_bytes(source)
         if problem := damage(data):
             raise InputError(source, f"is damaged: {problem}", remedy="copy it again")
         if _kind(data) == image:

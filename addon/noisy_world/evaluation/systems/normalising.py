@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ...core.datasets.association import associate
 from ...core.errors import InputError, NotFiniteError
+from ...core.regular_files import read_bytes
 from ...core.trajectories.files import STAMPED_FORMATS, Auto, read_trajectory_file
 from ...core.trajectories.pose_text import TrajectoryFormat
 from ..estimate import Estimate
@@ -134,7 +135,7 @@ def _by_index(path: Path, own: NDArray[np.float64], frames: int) -> tuple[NDArra
 
 def _text(path: Path) -> str | None:
     """Return the text of a file; None where it is none, and a reader has to judge it."""
-    data = path.read_bytes()
+    data = read_bytes(path)
     try:
         return None if b"\0" in data else data.decode("utf-8-sig")
     except UnicodeDecodeError:

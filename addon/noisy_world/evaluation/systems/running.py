@@ -17,6 +17,7 @@ from typing import Any
 from ...core.datasets.storage import Mover, storage_errors, write_atomic
 from ...core.errors import InputError, InterruptedRunError, NoisyWorldError
 from ...core.geometry import Intrinsics
+from ...core.regular_files import read_text
 from ..outcome import Outcome, RunRecord
 from .checking import command_values, system_versions, variables_of
 from .definition import STUDY_NAMES, System, filled
@@ -204,7 +205,7 @@ def _take_files(system: System, given: Given, written: Path, out: Path, *, maps:
 def _states_problem(path: Path, frames: int) -> str:
     """Return what is wrong in a list of the frames' states; "" where nothing is."""
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.reader(read_text(path).splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return f"it cannot be read: {error}"
     if not rows or rows[0][:3] != ["index", "stamp_s", "state"]:

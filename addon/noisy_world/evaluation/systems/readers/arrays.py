@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....core.errors import InputError
+from ....core.regular_files import open_regular
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
 from .frames import Index, check_every_frame, estimate_of_frames
@@ -50,11 +51,12 @@ def load_arrays(path: Path, wanted: Container[str] | None = None) -> dict[str, N
     wanted: the names of those to be read, where the others may be large.
     """
     try:
-        held = np.load(path, allow_pickle=False)
-        if isinstance(held, np.ndarray):
-            return {"poses": held}
-        with held:
-            return {name: held[name] for name in held.files if wanted is None or name in wanted}
+        with open_regular(path) as file:
+            held = np.load(file, allow_pickle=False)
+            if isinstance(held, np.ndarray):
+                return {"poses": held}
+            with held:
+                return {name: held[name] for name in held.files if wanted is None or name in wanted}
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
     # What numpy and zipfile raise for bytes that are no array, an archive that is cut off or packed in an unknown way.

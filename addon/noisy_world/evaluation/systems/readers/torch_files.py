@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....core.errors import InputError
+from ....core.regular_files import open_regular
 from ....core.schema import shown
 
 MAGIC_NUMBER = 0x1950A86A20F9469CFC6C
@@ -149,7 +150,7 @@ def open_torch(path: Path) -> Iterator[Any]:
     """
     with ExitStack() as opened:
         try:
-            stream = opened.enter_context(path.open("rb"))
+            stream = opened.enter_context(open_regular(path))
             if zipfile.is_zipfile(stream):
                 value = _unzipped(path, opened.enter_context(zipfile.ZipFile(stream)))
             else:
