@@ -9,7 +9,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..regular_files import check_regular
 
-_SOMEWHERE_ELSE = re.compile(r"/|[A-Za-z]:|file:|[^/]*+://", re.IGNORECASE)  # absolute, of a drive, or an address
+_SOMEWHERE_ELSE = re.compile(r"/|[A-Za-z]:|file:|[^/:]++://", re.IGNORECASE)  # absolute, of a drive, or an address
 
 
 def place_inside(folder: Path, name: str, within: str = "") -> Path | None:
