@@ -22,7 +22,7 @@ from ..core.errors import InputError, MissingDependencyError
 from ..core.regular_files import read_text
 from ..core.scenes.beside import link_notes
 from ..core.scenes.gltf_file import read_gltf_header
-from ..core.scenes.imported import ImportedScene, read_imported
+from ..core.scenes.imported import FACES_LEFT_OUT, ImportedScene, read_imported
 from ..core.scenes.joining import joined
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.mesh_files import (
@@ -76,12 +76,11 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
 
 
 def _left_out(path: Path, mesh: Mesh) -> list[str]:
-    """Return a note where Blender left faces of a file out: of vertices that are not there, or the same twice."""
+    """Return a note where Blender left faces of a file out."""
     listed = declared_faces(path)
     if listed is None or listed <= len(mesh.face_starts):
         return []
-    count = listed - len(mesh.face_starts)
-    return [f"{count} of {listed} faces are left out: they name vertices that are not there, or too few"]
+    return [f"{listed - len(mesh.face_starts)} of {listed} {FACES_LEFT_OUT}"]
 
 
 def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[str, ...]:

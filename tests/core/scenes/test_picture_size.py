@@ -3,12 +3,12 @@
 
 import struct
 import tracemalloc
-import zlib
 
 import cv2
 import numpy as np
 import pytest
 from cases import cases
+from rooms_in_formats import black_png
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.scenes.picture_size import header_size_px
@@ -19,17 +19,6 @@ PIXELS = np.random.default_rng(3).integers(0, 256, (37, 300, 3), np.uint8)
 
 def encoded(suffix, *options):
     return cv2.imencode(suffix, PIXELS, options)[1].tobytes()
-
-
-def png(width_px, height_px):
-    """A whole PNG of black pixels, one bit each, of a few bytes."""
-    packer = zlib.compressobj(9)
-    row = bytes(1 + (width_px + 7) // 8)
-    data = b"".join(packer.compress(row) for _ in range(height_px)) + packer.flush()
-    parts = [(b"IHDR", struct.pack(">IIBBBBB", width_px, height_px, 1, 0, 0, 0, 0)), (b"IDAT", data), (b"IEND", b"")]
-    written = [struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-               for name, body in parts]  # fmt: skip
-    return b"\x89PNG\r\n\x1a\n" + b"".join(written)
 
 
 def bmp(width_px, height_px):
@@ -59,7 +48,7 @@ def test_sizes_of_every_kind(tmp_path, data):
             read_picture(tmp_path / "a.img")
 
 
-@cases("data", [png(32_000, 32_000), png(40_000, 10), bmp(32_000, -32_000), bmp(-(2**31), 1)])
+@cases("data", [black_png(32_000, 32_000), black_png(40_000, 10), bmp(32_000, -32_000), bmp(-(2**31), 1)])
 def test_a_small_file_of_a_large_picture_is_not_decoded(tmp_path, data):
     (tmp_path / "a.png").write_bytes(data)
     tracemalloc.start()

@@ -102,12 +102,6 @@ class ImageFiles:
         self.notes: list[str] = []
         self._numbers: dict[str, int] = {}
         self.images: list[ImportedImage] = []
-        self._read: set[str] = set()
-
-    @property
-    def read(self) -> tuple[str, ...]:
-        """The files that were read, sorted; those inside other files are none."""
-        return tuple(sorted(self._read))
 
     def number_of(self, image: bpy.types.Image) -> int:
         """Return an image's number; its file is written when it is asked for first. Raises UnfitImageError."""
@@ -127,6 +121,7 @@ class ImageFiles:
             file.write_bytes(data)
         else:  # Blender knows more formats than OpenCV; the pixels stay as they are
             file.unlink(missing_ok=True)
+            assert len(image.size) == 2  # which has it decoded
             image.file_format = "PNG"
             with contextlib.suppress(RuntimeError):
                 image.save(filepath=str(file), save_copy=True)
@@ -136,7 +131,6 @@ class ImageFiles:
 
     def _note_place(self, image: bpy.types.Image) -> None:
         named, path = bpy.path.abspath(image.filepath), located(self._mesh_folder, image)
-        self._read.add(str(path))
         if Path(named) != path:
             self.notes.append(f"its texture is named {named[:200]!r}: {path.name} beside the mesh was taken")
             image.filepath = str(path)

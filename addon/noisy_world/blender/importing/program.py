@@ -5,6 +5,7 @@ It runs in a process of its own: the importers put all they make into the file t
 where a file is damaged.
 """
 
+import contextlib
 import json
 import sys
 from collections.abc import Callable
@@ -14,12 +15,13 @@ from typing import Any
 import bpy
 
 from ...core.errors import InputError
-from ...core.scenes.imported import ImportedScene, write_imported
+from ...core.scenes.beside import is_inside
+from ...core.scenes.imported import FACES_LEFT_OUT, ImportedScene, write_imported
 from ...core.scenes.turning import Up
 from .base_colour import surface_of
 from .compressed import compression_problem
 from .finite import NotFiniteError, check_finite, finite_gltf
-from .images import ImageFiles, UnfitImageError
+from .images import ImageFiles, UnfitImageError, located
 from .lit import save_lit
 from .parts import imported_parts
 from .usd_layers import UsdLook, look_at
@@ -52,6 +54,16 @@ def main(order: str) -> int:
     return 0
 
 
+def _beside(mesh_folder: Path, look: UsdLook) -> tuple[str, ...]:
+    """Return the files that a USD file reads, sorted: layers, and pictures where they are taken from."""
+    found = {name for name in look.beside if is_inside(mesh_folder, Path(name))}
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.packed_file is None:
+            with contextlib.suppress(UnfitImageError):  # which is said where it is shown
+                found.add(str(located(mesh_folder, image)))
+    return tuple(sorted(found))
+
+
 def _refused(folder: Path, why: str, status: int = REFUSED) -> int:
     # Not on standard output, where Blender leaves lines unended.
     (folder / REFUSAL).write_text(why, encoding="utf-8", errors="backslashreplace")
@@ -73,12 +85,15 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
     if problem := compression_problem(wanted["compression"]):
         raise _RefusedError(problem)
     _IMPORTERS[form](str(path), wanted["webp"], wanted["blend"] is not None)
-    _validate_meshes()
+    left_out = _validate_meshes()
     notes = _still()
+    if left_out and form in ("USD", "FBX"):  # of other formats, the file says how many faces there are
+        notes += (f"{left_out} {FACES_LEFT_OUT}",)
+    beside = _beside(path.parent, look) if form == "USD" else ()
     if wanted["blend"] is not None:
         if problem := save_lit(Path(wanted["blend"]), look.up, wanted["asked"], path.parent):
             raise _RefusedError(problem)
-        return ImportedScene((), (), (), look.up, look.beside, notes)
+        return ImportedScene((), (), (), look.up, beside, notes)
     images = ImageFiles(folder, path.parent)
     materials = sorted(bpy.data.materials, key=lambda each: each.name)
     parts = imported_parts({material.name: number for number, material in enumerate(materials)})
@@ -88,18 +103,20 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
         for number, material in enumerate(materials)
     )
     told = (*notes, *images.notes, *([look.unknown] if look.unknown else []))
-    beside = images.read if look.unknown else look.beside
     return ImportedScene(parts, surfaces, tuple(images.images), look.up, beside, told)
 
 
-def _validate_meshes() -> None:
+def _validate_meshes() -> int:
     """Repair the meshes as the importers would, once it is sure that they are finite: a repair puts 0 for what is not.
 
-    glTF's importer validates each mesh itself, and is watched while it does.
+    Returns how many faces went. glTF's importer validates each mesh itself, and is watched while it does.
     """
     for mesh in bpy.data.meshes:
         check_finite(mesh)
+    count = sum(len(mesh.polygons) for mesh in bpy.data.meshes)
+    for mesh in bpy.data.meshes:
         mesh.validate(clean_customdata=False)
+    return count - sum(len(mesh.polygons) for mesh in bpy.data.meshes)
 
 
 def _still() -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from urllib.parse import unquote
 from ..errors import InputError
 from ..regular_files import open_regular
 from .beside import check_no_pipe, is_file, leads_out, place_inside
+from .gltf_layout import LayoutError, check_layout
 from .ply_file import DAMAGED
 
 _HEADER, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
@@ -59,6 +60,11 @@ def read_gltf_header(path: Path) -> GltfHeader:
     buffers = _linked(path, document, "buffers")
     for file, declared in buffers:
         _check_buffer(path, file, declared)
+    sizes = [path.stat().st_size, *(file.stat().st_size for file, _ in buffers)]
+    try:
+        check_layout(document, sum(sizes))
+    except LayoutError as error:
+        raise InputError(path, str(error), remedy=DAMAGED) from error
     images = [file for file, _ in _linked(path, document, "images")]
     files = dict.fromkeys([*(file for file, _ in buffers), *images])
     return GltfHeader(compression, "EXT_texture_webp" in required, tuple(files))

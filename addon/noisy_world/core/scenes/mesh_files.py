@@ -14,11 +14,11 @@ from .mesh_formats import FORMAT_BYTES, MeshFormat, format_of, not_a_mesh
 from .obj_file import check_obj, check_obj_numbers, faces_of_obj, files_of_obj
 from .ply import check_ply, texture_files
 from .ply_file import DAMAGED
-from .text_numbers import check_stl_corners, line_with_odd_number
+from .text_numbers import check_fbx_arrays, check_stl_corners, line_with_odd_number
 
 _STL_HEAD, _STL_FACET_BYTES = struct.Struct("<80xI"), 50
 _FACET_IN_TEXT = re.compile(rb"\bfacet\s++normal\b")
-_USD_TEXT = b"#usda"
+_TEXTS = (b"#usda", b"; FBX ")  # so files of USD and FBX begin that are text
 _NAME_IN_FBX = re.compile(rb'(?:RelativeFilename|FileName|Filename)(?:S(....)|: *"([^"\r\n]*)")', re.DOTALL)
 
 
@@ -65,6 +65,8 @@ def check_numbers(path: Path) -> None:
         check_obj_numbers(path)
     elif found is not None and found.name == "STL" and _stl_is_text(path):
         check_stl_corners(path, _bytes(path))
+    elif found is not None and found.name == "FBX" and _begins(path, _TEXTS):
+        check_fbx_arrays(path, _bytes(path))
 
 
 def declared_faces(path: Path) -> int | None:
@@ -80,10 +82,13 @@ def declared_faces(path: Path) -> int | None:
 
 def odd_number(path: Path, problem: str) -> InputError:
     """Return the error of a number that an importer found, with its line where the file is text."""
-    with open_regular(path) as file:
-        is_text = file.read(len(_USD_TEXT)) == _USD_TEXT
-    line = line_with_odd_number(_bytes(path)) if is_text else None
+    line = line_with_odd_number(_bytes(path)) if _begins(path, _TEXTS) else None
     return InputError(path, problem, where="" if line is None else f"line {line}", remedy=DAMAGED)
+
+
+def _begins(path: Path, starts: tuple[bytes, ...]) -> bool:
+    with open_regular(path) as file:
+        return file.read(FORMAT_BYTES).startswith(starts)
 
 
 def _bytes(path: Path) -> bytes:

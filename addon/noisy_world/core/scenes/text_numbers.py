@@ -16,6 +16,7 @@ from .ply_file import DAMAGED
 _NUMBER = rb"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
 _WORD = re.compile(rb"[^ \t\r\n\f\v]++")
 _BLANKS = rb"[ \t\f\v]"
+_OF_NUMBERS = b"0123456789+-.eE, \t\r\n"
 _LARGE = re.compile(rb"[0-9]{29}|[eE]\+?0*+[1-9][0-9]")  # all smaller numbers are below 1e38, and float32 holds them
 
 
@@ -46,6 +47,20 @@ def check_stl_corners(path: Path, data: bytes) -> None:
         for corner in re.finditer(rb"\bvertex\b\s++(\S++)\s++(\S++)\s++(\S++)", data):
             if _too_large(list(corner.groups())):
                 raise _error(path, data, data, corner.start(1), least=3, what="coordinate")
+
+
+def check_fbx_arrays(path: Path, data: bytes) -> None:
+    """Raise InputError where a mesh's arrays in an FBX file that is text hold something else than numbers.
+
+    NaN and what is too large are left to the importer, which keeps them.
+    """
+    for array in re.finditer(rb"\b(?:Vertices|PolygonVertexIndex|UV|UVIndex):[^{}\n]*+\{\s*+a:([^}]*+)", data):
+        if array[1].translate(None, _OF_NUMBERS):
+            for word in re.finditer(rb"[^,\s]++", array[1]):
+                if not re.fullmatch(_NUMBER + rb"|[-+]?(?:nan|inf)", word[0], re.IGNORECASE):
+                    where = f"line {1 + data.count(b'\n', 0, array.start(1) + word.start())}"
+                    problem = f"{word[0][:40].decode('utf-8', 'replace')!r} is not a number"
+                    raise InputError(path, problem, where=where, remedy=DAMAGED)
 
 
 def line_with_odd_number(data: bytes) -> int | None:
