@@ -121,8 +121,8 @@ class ImageFiles:
             file.write_bytes(data)
         else:  # Blender knows more formats than OpenCV; the pixels stay as they are
             file.unlink(missing_ok=True)
-            assert len(image.size) == 2  # which has it decoded
-            image.file_format = "PNG"
+            if image.file_format != "PNG":  # to ask has it decoded
+                image.file_format = "PNG"
             with contextlib.suppress(RuntimeError):
                 image.save(filepath=str(file), save_copy=True)
             if not file.is_file():
