@@ -81,6 +81,11 @@ def test_every_page_is_in_the_sites_contents():
     assert named == {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
 
 
+def test_the_home_page_leads_to_every_page():
+    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text()))
+    assert linked == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} | {"reference/index.md"}
+
+
 def test_the_reference_names_modules_that_exist():
     named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
     assert len(named) > 5
@@ -153,10 +158,14 @@ def test_what_other_programs_read_is_yaml():
     assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
 
 
-def test_the_citation_is_of_this_version():
+def test_the_citation_and_the_pages_are_of_this_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
     assert citation["version"] == manifest["version"]
+    named = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/examples").glob("*.yaml")]
+    versions = re.findall(r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text() for file in named))
+    assert versions
+    assert set(versions) == {manifest["version"]}
 
 
 # --- the tutorial ---
