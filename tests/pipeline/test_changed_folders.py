@@ -205,10 +205,52 @@ def test_records_that_nobody_wrote_are_no_records(finished, tmp_path, change):
     first, *rest = good.splitlines(keepends=True)
     path.write_text(json.dumps(json.loads(first) | change) + "\n" + "".join(rest))
     report = run(preset, out)
-    assert report.frames_rendered == 1
-    changed = "clean/box/frames.jsonl is not as it was written"
-    assert report.notes == [f"{changed}; frames that it does not describe are made again"]
+    assert report.frames_rendered == 6  # what else was changed in the file nobody can tell
+    assert report.notes == [CHANGED]
     assert path.read_text() == good
+
+
+CHANGED = "clean/box/frames.jsonl is not as it was written; its frames are made again"
+
+
+def test_changed_records_are_not_believed_though_they_could_be(finished, tmp_path):
+    preset, out = finished
+    expected = whole(preset, tmp_path)
+    edits = (
+        (FOG["name"], '"severity": 3', '"severity": 5'),
+        (FOG["name"], '"name": "fog"', '"name": "frost"'),
+        (FOG["name"], '"perturbed"', '"was"'),
+        ("clean", "}}\n", '}, "depth_out_of_range": {"pixels": 3, "farthest_m": 70.5, "beyond": "void"}}\n'),
+    )
+    for setting, old, new in edits:
+        path = out / setting / "box/frames.jsonl"
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        report = run(preset, out)
+        assert report.notes == [CHANGED.replace("clean", setting)]
+        assert content(out) == expected
+    # An image that was changed, with its hash.
+    image, path = out / "clean/box/results/frame000002.png", out / "clean/box/frames.jsonl"
+    old, new = (hashlib.sha256((out / f"clean/box/results/frame00000{n}.png").read_bytes()).hexdigest() for n in (2, 3))
+    image.unlink()
+    shutil.copy(out / "clean/box/results/frame000003.png", image)
+    path.write_text(path.read_text().replace(old, new))
+    assert run(preset, out).notes == [CHANGED]
+    assert content(out) == expected
+
+
+def test_a_journal_that_says_what_is_not_planned_is_not_believed(unfinished, tmp_path):
+    preset, out = unfinished
+    path = out / ".noisy_world/fog/box/journal-0.jsonl"
+    text = path.read_text()
+    assert '"severity": 3' in text
+    path.write_text(text.replace('"severity": 3', '"severity": 5', 1))
+    report = run(preset, out)
+    (note,) = report.notes
+    assert note.startswith("fog/box: 1 records of its journals, of frame 0 the first, do not say what is planned; what")
+    assert report.frames_rendered == 3
+    assert content(out) == whole(preset, tmp_path)
 
 
 def test_without_its_identity_a_run_is_not_taken_up(unfinished, tmp_path):

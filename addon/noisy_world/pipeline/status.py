@@ -11,7 +11,16 @@ from typing import Any
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.merging import merged_identity
-from ..core.datasets.standing import IDENTITY, RUN, WORK_FOLDER, Standing, read_standing
+from ..core.datasets.standing import (
+    IDENTITY,
+    MANIFEST,
+    RUN,
+    UNCHECKED,
+    WORK_FOLDER,
+    Standing,
+    manifest_is_changed,
+    read_standing,
+)
 from ..core.datasets.tally import Digests, Place, Tally, counted, journals_of, tally
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
@@ -99,6 +108,11 @@ def read_status(
         progress.advance(len(item.frames or ()))
     progress.finish()
     lost, damaged = reader.texts()
+    notes = [standing.note] if standing.note else []
+    if check and ended:
+        changed = manifest_is_changed(out)
+        damaged += [MANIFEST] if changed else []
+        notes += [UNCHECKED] if changed is None else []
     for item in found:
         folder = f"{item.setting}/{item.scene}"
         lost += [f"{folder}/{name}" for name in item.tally.lost]
@@ -117,7 +131,7 @@ def read_status(
         pace_of(written, costs, left if known else None, time.time()),
         total_s_of(_run(out)) if ended else None,
         shards,
-        (*((standing.note,) if standing.note else ()), *shards.notes),
+        (*notes, *shards.notes),
     )
 
 
