@@ -11,6 +11,7 @@ from typing import Any
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.merging import merged_identity
+from ..core.datasets.place import check_no_links
 from ..core.datasets.standing import (
     IDENTITY,
     MANIFEST,
@@ -97,6 +98,7 @@ def read_status(
     shards = read_shards(out)
     standing = _standing(out, shards)
     assert standing.identity is not None
+    check_no_links(out, standing.sequences)
     described = described_sequences(standing.identity, registry, chosen)
     begun = (out / WORK_FOLDER / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
     ended = standing.manifest is not None and not begun

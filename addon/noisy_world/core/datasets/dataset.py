@@ -24,7 +24,7 @@ from .differences import with_remedy
 from .journal import Journal
 from .layouts import FrameNames, OutputFormat
 from .merging import kept_notes, merged_identity, merged_manifest
-from .place import check_folders, check_place
+from .place import check_no_links, check_place
 from .plausible import AsPlanned, planned_records, plausible_records
 from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
@@ -115,6 +115,7 @@ class Dataset:
         """
         check_place(self.out)
         there = read_standing(self.out) or NOTHING
+        check_no_links(self.out, there.sequences)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
         if problem and there.holds_frames:
             raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")
@@ -127,8 +128,8 @@ class Dataset:
         *,
         overwrite: bool,
     ) -> None:
-        check_folders(self.out, identity["sequences"], self.format.folders)
         there = read_standing(self.out) or NOTHING
+        check_no_links(self.out, {*there.sequences, *identity["sequences"]}, folders_alone=overwrite)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "") or ""
         if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
             raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")

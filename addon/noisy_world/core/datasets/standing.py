@@ -141,6 +141,8 @@ def _is_sequence(name: Any) -> bool:
 
 def _read(path: Path, problem: Callable[[Any], str]) -> tuple[dict[str, Any] | None, str]:
     """Return the content of a file, or why it cannot be used; (None, "") where there is none."""
+    if path.is_symlink() or (path.parent.is_symlink() and path.parent.name == WORK_FOLDER):
+        return None, "is a link, but what is in a dataset has to be its own"
     try:
         value = read_json(path)
     except FileNotFoundError:
