@@ -91,7 +91,7 @@ def read_recipe(path: Path) -> Recipe:
         raise InputError(path, str(error), remedy="a recipe is what 'noisy-world recipe DATASET' writes") from error
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise InputError(path, "is no recipe", remedy="a recipe is what 'noisy-world recipe DATASET' writes")
-    identity = content.get("identity")
+    identity: Any = content.get("identity")
     formats = (content.get("format"), identity.get("format") if isinstance(identity, dict) else None)
     if formats != (FORMAT, IDENTITY_FORMAT):
         problem = f"was written by another version of Noisy World; this one is {package_version()}"
@@ -99,25 +99,45 @@ def read_recipe(path: Path) -> Recipe:
     if problem := identity_problem(identity):
         raise InputError(path, problem, where="identity", remedy="it is damaged; get it again")
     try:
-        return Recipe(path, content["identity"], _sequences(content["sequences"]), _texts(content["texts"]))
+        return Recipe(path, content["identity"], _sequences(content["sequences"], identity), _texts(content["texts"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(path, "is damaged: it lacks what a recipe holds", remedy="get it again") from error
 
 
-def _sequences(content: Any) -> dict[str, SequenceDigests]:
+def _sequences(content: Any, identity: Mapping[str, Any]) -> dict[str, SequenceDigests]:
     """Raises KeyError, TypeError, ValueError or AttributeError where this is not what `text` writes."""
     found: dict[str, SequenceDigests] = {}
     for folder, row in sorted(content.items()):
-        frames = FrameNumbers(range(int(start), int(stop)) for start, stop in row["frames"])
-        blocks = blocks_of(frames)
+        if folder not in identity["sequences"]:
+            raise ValueError("a sequence is one of its identity")
+        frames = FrameNumbers(_ranges(row["frames"]))
         images: dict[str, Digests] = {}
         for series, text in row["images"].items():
-            if "/" in text:  # the digests are those of an earlier sequence
-                images[series] = found[text].images[series]
-            else:
-                images[series] = dict(zip(blocks, split_digests(text), strict=True))
+            # In place of its own digests a sequence may name an earlier one that has the same.
+            digests = list(found[text].images[series].values()) if "/" in text else split_digests(text)
+            if _fewest_blocks(frames) > len(digests):  # before a number for each is made
+                raise ValueError("has fewer digests than blocks of frames")
+            images[series] = dict(zip(blocks_of(frames), digests, strict=True))
         found[folder] = SequenceDigests(frames, images, _texts(row["texts"]))
     return found
+
+
+def _ranges(rows: Any) -> list[range]:
+    """Return ranges of frames, in order. Raises TypeError or ValueError."""
+    ranges = []
+    for start, stop in rows:
+        if type(start) is not int or type(stop) is not int:
+            raise TypeError("a frame is a whole number")
+        if not (ranges[-1].stop if ranges else 0) <= start < stop:
+            raise ValueError("frames are in order")
+        ranges.append(range(start, stop))
+    return ranges
+
+
+def _fewest_blocks(frames: FrameNumbers) -> int:
+    """Return how many blocks frames have at least, where neighbouring ranges share one."""
+    parts = frames.ranges
+    return sum((part.stop - 1) // BLOCK_FRAMES - part.start // BLOCK_FRAMES for part in parts) + bool(parts)
 
 
 def _texts(content: Any) -> dict[str, str]:
