@@ -4,12 +4,27 @@
 import os
 import socket
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from noisy_world.core import regular_files
+from noisy_world.core.datasets.image_files import read_header
+from noisy_world.core.datasets.layouts.asl import read_sensor_yaml
+from noisy_world.core.datasets.stored import read_text
+from noisy_world.core.datasets.video_files import read_video
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.regular_files import NotRegularError, TooLargeError
+from noisy_world.core.scenes.mesh_files import imported_format
+from noisy_world.core.scenes.textures import read_picture
+from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.evaluation.odometry.frames import read_index
+from noisy_world.evaluation.systems.definition import read_system
+from noisy_world.evaluation.systems.estimate_file import read_estimate_file
+from noisy_world.evaluation.systems.readers.arrays import load_arrays
+from noisy_world.evaluation.systems.readers.torch_files import open_torch
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")
 READERS = (
@@ -100,3 +115,38 @@ def test_a_missing_file_is_what_the_system_says(tmp_path):
     for read in READERS:
         with pytest.raises(FileNotFoundError):
             read(tmp_path / "none")
+
+
+def opened_torch(path):
+    with open_torch(path) as value:
+        return value
+
+
+def refusals(path):
+    """Yield for each reader of a user's files the line that it refuses this one with."""
+    for read in (
+        read_preset,
+        read_trajectory,
+        read_system,
+        read_sensor_yaml,
+        read_estimate_file,
+        read_header,
+        read_text,
+        imported_format,
+        read_picture,
+        load_arrays,
+        opened_torch,
+        read_index,
+        read_video,
+    ):
+        with pytest.raises(InputError) as refused:
+            read(path)
+        yield str(refused.value)
+
+
+def test_no_reader_waits_for_a_pipe_or_reads_a_device_for_ever(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for line in refusals(tmp_path / "pipe"):
+        assert "is a pipe, not a file; save what comes out of it as a file, and name that" in line
+    for line in refusals(Path("/dev/zero")):
+        assert "is a device, not a file; name a file" in line

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
-from recipes_made import COUNT, SETTINGS, make, progress, refused
+from recipes_made import COUNT, SETTINGS, frames_from_arithmetic, make, progress, refused
 from worlds import ROOT
 from written import RIG, stored
 
@@ -138,6 +138,22 @@ def test_a_recordings_frames_are_made_of_the_recording(made, tmp_path_factory, i
         assert np.array_equal(one.rgb, other.rgb_uncompressed)
 
 
+def test_clean_frames_leave_recordings_out(made, tmp_path):
+    world, out, clean = tmp_path / "world", tmp_path / "out", tmp_path / "clean"
+    shutil.copytree(made.out / "fast", world / "fast")
+    scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": "traj.txt"}, {"name": "walk", "sequence": "fast/box"}]
+    with frames_from_arithmetic():
+        settings = [item for item in SETTINGS if item.get("name") in ("clean", "mixed")]
+        both = make(tmp_path, settings=settings, scenes=scenes, output={"layout": "replica", "image": "jpg"})
+    assert (both.out, both.clean) == (out, clean)
+    assert sorted(path.name for path in clean.iterdir() if path.name[0] != ".") == ["box", "clean.json"]
+    opened = noisy_world.open(both.recipe, clean)
+    for name in ("clean/box", "mixed/box", "clean/walk", "mixed/walk"):
+        known = records(out, name)
+        for frame in opened[name]:
+            check(frame, out, known[frame.index])
+
+
 def test_another_recording_is_refused(made, tmp_path):
     shutil.copytree(made.out / "fast", tmp_path / "fast")
     _, recipe = recorded(tmp_path, tmp_path / "fast/box", [{"name": "clean"}], layout="replica")
@@ -185,7 +201,7 @@ def test_what_is_not_there_is_said(made):
 
 
 def test_frames_that_nobody_rendered_are_missed_with_the_command(made, tmp_path):
-    with refused("late/box needs clean frames of box, which Blender renders; 'noisy-world clean") as found:
+    with refused("late/box needs clean frames of box, which Blender renders; 'noisy-world render-clean") as found:
         _ = noisy_world.open(made.recipe)["late/box"][3].rgb
     assert "--scenes box --settings late" in str(found.value)
     shutil.copytree(made.clean, tmp_path / "clean")
@@ -234,7 +250,7 @@ def test_the_compositors_colour_is_not_made_here(made, tmp_path):
     text = made.recipe.read_text().replace('"backend":"reference"', '"backend":"compositor"')
     (tmp_path / "recipe.json").write_text(text)
     opened = noisy_world.open(tmp_path / "recipe.json", made.clean)
-    with refused("made by Blender's compositor, in Blender's own thread alone; 'noisy-world materialise'"):
+    with refused("made by Blender's compositor, in Blender's own thread alone; 'noisy-world remake'"):
         _ = opened["fog_s3/box"][3].rgb
     assert opened["fog_s3/box"][3].depth_bytes() == (made.out / "fog_s3/box/results/depth000003.png").read_bytes()
     assert opened["late/box"][3].rgb_bytes() == (made.out / "late/box/results/frame000003.jpg").read_bytes()

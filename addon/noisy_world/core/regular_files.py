@@ -7,9 +7,13 @@ A pipe would be waited for, and a device such as /dev/zero never ends. What cann
 
 import errno
 import io
+import math
 import os
 import stat
-from typing import BinaryIO, TextIO
+from typing import Any, BinaryIO, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
 
 type FileName = str | os.PathLike[str]
 
@@ -25,11 +29,18 @@ _KINDS = {
 }
 
 
-class NotRegularError(OSError):
+class UnfitFileError(OSError):
+    """What should be read is no file that is: its text is the line for the user alone, without number and name."""
+
+    def __str__(self) -> str:
+        return str(self.strerror)
+
+
+class NotRegularError(UnfitFileError):
     """What should be a file is a pipe, a device or a socket."""
 
 
-class TooLargeError(OSError):
+class TooLargeError(UnfitFileError):
     """A file has more bytes than its reader takes."""
 
 
@@ -58,13 +69,14 @@ def open_text(path: FileName, *, errors: str = "strict") -> TextIO:
     return io.TextIOWrapper(open_regular(path), encoding="utf-8", errors=errors)
 
 
-def read_bytes(path: FileName, *, largest_bytes: int = LARGEST_TEXT_BYTES) -> bytes:
-    """Return the content of a regular file. Raises OSError."""
+def read_bytes(path: FileName, *, largest_bytes: int | None = LARGEST_TEXT_BYTES) -> bytes:
+    """Return the content of a regular file. largest_bytes: None for a file of any size. Raises OSError."""
+    most = math.inf if largest_bytes is None else largest_bytes
     with open_regular(path, largest_bytes=largest_bytes) as file:
         data = file.read(os.fstat(file.fileno()).st_size + 1)
-        while len(data) <= largest_bytes and (more := file.read(len(data))):  # a file of /proc has no size, but content
+        while len(data) <= most and (more := file.read(len(data))):  # a file of /proc has no size, but content
             data += more
-    if len(data) > largest_bytes:
+    if largest_bytes is not None and len(data) > largest_bytes:
         raise _too_large(len(data), largest_bytes, path)
     return data
 
@@ -72,6 +84,12 @@ def read_bytes(path: FileName, *, largest_bytes: int = LARGEST_TEXT_BYTES) -> by
 def read_text(path: FileName, *, encoding: str = "utf-8", errors: str = "strict") -> str:
     """Return the text of a regular file, its lines ended by line feeds. Raises OSError, and UnicodeDecodeError."""
     return read_bytes(path).decode(encoding, errors).replace("\r\n", "\n").replace("\r", "\n")
+
+
+def read_array(path: FileName) -> NDArray[Any]:
+    """Return the array in a file of numpy's. Raises OSError, and ValueError or EOFError for what is none."""
+    with open_regular(path) as file:
+        return np.load(file, allow_pickle=False)
 
 
 def check_regular(path: FileName, *, largest_bytes: int | None = None) -> None:

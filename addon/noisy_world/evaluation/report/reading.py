@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
+from ...core.regular_files import read_bytes, read_text
 from ..analysis.over_clean import with_over_clean
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
@@ -63,6 +64,9 @@ def read_results(folder: Path) -> Results:
     runs = read_table(path, RUN_COLUMNS)
     if runs.empty:
         raise InputError(path, "holds no run yet", remedy="let 'noisy-world evaluate' finish a run first")
+    for line, repeat in enumerate(runs["repeat"].tolist(), start=2):
+        if not float(repeat).is_integer():
+            raise InputError(path, "is no whole number", where=f"line {line}, column 'repeat'", remedy=REMEDY)
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
     runs = _strict_first(runs)
     runs = with_over_clean(runs)
@@ -88,7 +92,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
     import pandas as pd
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
@@ -104,8 +108,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
 def read_rows(path: Path) -> list[dict[str, str]]:
     """Return the rows of a small table, all texts. Raises InputError where it cannot be read."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
+        return list(csv.DictReader(StringIO(read_bytes(path).decode(), newline="")))
     except (OSError, UnicodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
 
