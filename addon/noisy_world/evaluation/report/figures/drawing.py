@@ -64,8 +64,8 @@ def drawing(width_in: float, height_in: float) -> Iterator["Figure"]:
         yield Figure(figsize=(width_in, height_in), layout="constrained")
 
 
-def svg_bytes(figure: "Figure") -> bytes:
-    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`.
+def fixed_layout(figure: "Figure") -> None:
+    """Lay a figure out for good.
 
     What is laid out is rounded: its last digits differ from one time to the next, and names in the file hang on them.
     """
@@ -75,6 +75,11 @@ def svg_bytes(figure: "Figure") -> bytes:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position(Bbox(np.round(axes.get_position(original=True).get_points(), DECIMALS)))
+
+
+def svg_bytes(figure: "Figure") -> bytes:
+    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`."""
+    fixed_layout(figure)
     target = BytesIO()
     figure.savefig(target, format="svg", metadata={"Date": None, "Creator": None})
     return target.getvalue()

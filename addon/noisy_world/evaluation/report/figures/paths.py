@@ -43,7 +43,7 @@ def _drawn(panels: Sequence[PathPanel], most_across: int) -> bytes:
 
     errors = np.concatenate([panel.error_m for panel in panels]) if panels else np.zeros(0)
     errors = errors[np.isfinite(errors) & (errors > 0)]
-    low, high = _decades(errors)
+    low, high = decades(errors)
     norm = LogNorm(low, high, clip=True)
     rows = max(1, math.ceil(len(panels) / most_across))
     across = min(most_across, max(1, len(panels)))
@@ -77,7 +77,7 @@ def _drawn(panels: Sequence[PathPanel], most_across: int) -> bytes:
         return svg_bytes(figure)
 
 
-def _decades(errors: NDArray[np.float64]) -> tuple[float, float]:
+def decades(errors: NDArray[np.float64]) -> tuple[float, float]:
     """Return whole powers of ten around the errors, at least one decade apart and at most five."""
     if not len(errors):
         return 0.001, 1.0
