@@ -15,6 +15,7 @@ _LATEX = {
     '"': r"\textquotedbl{}",
     **{letter: f"\\{letter}" for letter in "&%$#_{}"},
     "\u2013": "--",
+    "\u00a0": "~",
     "…": r"\ldots{}",
     "±": r"$\pm$",
     "\u00d7": r"$\times$",

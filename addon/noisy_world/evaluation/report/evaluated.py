@@ -8,11 +8,12 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ...core.errors import one_line
-from ..analysis.run_table import SUCCESS
+from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.success import LEAST_TRACKED
 from .labels import column_of
 from .reading import KEY, Results, read_object, records
+from .treatments import CLEAN
 
 LONGEST_LIST = 12
 
@@ -31,6 +32,14 @@ def opening(results: Results) -> str:
         successes = int((runs[SUCCESS] == 1.0).sum())
         meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
         said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
+    if SUCCESS_OVER_CLEAN in runs:
+        noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]
+        if len(noisy):
+            successes = int((noisy[SUCCESS_OVER_CLEAN] == 1.0).sum())
+            said += (
+                f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
+                f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
+            )
     return said
 
 

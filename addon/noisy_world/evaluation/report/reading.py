@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
 from ...core.regular_files import read_bytes, read_text
+from ..analysis.over_clean import with_over_clean
 from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
@@ -33,8 +34,9 @@ class Results:
     """A results folder.
 
     study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
-    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure. sequences: a
-    row for each sequence. missing: a sentence for each thing that the report has to do without.
+    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure, and the columns
+    of OVER_CLEAN_METRICS compare it with clean. sequences: a row for each sequence. missing: a sentence for each thing
+    that the report has to do without.
     """
 
     folder: Path
@@ -68,6 +70,7 @@ def read_results(folder: Path) -> Results:
             raise InputError(path, "is no whole number", where=f"line {line}, column 'repeat'", remedy=REMEDY)
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
     runs = _strict_first(runs)
+    runs = with_over_clean(runs)
     runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")
     missing = []
     sequences_path = folder / "tables" / "sequences.csv"
