@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality
+from .numbers import Numbers, array_of
 from .plan import Plan, Render
 from .sharing import parts_made
 
@@ -61,7 +62,7 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         told, own = plan.preset.spec.render, render.scene.source.gives.own
         in_blender, samples = (told.in_blender, told.samples) if own is None else (True, own.samples)
         each_s = each_s + pixels * samples * SECONDS_PER_SAMPLE if in_blender else pixels * SECONDS_PER_RAY
-    seconds = np.full(max(render.frames, default=-1) + 1, each_s)
+    images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
         made = parts_made(render.sequences, modality)
         for sequence in render.sequences:
@@ -69,8 +70,15 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
             if modality == "rgb" and plan.composites and sequence.setting.composited:
                 pixel_s += SECONDS_PER_COMPOSITED_PIXEL
             image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
-            np.add.at(seconds, sequence.sources_shown(modality), image_s)
-    return seconds[np.asarray(frames, dtype=np.int64)]
+            sources = sequence.sources_shown(modality)
+            images_s[sources] = images_s.get(sources, 0.0) + image_s
+    seconds = np.full(max(render.frames[-1:], default=-1) + 1, each_s)
+    for sources, image_s in images_s.items():
+        if isinstance(sources, range):
+            seconds[sources.start : sources.stop : sources.step] += image_s
+        else:
+            seconds += image_s * np.bincount(sources.values, minlength=len(seconds))
+    return seconds[array_of(frames)]
 
 
 def _seconds_of(plan: Plan, render: Render) -> float:
