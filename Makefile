@@ -43,8 +43,8 @@ ice: venv ## draw the ice of frost and lens_frost anew
 rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 	$(PY) headless/tools/rooms.py docs/rooms.jpg
 
-gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
-	$(PY) headless/tools/gallery.py docs/gallery.jpg
+gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at three strengths
+	$(PY) headless/tools/gallery.py docs/gallery
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs

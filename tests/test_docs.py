@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pages: links lead somewhere, the reference names modules that exist, the tutorial's files do what it says."""
 
+import ast
 import importlib.util
 import re
 import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,9 +86,37 @@ def test_the_reference_names_modules_that_exist():
     assert [name for name in named if importlib.util.find_spec(name) is None] == []
 
 
+def unmarked_examples(docstring):
+    """The paragraphs of a docstring that are code, and are not indented: the site would set them as prose."""
+    for paragraph in docstring.split("\n\n"):
+        try:
+            lines = ast.parse(paragraph).body
+        except SyntaxError:
+            continue
+        if any(not isinstance(line, ast.Expr) or isinstance(line.value, ast.Call) for line in lines):
+            yield paragraph
+
+
+def test_the_references_examples_are_code():
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
+    sources = [Path(importlib.util.find_spec(name).origin).read_text() for name in named]
+    nodes = [node for source in sources for node in ast.walk(ast.parse(source))]
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docstrings = [text for node in nodes if isinstance(node, kinds) and (text := ast.get_docstring(node))]
+    assert [example for text in docstrings for example in unmarked_examples(text)] == []
+    assert len(re.findall(r"\n\n    \S", "\n".join(docstrings))) >= 3
+    assert list(unmarked_examples("Text.\n\nfrom a import b\n\n    b(1)")) == ["from a import b"]
+
+
+def test_the_readme_is_short_and_its_lines_even():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 107
+    assert [line for line in lines if len(line) > 120 and not line.startswith("|")] == []
+
+
 def test_what_other_programs_read_is_yaml():
     files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
-    assert len(files) >= 5
+    assert len(files) >= 6
     assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
 
 

@@ -106,7 +106,7 @@ def add_ray_options(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="auto",
         help="make the dataset in shards on a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
-        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs pip install 'noisy-world[cluster]'",
+        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs the extra cluster",
     )
     parser.add_argument(
         "--shards",

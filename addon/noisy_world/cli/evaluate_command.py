@@ -72,6 +72,12 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
     parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
     parser.add_argument(
+        "--isolate",
+        choices=["none", "bubblewrap"],
+        default="none",
+        help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
+    )
+    parser.add_argument(
         "--jobs", metavar="N", type=positive, help="sequences that are evaluated at once (default: the processors)"
     )
     parser.add_argument(
@@ -79,7 +85,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         metavar="ADDRESS",
         nargs="?",
         const="auto",
-        help="evaluate on a Ray cluster that shares this disk; it needs pip install 'noisy-world[cluster]'",
+        help="evaluate on a Ray cluster that shares this disk; it needs the extra cluster",
     )
     parser.add_argument(
         "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
@@ -159,6 +165,7 @@ def order_of(options: argparse.Namespace) -> "Order":
         settings=tuple(part.get("settings", ())),
         keep=options.keep,
         maps=options.maps,
+        isolate=options.isolate,
     )
 
 

@@ -90,7 +90,7 @@ def list_plan(plan: "Plan", what: str) -> int:
     return 0
 
 
-def print_plan(plan: "Plan", out: Path | str) -> int:
+def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.planning.estimate import estimate, size_text
 
@@ -109,7 +109,6 @@ def print_plan(plan: "Plan", out: Path | str) -> int:
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
     size = f"{guess.bytes_written / 1e6:.0f} MB" if guess.bytes_written < 1e10 else size_text(guess.bytes_written)
     print(f"estimate   {size}, {duration_text(guess.seconds)} on two cores (rough)")
-    return 0
 
 
 def counted(things: Sequence[object], name: str) -> str:

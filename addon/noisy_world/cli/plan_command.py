@@ -32,7 +32,8 @@ def do(options: argparse.Namespace) -> int:
     """Plan, and print what was asked for."""
     plan = planned(options)
     if options.shards is None:
-        return print_plan(plan, out_address(options) or out_folder(options))
+        print_plan(plan, out_address(options) or out_folder(options))
+        return 0
     return print_shards(plan, options)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .. import regular_files
 from ..errors import InputError
+from ..extras import install_command
 from ..geometry import Intrinsics
 from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
@@ -213,7 +214,7 @@ def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
     if header.channels == 4:
         yield "are CMYK: OpenCV converts them to RGB"
     if header.kind == "jpg" and not known and strict_decoder() is None:
-        yield "are JPEG: damage inside them is filled in, unless pip install 'noisy-world[strict]' has it refused"
+        yield f"are JPEG: damage inside them is filled in, unless {install_command('strict')} has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:

@@ -77,7 +77,7 @@ class RenderSpec:
 
     engine: EngineName = key(
         "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
-        "ray a pixel without Blender, and needs noisy-world[embree]",
+        "ray a pixel without Blender, and needs the extra embree",
         default="cycles",
     )
     backend: Literal["compositor", "reference"] = key(

@@ -38,7 +38,8 @@ class FilePoses:
 
     poses: (N, 4, 4) float64, rigid. stamps_s: (N,) seconds; None where the file has none. numbers: (N,) those of the
     frames, increasing, from which stamps follow with a rate. axes: those of the file's format. camera: the intrinsics
-    that the file states. notes: what a user should know, one sentence each.
+    that the file states. notes: what a user should know, one sentence each. listed: (M,) the numbers of
+    all frames that a file of matrices has a pose of, with those whose poses are not finite and so not here.
     """
 
     format: TrajectoryFormat
@@ -48,6 +49,7 @@ class FilePoses:
     axes: Axes = "opencv"
     camera: StatedCamera | None = None
     notes: tuple[str, ...] = ()
+    listed: Float64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
