@@ -13,6 +13,7 @@ import pytest
 import yaml
 from worlds import ROOT, generate, write_world
 
+from noisy_world.cli.command import SUBCOMMANDS
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
@@ -80,6 +81,11 @@ def test_every_page_is_in_the_sites_contents():
     assert named == {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
 
 
+def test_the_home_page_leads_to_every_page():
+    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text()))
+    assert linked == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} | {"reference/index.md"}
+
+
 def test_the_reference_names_modules_that_exist():
     named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
     assert len(named) > 5
@@ -114,16 +120,52 @@ def test_the_readme_is_short_and_its_lines_even():
     assert [line for line in lines if len(line) > 120 and not line.startswith("|")] == []
 
 
+def test_commands_and_files_on_the_pages_exist():
+    """What a reader types: subcommands, targets of Make, files of the repository. The changelog tells of older ones."""
+    pages = {
+        page: page.read_text(encoding="utf-8") for page in PAGES if page.name not in ("CHANGELOG.md", "changelog.md")
+    }
+    makefile = (ROOT / "Makefile").read_text()
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    commands, makes, files = ([], [], [])
+    for page, text in pages.items():
+        name = page.relative_to(ROOT).as_posix()
+        code = "\n".join(re.findall(r"^    .*$|^```.*?^```|`[^`\n]+`", text, re.MULTILINE | re.DOTALL))
+        commands += [(name, word) for word in re.findall(r"\bnoisy-world ([a-z][a-z-]+)", code)]
+        makes += [(name, word) for word in re.findall(r"(?:^ *|`|; |: )make ([a-z][a-z-]+)", code, re.MULTILINE)]
+        files += [
+            (name, file)
+            for file in re.findall(r"(?<![\w/.~-])((?:headless|presets|addon|docs|tests)/[\w/.-]*\w)", code)
+            if not (ROOT / file).exists()
+        ]
+    assert len(commands) > 50
+    assert len(makes) > 30
+    assert [found for found in commands if found[1] not in SUBCOMMANDS] == []
+    assert [found for found in makes if found[1] not in targets] == []
+    assert files == []
+
+
+def test_the_workflow_publishes_what_make_docs_builds():
+    site = yaml.load((ROOT / "mkdocs.yml").read_text(), yaml.BaseLoader)["site_dir"]
+    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text())["jobs"]["build"]["steps"]
+    assert "make docs" in [step.get("run") for step in steps]
+    assert steps[-1]["with"]["path"] == site
+
+
 def test_what_other_programs_read_is_yaml():
     files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
     assert len(files) >= 6
     assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
 
 
-def test_the_citation_is_of_this_version():
+def test_the_citation_and_the_pages_are_of_this_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
     assert citation["version"] == manifest["version"]
+    named = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/examples").glob("*.yaml")]
+    versions = re.findall(r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text() for file in named))
+    assert versions
+    assert set(versions) == {manifest["version"]}
 
 
 # --- the tutorial ---
