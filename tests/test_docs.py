@@ -2,10 +2,13 @@
 """The pages: links lead somewhere, the reference names modules that exist, the tutorial's files do what it says."""
 
 import ast
+import importlib
 import importlib.util
 import re
+import shutil
 import sys
 import tomllib
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +17,9 @@ import yaml
 from worlds import ROOT, generate, write_world
 
 from noisy_world.cli.command import SUBCOMMANDS
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.planning.plan import read_settings
+from noisy_world.core.presets.preset import PresetSpec, read_preset
+from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -69,7 +74,7 @@ def test_examples_are_shown():
 
 
 def test_every_page_is_in_the_sites_contents():
-    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
 
     def pages(entry):
         if isinstance(entry, str):
@@ -82,12 +87,12 @@ def test_every_page_is_in_the_sites_contents():
 
 
 def test_the_home_page_leads_to_every_page():
-    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text()))
+    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text(encoding="utf-8")))
     assert linked == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} | {"reference/index.md"}
 
 
 def test_the_reference_names_modules_that_exist():
-    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
     assert len(named) > 5
     assert [name for name in named if importlib.util.find_spec(name) is None] == []
 
@@ -104,8 +109,8 @@ def unmarked_examples(docstring):
 
 
 def test_the_references_examples_are_code():
-    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
-    sources = [Path(importlib.util.find_spec(name).origin).read_text() for name in named]
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
+    sources = [Path(importlib.util.find_spec(name).origin).read_text(encoding="utf-8") for name in named]
     nodes = [node for source in sources for node in ast.walk(ast.parse(source))]
     kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
     docstrings = [text for node in nodes if isinstance(node, kinds) and (text := ast.get_docstring(node))]
@@ -125,7 +130,7 @@ def test_commands_and_files_on_the_pages_exist():
     pages = {
         page: page.read_text(encoding="utf-8") for page in PAGES if page.name not in ("CHANGELOG.md", "changelog.md")
     }
-    makefile = (ROOT / "Makefile").read_text()
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
     commands, makes, files = ([], [], [])
     for page, text in pages.items():
@@ -145,9 +150,50 @@ def test_commands_and_files_on_the_pages_exist():
     assert files == []
 
 
+def presets_shown():
+    """The blocks of YAML on the pages that are presets, or parts of one; by page and number."""
+    keys = {field.name for field in fields(PresetSpec)}
+    for page in PAGES:
+        blocks = re.findall(r"^```yaml\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+        for number, block in enumerate(blocks):
+            found = None if "--8<--" in block else yaml.safe_load(block)
+            if isinstance(found, list) and all(isinstance(item, dict) and "perturb" in item for item in found):
+                found = {"settings": found}
+            if isinstance(found, dict) and set(found) <= keys:
+                yield (
+                    f"{page.stem}{number}",
+                    {"scenes": [{"name": "a", "mesh": "a.ply", "trajectory": "a.txt"}]} | found,
+                )
+
+
+def test_presets_on_the_pages_are_presets(tmp_path):
+    shown = list(presets_shown())
+    assert len(shown) > 8
+    for file in (ROOT / "presets").glob("*mixed.yaml"):  # which a page includes
+        shutil.copy(file, tmp_path)
+    for name, found in shown:
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(yaml.safe_dump(found))
+        assert read_settings(read_preset(path), registry()), name
+
+
+def test_python_on_the_pages_imports_what_there_is():
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    imported = []
+    for block in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        nodes = [node for node in ast.walk(ast.parse(block)) if isinstance(node, ast.ImportFrom)]
+        imported += [(node.module, item.name) for node in nodes for item in node.names]
+    # Blocks that are indented are of several languages.
+    indented = re.findall(r"^    from (noisy_world[.\w]*) import ([\w, ]+)$", text, re.MULTILINE)
+    imported += [(module, name) for module, names in indented for name in names.split(", ")]
+    ours = [(module, name) for module, name in imported if module.startswith("noisy_world")]
+    assert len(ours) > 5
+    assert [pair for pair in ours if not hasattr(importlib.import_module(pair[0]), pair[1])] == []
+
+
 def test_the_workflow_publishes_what_make_docs_builds():
-    site = yaml.load((ROOT / "mkdocs.yml").read_text(), yaml.BaseLoader)["site_dir"]
-    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text())["jobs"]["build"]["steps"]
+    site = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), yaml.BaseLoader)["site_dir"]
+    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text(encoding="utf-8"))["jobs"]["build"]["steps"]
     assert "make docs" in [step.get("run") for step in steps]
     assert steps[-1]["with"]["path"] == site
 
@@ -155,15 +201,17 @@ def test_the_workflow_publishes_what_make_docs_builds():
 def test_what_other_programs_read_is_yaml():
     files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
     assert len(files) >= 6
-    assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
+    assert all(isinstance(yaml.safe_load(file.read_text(encoding="utf-8")), dict) for file in files)
 
 
 def test_the_citation_and_the_pages_are_of_this_version():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     assert citation["version"] == manifest["version"]
     named = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/examples").glob("*.yaml")]
-    versions = re.findall(r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text() for file in named))
+    versions = re.findall(
+        r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text(encoding="utf-8") for file in named)
+    )
     assert versions
     assert set(versions) == {manifest["version"]}
 

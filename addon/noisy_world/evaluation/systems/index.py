@@ -73,9 +73,9 @@ class Given:
         }
 
     def write_index(self, path: Path, images: Path | None) -> None:
-        """Write the index, and the images that it names into a folder, if one is given.
+        """Write the index, and the images that it names into a folder. Raises InputError and StorageError.
 
-        Raises InputError and StorageError.
+        images: None for a system of ours, which spoils nothing: it is told of the sequence's own.
         """
         with storage_errors(path):
             path.write_text(json.dumps(self.document(images), indent=1) + "\n", encoding="utf-8")
