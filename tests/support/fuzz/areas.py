@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, mesh_headers, meshes, presets, recording_files,
-    recordings,
-    results, shaped_presets, trajectories, videos,
+    dataset_folders, dataset_records, definitions, estimates, jpegs, mesh_headers, meshes, presets,
+    recording_files, recordings, results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 
 
@@ -46,4 +45,5 @@ AREAS = {
     "estimates": _area(estimates),
     "definitions": _area(definitions),
     "results": _area(results),
+    "jpegs": _area(jpegs),
 }
