@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, mesh_headers, meshes, presets, recording_files,
-    recordings,
-    results, shaped_presets, trajectories, videos,
+    dataset_folders, dataset_records, definitions, estimates, imported_meshes, mesh_headers, meshes, presets,
+    recording_files, recordings, results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 
 
@@ -47,3 +46,6 @@ AREAS = {
     "definitions": _area(definitions),
     "results": _area(results),
 }
+
+OF_BLENDER = {"imported_meshes": _area(imported_meshes)}
+"""Areas that take Blender."""
