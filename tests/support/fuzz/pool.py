@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fuzz.areas import OF_BLENDER
 from fuzz.cases import Outcome, run_case
 from fuzz.peer import Peer
 
