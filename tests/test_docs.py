@@ -69,7 +69,7 @@ def test_examples_are_shown():
 
 
 def test_every_page_is_in_the_sites_contents():
-    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
 
     def pages(entry):
         if isinstance(entry, str):
@@ -81,8 +81,13 @@ def test_every_page_is_in_the_sites_contents():
     assert named == {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
 
 
+def test_the_home_page_leads_to_every_page():
+    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text(encoding="utf-8")))
+    assert linked == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} | {"reference/index.md"}
+
+
 def test_the_reference_names_modules_that_exist():
-    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
     assert len(named) > 5
     assert [name for name in named if importlib.util.find_spec(name) is None] == []
 
@@ -99,8 +104,8 @@ def unmarked_examples(docstring):
 
 
 def test_the_references_examples_are_code():
-    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
-    sources = [Path(importlib.util.find_spec(name).origin).read_text() for name in named]
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
+    sources = [Path(importlib.util.find_spec(name).origin).read_text(encoding="utf-8") for name in named]
     nodes = [node for source in sources for node in ast.walk(ast.parse(source))]
     kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
     docstrings = [text for node in nodes if isinstance(node, kinds) and (text := ast.get_docstring(node))]
@@ -120,7 +125,7 @@ def test_commands_and_files_on_the_pages_exist():
     pages = {
         page: page.read_text(encoding="utf-8") for page in PAGES if page.name not in ("CHANGELOG.md", "changelog.md")
     }
-    makefile = (ROOT / "Makefile").read_text()
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
     commands, makes, files = ([], [], [])
     for page, text in pages.items():
@@ -141,8 +146,8 @@ def test_commands_and_files_on_the_pages_exist():
 
 
 def test_the_workflow_publishes_what_make_docs_builds():
-    site = yaml.load((ROOT / "mkdocs.yml").read_text(), yaml.BaseLoader)["site_dir"]
-    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text())["jobs"]["build"]["steps"]
+    site = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), yaml.BaseLoader)["site_dir"]
+    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text(encoding="utf-8"))["jobs"]["build"]["steps"]
     assert "make docs" in [step.get("run") for step in steps]
     assert steps[-1]["with"]["path"] == site
 
@@ -150,13 +155,19 @@ def test_the_workflow_publishes_what_make_docs_builds():
 def test_what_other_programs_read_is_yaml():
     files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
     assert len(files) >= 6
-    assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
+    assert all(isinstance(yaml.safe_load(file.read_text(encoding="utf-8")), dict) for file in files)
 
 
-def test_the_citation_is_of_this_version():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+def test_the_citation_and_the_pages_are_of_this_version():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     assert citation["version"] == manifest["version"]
+    named = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/examples").glob("*.yaml")]
+    versions = re.findall(
+        r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text(encoding="utf-8") for file in named)
+    )
+    assert versions
+    assert set(versions) == {manifest["version"]}
 
 
 # --- the tutorial ---

@@ -132,22 +132,26 @@ def test_no_page_counts_what_is_not_held(page):
 
 
 def test_the_registries_are_named_on_their_pages():
-    assert set(re.findall(r"^\| `(\w+)`", PAGES["docs/systems.md"].read_text(), re.MULTILINE)) >= {
+    assert set(re.findall(r"^\| `(\w+)`", PAGES["docs/systems.md"].read_text(encoding="utf-8"), re.MULTILINE)) >= {
         "rgbd_odometry",
         "orb_slam3",
     }
-    both = PAGES["docs/systems.md"].read_text() + PAGES["docs/other_systems.md"].read_text()
-    assert [name for name in shipped_names() if f"`{name}`" not in both] == []
-    assert re.search(r"engine: cycles, .*# (.*)", PAGES["docs/generate.md"].read_text())[1].split(" | ") == list(
-        get_args(EngineName)
+    both = PAGES["docs/systems.md"].read_text(encoding="utf-8") + PAGES["docs/other_systems.md"].read_text(
+        encoding="utf-8"
     )
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert set(re.findall(r"^\| `(\w+)` \|", PAGES["docs/install.md"].read_text(), re.MULTILINE)) == set(extras)
-    written = re.search(r"layout: replica +# (.*)", PAGES["docs/generate.md"].read_text())[1]
+    assert [name for name in shipped_names() if f"`{name}`" not in both] == []
+    assert re.search(r"engine: cycles, .*# (.*)", PAGES["docs/generate.md"].read_text(encoding="utf-8"))[1].split(
+        " | "
+    ) == list(get_args(EngineName))
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert set(
+        re.findall(r"^\| `(\w+)` \|", PAGES["docs/install.md"].read_text(encoding="utf-8"), re.MULTILINE)
+    ) == set(extras)
+    written = re.search(r"layout: replica +# (.*)", PAGES["docs/generate.md"].read_text(encoding="utf-8"))[1]
     assert written.split(" | ") == list(LAYOUTS)
-    rows = re.search(r"these are read alone:\n\n(.*?)\n\n", PAGES["docs/recordings.md"].read_text(), re.S)[
-        1
-    ].splitlines()
+    rows = re.search(
+        r"these are read alone:\n\n(.*?)\n\n", PAGES["docs/recordings.md"].read_text(encoding="utf-8"), re.S
+    )[1].splitlines()
     assert len(rows) - 2 == len(RECORDED)
 
 
@@ -179,7 +183,7 @@ def test_all_pages_give_the_benchmark_one_size():
 
 PARTS = re.findall(
     r"^\| (`--.*`|all) \| ([\d,]+) \| ([\d,]+) \| ([\d.]+ [GT]B) \| ([\d.]+) (min|h) \|$",
-    (ROOT / "docs/noisy_replica.md").read_text(),
+    (ROOT / "docs/noisy_replica.md").read_text(encoding="utf-8"),
     re.MULTILINE,
 )
 

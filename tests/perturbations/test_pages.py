@@ -14,9 +14,9 @@ from worlds import ROOT, generate, write_world
 
 from noisy_world.perturbations import registry
 
-PAGE = (ROOT / "docs" / "perturbations.md").read_text()
-GALLERY = (ROOT / "docs" / "gallery.md").read_text()
-YOURS = (ROOT / "docs" / "your_perturbation.md").read_text()
+PAGE = (ROOT / "docs" / "perturbations.md").read_text(encoding="utf-8")
+GALLERY = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+YOURS = (ROOT / "docs" / "your_perturbation.md").read_text(encoding="utf-8")
 OWN = [item for item in registry().values() if item.distribution is None]
 
 

@@ -35,13 +35,13 @@ def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
 
 def install(options: argparse.Namespace, entry: Entry) -> int:
     """Make what a system needs, and say that it can be run."""
-    from ..core.errors import InputError
+    from ..core.errors import InputError, MissingDependencyError
     from ..evaluation.systems.checking import check_system, system_versions
     from ..evaluation.systems.environments import FOLDER_VARIABLE, environment_folder
     from ..evaluation.systems.installing import ENVIRONMENT
     from ..evaluation.systems.installing import install as make
     from ..evaluation.systems.registry import find_system
-    from .missing import blender_lacks
+    from .missing import blender_problem, missing_package
 
     system = find_system(options.install)
     if system.environment != ENVIRONMENT:
@@ -50,8 +50,8 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
         check_system(system)
         print(f"{system.name} needs no installation")
         return 0
-    if problem := blender_lacks(entry):  # the vocabulary is trained on rendered pictures
-        raise InputError(system.name, problem)
+    if problem := missing_package(["bpy"], entry) or blender_problem():  # the vocabulary's pictures are rendered
+        raise MissingDependencyError(problem)
     found = environment_folder(ENVIRONMENT)
     into = found if options.into is None else options.into.resolve() / found.name
     made = make(into, options.python, say)
