@@ -16,7 +16,7 @@ from cases import cases
 from importing import import_here
 
 from noisy_world.core.errors import InputError, MissingDependencyError
-from noisy_world.blender.importing import images, program, usd_layers
+from noisy_world.blender.importing import images, parts, program, usd_layers
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
 
@@ -201,6 +201,17 @@ def test_pictures_outside_the_meshs_folder(tmp_path, write):
     assert any("walls.png beside the mesh was taken" in note for note in mesh.notes)
     assert folder / "walls.png" in files_of_mesh(room)
     assert tmp_path / "walls.png" not in files_of_mesh(room)
+
+
+@cases(("limit", "most"), [("MOST_COPIES", 2), ("MOST_CORNERS", 107)])
+def test_copies_beyond_measure(tmp_path, monkeypatch, limit, most):
+    room = changed(tmp_path, scenes=[{"nodes": [0, 1, 2]}], nodes=[{"mesh": 0}] * 3)  # of 36 corners each
+    forget_meshes()
+    assert len(read_mesh(room).corner_vertices) == 108
+    with monkeypatch.context() as patched:
+        patched.setattr(parts, limit, most)
+        forget_meshes()
+        assert refusal(room).startswith("holds more than ")
 
 
 def test_usd_layers_outside_its_folder(tmp_path):

@@ -23,7 +23,7 @@ from .compressed import compression_problem
 from .finite import NotFiniteError, check_finite, finite_gltf
 from .images import ImageFiles, UnfitImageError, located
 from .lit import save_lit
-from .parts import imported_parts
+from .parts import TooManyError, imported_parts
 from .usd_layers import UsdLook, look_at
 
 REFUSED = 4  # the exit status where the importer refuses
@@ -49,7 +49,7 @@ def main(order: str) -> int:
         return _refused(folder, str(error), NOT_FINITE)
     except InputError as error:
         return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
-    except (_RefusedError, UnfitImageError, RuntimeError) as error:  # the last is how Blender says that it failed
+    except (_RefusedError, TooManyError, UnfitImageError, RuntimeError) as error:  # the last is Blender's own
         return _refused(folder, str(error))
     return 0
 
