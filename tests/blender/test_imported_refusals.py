@@ -20,6 +20,7 @@ from noisy_world.blender.importing import images, parts, program, usd_layers
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
 
+BUSY = "while :; do :; done"
 REAL = imported_meshes._asked
 
 
@@ -299,9 +300,15 @@ def test_an_import_in_a_process_of_its_own_that_is_killed(tmp_path, monkeypatch)
     room = rooms.write_glb(tmp_path)
     assert len(read_mesh(room).face_starts) == 12
     forget_meshes()
-    monkeypatch.setattr(imported_meshes, "_command", lambda _: ["/bin/sh", "-c", "kill -SEGV $$"])
+    monkeypatch.setattr(imported_meshes, "_command", lambda *_: ["/bin/sh", "-c", "kill -SEGV $$"])
     expected = "Blender's importer of glTF was ended by SIGSEGV; the file is damaged: export it again"
     assert refusal(room) == expected
+    monkeypatch.setattr(
+        imported_meshes, "_command", lambda _, limit_s: ["/bin/sh", "-c", f"ulimit -S -t {limit_s}; {BUSY}"]
+    )
+    monkeypatch.setattr(imported_meshes, "LIMIT_S", 1)
+    forget_meshes()
+    assert refusal(room).startswith("Blender's importer of glTF takes more than 1 s of a processor for it; ")
 
 
 def test_a_python_without_blender(tmp_path, monkeypatch):
