@@ -81,7 +81,7 @@ CLAIMS = [
     ("docs/cost.md", r"are ([\d,]+) sequences of", [8 * settings("noisy_rooms")]),
     ("docs/evaluation.md", r"for two rooms, (\d+) settings", [settings("benchmark")]),
     ("docs/results.md", r"Two embedded rooms x (\d+) settings", [settings("study")]),
-    ("docs/report.md", r"two systems in (\d+) settings", [settings("study")]),
+    ("docs/report.md", r"two systems, two rooms, (\d+) settings", [settings("benchmark")]),
     ("docs/node_groups.md", r"all (\d+) groups of the shelf", [len([item for item in COLOUR if item.build])]),
     ("docs/architecture.md", r"in (\w+) engines", [len(get_args(EngineName))]),
     ("docs/your_perturbation.md", r"one of (\w+) kinds", [len({type(item) for item in COMING_ALONG})]),

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, imported_meshes, mesh_headers, meshes, presets,
+    dataset_folders, dataset_records, definitions, estimates, imported_meshes, jpegs, mesh_headers, meshes,
+    presets,
     recording_files, recordings, results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 
@@ -45,6 +46,7 @@ AREAS = {
     "estimates": _area(estimates),
     "definitions": _area(definitions),
     "results": _area(results),
+    "jpegs": _area(jpegs),
 }
 
 OF_BLENDER = {"imported_meshes": _area(imported_meshes)}
