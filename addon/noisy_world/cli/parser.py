@@ -18,7 +18,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {message}{more}\n")
 
     @override
-    def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride] - one signature for its three
+    def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  its overloads tell types of namespaces
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
         """Parse the words; end with a line where one has no place, and say which option is near it."""
