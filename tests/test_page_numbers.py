@@ -131,6 +131,10 @@ def test_no_page_counts_what_is_not_held(page):
     assert loose == []
 
 
+def test_what_is_excepted_is_there():
+    assert [(page, words) for page, words in OTHERS if words not in text_of(page)] == []
+
+
 def test_the_registries_are_named_on_their_pages():
     assert set(re.findall(r"^\| `(\w+)`", PAGES["docs/systems.md"].read_text(encoding="utf-8"), re.MULTILINE)) >= {
         "rgbd_odometry",
