@@ -3,9 +3,11 @@
 
 import hashlib
 import json
+import shlex
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from ...core.errors import one_line
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.success import LEAST_TRACKED
@@ -80,15 +82,16 @@ def command(results: Results) -> str:
     study = results.study
     if not study:
         return ""
-    words = ["noisy-world evaluate PRESET", f"--systems {','.join(sorted(set(results.runs['system'])))}"]
+    systems = ",".join(sorted(set(results.runs["system"])))
+    words = [f"noisy-world evaluate PRESET --systems {shlex.quote(systems)}"]
     seeds = study.get("seeds")
     if isinstance(seeds, list) and seeds:
-        words.append(f"--seeds {','.join(map(str, seeds))}")
+        words.append(f"--seeds {shlex.quote(','.join(map(str, seeds)))}")
     if isinstance(study.get("repeats"), int):
         words.append(f"--repeats {study['repeats']}")
     if isinstance(study.get("protocol"), str):
-        words.append(f"--protocol {study['protocol']}")
-    return " ".join([*words, "--out FOLDER"])
+        words.append(f"--protocol {shlex.quote(study['protocol'])}")
+    return one_line(" ".join([*words, "--out FOLDER"]))
 
 
 def _system(results: Results, system: str) -> str:

@@ -13,6 +13,7 @@ from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
 from ...core.regular_files import read_bytes, read_text
 from ..analysis.over_clean import with_over_clean
+from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
 if TYPE_CHECKING:
@@ -96,11 +97,14 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
+    table = table.rename(columns=text_of)
     for name in needed:
         if name not in table.columns:
             raise InputError(path, f"has no column {name!r}", remedy=REMEDY)
     for name in table.columns:
-        if name not in TEXTS:
+        if name in TEXTS:
+            table[name] = table[name].map(text_of)
+        else:
             table[name] = _numbers(table[name].tolist(), path, name)
     return table
 
