@@ -24,6 +24,7 @@ from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from ..trajectories.sensor_paths import SensorPaths
 from ..trajectories.trajectory import Axes, Trajectory
+from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
 
@@ -39,7 +40,7 @@ class Render:
 
     name: str
     scene: Scene
-    frames: tuple[int, ...]
+    frames: Numbers
     sequences: tuple[Sequence, ...]
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
@@ -216,9 +217,11 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             )
             raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
         name = f"{scene.name}@{setting.name}"
-        moved.append(Render(name, scene, _needed([sequence], modalities), (sequence,), camera, moving, identifiers))
+        moved.append(
+            Render(name, scene, needed_sources([sequence], modalities), (sequence,), camera, moving, identifiers)
+        )
     if shared:
-        needed = _needed(shared, modalities)
+        needed = needed_sources(shared, modalities)
         moved.insert(0, Render(scene.name, scene, needed, tuple(shared), camera, optics=optics))
     return moved
 
@@ -238,9 +241,9 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     raise place.error(problem, "undistort: true makes a pinhole of it; or choose another output.layout, such as tum")
 
 
-def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
-    shown = [sequence.sources_shown(modality) for sequence in sequences for modality in modalities]
-    return tuple(np.unique(np.concatenate(shown)).tolist())
+def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Numbers:
+    """Return the source frames that sequences of one render show, increasing."""
+    return union([sequence.sources_shown(modality) for sequence in sequences for modality in modalities])
 
 
 # --- paths ---
