@@ -10,7 +10,7 @@ from typing import Any
 from ..core.datasets.json_text import read_json
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.datasets.provenance import package_version
-from ..core.datasets.standing import identity_problem
+from ..core.datasets.standing import identity_problem, is_inside
 from ..core.errors import InputError
 from .digests import BLOCK_FRAMES, DIGEST_BYTES, blocks_of, split_digests
 from .frame_numbers import FrameNumbers
@@ -110,37 +110,38 @@ def _sequences(content: Any, identity: Mapping[str, Any]) -> dict[str, SequenceD
     for folder, row in sorted(content.items()):
         if folder not in identity["sequences"]:
             raise ValueError("a sequence is one of its identity")
-        frames = FrameNumbers(_ranges(row["frames"]))
+        frames = _frames(row["frames"])
+        least = frames.least_blocks(BLOCK_FRAMES)
         images: dict[str, Digests] = {}
+        if not row["images"]:
+            raise ValueError("has no images")
         for series, text in row["images"].items():
-            # In place of its own digests a sequence may name an earlier one that has the same.
-            digests = list(found[text].images[series].values()) if "/" in text else split_digests(text)
-            if _fewest_blocks(frames) > len(digests):  # before a number for each is made
-                raise ValueError("has fewer digests than blocks of frames")
-            images[series] = dict(zip(blocks_of(frames), digests, strict=True))
+            if "/" in text:  # the digests are those of an earlier sequence
+                images[series] = found[text].images[series]
+            else:
+                digests = split_digests(text)
+                if least > len(digests):  # before a list is made of as many blocks as somebody wrote
+                    raise ValueError("has fewer digests than blocks")
+                images[series] = dict(zip(blocks_of(frames), digests, strict=True))
+            if least > len(images[series]):
+                raise ValueError("has fewer digests than blocks")
         found[folder] = SequenceDigests(frames, images, _texts(row["texts"]))
     return found
 
 
-def _ranges(rows: Any) -> list[range]:
-    """Return ranges of frames, in order. Raises TypeError or ValueError."""
-    ranges = []
-    for start, stop in rows:
+def _frames(content: list[list[int]]) -> FrameNumbers:
+    """Raises TypeError or ValueError where this is no list of ranges in order."""
+    end = 0
+    for start, stop in content:
         if type(start) is not int or type(stop) is not int:
-            raise TypeError("a frame is a whole number")
-        if not (ranges[-1].stop if ranges else 0) <= start < stop:
-            raise ValueError("frames are in order")
-        ranges.append(range(start, stop))
-    return ranges
-
-
-def _fewest_blocks(frames: FrameNumbers) -> int:
-    """Return how many blocks frames have at least, where neighbouring ranges share one."""
-    parts = frames.ranges
-    return sum((part.stop - 1) // BLOCK_FRAMES - part.start // BLOCK_FRAMES for part in parts) + bool(parts)
+            raise TypeError("a frame's number is whole")
+        if not end <= start < stop:
+            raise ValueError("the ranges are not in order")
+        end = stop
+    return FrameNumbers(range(start, stop) for start, stop in content)
 
 
 def _texts(content: Any) -> dict[str, str]:
-    if not all(isinstance(digest, str) for digest in content.values()):
-        raise TypeError("a digest is a text")
+    if not all(is_inside(name) and len(split_digests(digest)) == 1 for name, digest in content.items()):
+        raise TypeError("a digest is a text, of a file in the dataset")
     return dict(content)

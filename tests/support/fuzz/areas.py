@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, jpegs, mesh_headers, meshes, presets,
+    dataset_folders, dataset_records, definitions, estimates, imported_meshes, jpegs, mesh_headers, meshes,
+    presets,
     recording_files, recordings, results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 
@@ -47,3 +48,6 @@ AREAS = {
     "results": _area(results),
     "jpegs": _area(jpegs),
 }
+
+OF_BLENDER = {"imported_meshes": _area(imported_meshes)}
+"""Areas that take Blender."""
