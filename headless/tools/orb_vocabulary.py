@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.embedded import room_mesh
 from noisy_world.pipeline.clean_frame import CleanFrame
@@ -69,8 +69,8 @@ def rendered(frames: int) -> list[NDArray[np.uint8]]:
     paths = source_paths(plan, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
-        moments = [paths.moment(number) for number in range(frames)]
-        return [CleanFrame(moment.index, source.frame(moment)).byte_rgb() for moment in moments]
+        requests = [paths.request(number) for number in range(frames)]
+        return [CleanFrame(request.frame, source.frame(request)).byte_rgb() for request in requests]
 
 
 def descriptors(rgb: NDArray[np.uint8]) -> Bits:

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ..planning.plan import Plan, source_paths
+from ..planning.plan import Plan
 from ..planning.sequence import Sequence, lay_out
 from ..planning.source import Scene
+from ..planning.source_paths import source_paths
 from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths

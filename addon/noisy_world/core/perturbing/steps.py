@@ -12,6 +12,7 @@ from typing import Any, Literal
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
+    ExposurePerturbation,
     FrameContext,
     Identifiers,
     MotionPerturbation,
@@ -126,6 +127,11 @@ class Setting:
     def motion(self) -> tuple[Step[MotionPerturbation], ...]:
         """The steps that act on the path."""
         return steps_of_kind(self.steps, MotionPerturbation)
+
+    @property
+    def exposure(self) -> tuple[Step[ExposurePerturbation], ...]:
+        """The steps that act on when a frame's images see the scene, but those of severity 0."""
+        return tuple(step for step in steps_of_kind(self.steps, ExposurePerturbation) if step.severity != 0)
 
     @property
     def rgb(self) -> tuple[Step[ColourPerturbation], ...]:

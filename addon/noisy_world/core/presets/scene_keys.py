@@ -60,7 +60,11 @@ class TrajectorySpec:
     stop: int | None = key("the pose after the last one used", default=None, minimum=1)
     every: int = key("use every n-th pose", default=1, minimum=1)
     resample_hz: float | None = key(
-        "interpolate the poses to this rate (slerp, shortest path)", unit="Hz", default=None, above=0, maximum=10_000
+        "take poses at this rate, from the smooth path through all poses",
+        unit="Hz",
+        default=None,
+        above=0,
+        maximum=10_000,
     )
 
 
