@@ -17,7 +17,7 @@ from ..planning.source_paths import source_paths
 from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import path_sha256
+from .provenance import BETWEEN, path_sha256
 
 ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
 ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
@@ -169,7 +169,12 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     any_processor: whether last bits are allowed to differ, where everything that a path is made from is equal.
     """
     before, now = there["path"], here["path"]
-    if before == now:
+    where = scene.place.path
+    if before["frames"] == now["frames"] and before.get(BETWEEN, now.get(BETWEEN)) != now.get(
+        BETWEEN, before.get(BETWEEN)
+    ):
+        return f"{where}: its path goes another way between the poses than the dataset's; {ANOTHER_NAME}"
+    if {**before, BETWEEN: None} == {**now, BETWEEN: None}:
         return None
     key = "trajectory" if here["entry"].get("blend") is None or here["entry"]["trajectory"] else "frames"
     where = f"{scene.place.path}.{key}"
@@ -200,6 +205,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
             if not 0 < count < scene.frame_count:
                 continue
             before, after = source_paths(plan, render, count), source_paths(plan, render)
+            if render.exposure:
+                told = "which a setting looks at, lies otherwise now that the path is longer"
+                where = f"{scene.place.path}.trajectory: what is between the poses of {scene.name}"
+                return f"{where}, {told}; {ANOTHER_NAME}"
             moved = scene.source.gives.rendered and scene.source.gives.own is None  # others stay where they are
             if moved and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
                 far = "so far from the origin, a longer path is rendered around another point"

@@ -41,6 +41,7 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
@@ -118,6 +119,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
+        if any(render.exposure for render in plan.renders if render.scene.name == scene.name):
+            path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {
         "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
@@ -162,6 +165,13 @@ def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> 
     if path.posed is not None:
         digest.update(path.posed[:count].tobytes())
     return digest.hexdigest()
+
+
+def between_sha256(path: Trajectory) -> str:
+    """Return the SHA-256 of where a path is halfway between its poses, as float64."""
+    halfway_s = (path.stamps_s[:-1] + path.stamps_s[1:]) / 2
+    c2w = path.continuous.pose_at(halfway_s)
+    return hashlib.sha256(np.ascontiguousarray(c2w + 0.0, dtype="<f8").tobytes()).hexdigest()
 
 
 def _setting(setting: Setting) -> dict[str, Any]:
