@@ -14,12 +14,11 @@ SCRIPT = Path(__file__).resolve()
 # A Blender program does not import modules from the script's folder by itself.
 sys.path.insert(0, str(SCRIPT.parent))
 
-from installation import end_with, entry, prepare_imports
+from installation import end_with, entry
 
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    prepare_imports()
     from noisy_world.cli import generate  # noqa: PLC0415 - importable only now
 
     return generate.main(arguments, entry(SCRIPT))

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from noisy_world.cli.entry import Entry
 
 PACKAGE = "noisy_world"
-INTERRUPTED = 130  # 128 + SIGINT (2), as shells report it
 BUG = 70  # EX_SOFTWARE of sysexits.h
 SCRIPTS = Path(__file__).resolve().parent
 ROOT = SCRIPTS.parent
@@ -74,9 +73,10 @@ def entry(script: Path) -> "Entry":
 def end_with(main: Callable[[list[str]], int]) -> NoReturn:
     """Run a script's command line and end the process with its status: Blender would continue after an exception."""
     try:
-        status = main(script_arguments())
-    except KeyboardInterrupt:
-        status = INTERRUPTED
+        prepare_imports()
+        from noisy_world.cli.ending import exit_status  # noqa: PLC0415 - importable only now
+
+        status = exit_status(lambda: main(script_arguments()))
     except Exception:  # noqa: BLE001 - a bug keeps its traceback
         traceback.print_exc()
         status = BUG

@@ -17,7 +17,7 @@ COMMAND = [
     for name in (
         *("command", "generate", "list_command", "export_mesh", "workers", "status"),
         *("plan_command", "shard_command", "merge_command"),
-        *("recipe_command", "verify_command", "materialise", "clean_command", "score_command", "track_command"),
+        *("recipe_command", "verify_command", "remake", "render_clean", "score_command", "run_odometry"),
     )
 ]
 

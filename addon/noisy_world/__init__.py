@@ -22,8 +22,8 @@ def open(  # noqa: A001 - as in noisy_world.open(...)
 
     path: of a dataset, or its address such as s3://bucket/name; of a folder with sequences in a layout; or of a recipe,
     whose frames are made on the spot, equal to the bytes of the dataset's files. clean: for a recipe, the folder of
-    clean frames that 'noisy-world clean' made; without one, frames are made of inputs that need no Blender. data: for a
-    recipe, the folder that the paths of its scenes begin at; default the recipe's own.
+    clean frames that 'noisy-world render-clean' made; without one, frames are made of inputs that need no Blender.
+    data: for a recipe, the folder that the paths of its scenes begin at; default the recipe's own.
 
     Raises InputError where there is neither, or where the clean frames are another recipe's.
     """

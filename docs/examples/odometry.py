@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 DEPTH_SCALE_PER_M = 5000.0  # the benchmark's
 
@@ -49,7 +50,8 @@ def track(
     c2w = np.eye(4)
     before: tuple[NDArray[np.float32], NDArray[Any]] | None = None
     lost = 0
-    for rgb_stamp_s, rgb_name, _, depth_name in pairs:
+    shown = tqdm(pairs, desc=str(folder), unit="frame", leave=False, disable=None)  # None: no bar in a log
+    for rgb_stamp_s, rgb_name, _, depth_name in shown:
         grey = read_image(folder / rgb_name, cv2.IMREAD_GRAYSCALE)
         steps = read_image(folder / depth_name, cv2.IMREAD_UNCHANGED)
         depth_m = steps.astype(np.float32) / DEPTH_SCALE_PER_M

@@ -38,7 +38,7 @@ PLATFORMS = {
     "macos-x64": "macosx_14_0_x86_64",
     "windows-x64": "win_amd64",
 }
-SCRIPTS = ("generate.py", "export_mesh.py", "track.py", "installation.py")
+SCRIPTS = ("generate.py", "export_mesh.py", "run_odometry.py", "installation.py")
 PACKAGE_FILES = (".py", ".jpg", ".png")
 LIBRARY_FILES = (".blend", ".txt")
 MANIFEST = "blender_manifest.toml"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
-pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from analytic import look_at
 from ray_tools import OPTIONS, polygons

@@ -130,7 +130,8 @@ def test_a_task_that_fails_as_it_is_stopped_was_stopped_and_else_has_a_bug(monke
     error = TypeError("'Handlers' object is not callable")
 
     def fails(_):
-        raise ray.exceptions.RayTaskError("in_ray", "", error, proctitle="", pid=1, ip="").as_instanceof_cause()
+        told = f"Traceback (most recent call last):\nTypeError: {error}"
+        raise ray.exceptions.RayTaskError("in_ray", told, error, proctitle="", pid=1, ip="").as_instanceof_cause()
 
     monkeypatch.setattr(ray, "get", fails)
     if stopping:

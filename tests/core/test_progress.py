@@ -12,17 +12,47 @@ def test_plain_lines_come_now_and_then_with_rate_and_time_left():
     stream = io.StringIO()
     progress = PlainProgress(stream, every_s=5, clock=lambda: now[0])
     progress.start("rendering", 100, done=20)
+    now[0] += 60.0  # the scene is loaded
     for _ in range(40):
-        now[0] += 0.5
         progress.advance()
+        now[0] += 0.5
     progress.note("a note")
     progress.finish()
     lines = stream.getvalue().splitlines()
     assert lines[0] == "rendering: 100 frames, 20 there already"
-    assert lines[1] == "rendering: 30/100 frames, 2.00 frames/s, 35 s left"
-    assert lines[-2:] == ["a note", "rendering: 60/100 frames, 2.00 frames/s, 20 s left"]
-    assert len(lines) == 7
+    # One frame after 60 s is no pace: by it the rest would take 79 min.
+    assert lines[1] == "rendering: 21/100 frames"
+    assert lines[2] == "rendering: 31/100 frames, 2.00 frames/s, 34 s left"
+    assert lines[-2] == "a note"
+    assert lines[-1].startswith("rendering: 60/100 frames, 1.95 frames/s, ")
     assert "\r" not in stream.getvalue()
+
+
+def test_a_bar_says_how_long_it_takes_once_that_is_known():
+    now = [0.0]
+    stream = io.StringIO()
+    progress = TerminalProgress(stream, clock=lambda: now[0])
+    progress.start("rendering", 1000)
+    now[0] += 300.0
+    for _ in range(4):
+        progress.advance()
+        assert "left" not in stream.getvalue()
+        now[0] += 2.0
+    progress.advance(96)
+    progress.finish()
+    assert stream.getvalue().endswith("100/1000 [00:00, 12.38 frames/s, 73 s left]\n")
+
+
+def test_a_task_that_is_done_has_no_time_left():
+    now = [0.0]
+    stream = io.StringIO()
+    progress = PlainProgress(stream, clock=lambda: now[0])
+    progress.start("rendering", 10)
+    for _ in range(10):
+        progress.advance()
+        now[0] += 1.0
+    progress.finish()
+    assert stream.getvalue().splitlines()[-1] == "rendering: 10/10 frames, 0.90 frames/s"
 
 
 def test_nothing_to_do_divides_by_nothing():

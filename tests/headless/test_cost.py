@@ -35,7 +35,7 @@ def test_hours_of_the_whole():
 
 
 def test_a_small_preset_is_measured(tmp_path, capsys):
-    pytest.importorskip("embreex", reason="needs the extra: pip install 'noisy-world[embree]'")
+    pytest.importorskip("embreex", reason="needs the extra: pip install '.[embree]'")
     preset = write_world(tmp_path / "world", frames=7, size=(32, 24), settings=SETTINGS)
     arguments = ["--preset", str(preset), "--frames", "3", "--engine", "embree", "--out", str(tmp_path / "out")]
     assert cost.main(arguments) == 0

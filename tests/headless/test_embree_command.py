@@ -2,6 +2,7 @@
 """`engine: embree` as a user types it: without Blender, refused in a line where it cannot be, and no less checked."""
 
 import json
+import shlex
 import subprocess
 import sys
 
@@ -36,7 +37,7 @@ def without(modules, *arguments):
 
 
 def test_a_dataset_without_blender(world, tmp_path):
-    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
     result = without(["bpy"], world, "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
     camera = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)
@@ -57,7 +58,7 @@ def test_a_dataset_without_blender(world, tmp_path):
 
 
 def test_a_path_that_sees_nothing_ends_the_run(world, tmp_path):
-    pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
     poses = path_poses(4, shift_m=(0.0, 0.0, 90.0))
     text = "\n".join(" ".join(map(repr, map(float, pose.ravel()))) for pose in poses)
     (world.parent / "traj.txt").write_text(text)
@@ -70,10 +71,14 @@ def test_where_embreex_is_missing_one_line_says_so(world, tmp_path):
     result = without(["bpy", "embreex"], world, "--out", tmp_path / "out")
     assert result.returncode == 1
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    install = shlex.join([sys.executable, "-m", "pip", "install", f"{GENERATE.parents[1]}[embree]"])
     assert result.stderr == (
         f"generate.py: render.engine is embree, but embreex is missing in this Python {version}; "
-        "run: pip install 'noisy-world[embree]', or use render.engine: cycles\n"
+        f"run: {install}, or use render.engine: cycles\n"
     )
+    dry = without(["bpy", "embreex"], world, "--out", tmp_path / "out", "--dry-run")
+    assert (dry.returncode, dry.stderr) == (1, result.stderr)
+    assert "8 frames in all" in dry.stdout
     assert not (tmp_path / "out").exists()
 
 

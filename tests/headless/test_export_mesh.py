@@ -34,6 +34,14 @@ def test_a_room_that_is_not_one_is_an_error(tmp_path, mesh, problem):
     assert not (tmp_path / "room.ply").exists()
 
 
+@pytest.mark.parametrize("name", ["k.txt", "room", "room.obj"])
+def test_only_ply_is_written(tmp_path, name, capsys):
+    assert export_mesh.main(["embedded:room", str(tmp_path / name)], Entry("export_mesh.py", ())) == 1
+    told = capsys.readouterr().err
+    assert f"{name}: its ending is not .ply, and PLY is what is written; write {name.partition('.')[0]}.ply\n" in told
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_room_comes_back_as_it_is(tmp_path, monkeypatch, room):
     monkeypatch.setattr("noisy_world.core.scenes.room.build_room", lambda seed: room)
     assert export_mesh.main(["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0

@@ -129,7 +129,7 @@ def test_what_is_staged(wheels, tmp_path):
     package.stage(tmp_path / "staged", "linux-x64", sorted(folder.iterdir()))
     there = {path.relative_to(tmp_path / "staged").as_posix() for path in (tmp_path / "staged").rglob("*.*")}
     assert {"__init__.py", "pipeline/run.py", "core/scenes/ply.py", "perturbations/ice/rime.jpg"} <= there
-    assert {"headless/track.py", "evaluation/odometry/running.py", "evaluation/metrics/score.py"} <= there
+    assert {"headless/run_odometry.py", "evaluation/odometry/running.py", "evaluation/metrics/score.py"} <= there
     assert {"blender_manifest.toml", "presets/demo.yaml", "presets/perturbations/fog.yaml"} <= there
     assert {f"wheels/{name}" for name in NAMES.values()} <= there
     assert not [name for name in there if "__pycache__" in name or name.endswith((".pyc", ".toml.txt"))]

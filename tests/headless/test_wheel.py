@@ -2,15 +2,18 @@
 """The wheel: what it holds, and the command that it installs, started from another folder."""
 
 import os
+import signal
 import subprocess
 import sys
 import tomllib
 import zipfile
 
 import pytest
+import yaml
 from worlds import ROOT, content, write_world
 
 from noisy_world.cli import command
+from noisy_world.cli.ending import exit_status
 from noisy_world.cli.shipped import found_preset
 
 VERSION = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
@@ -105,14 +108,20 @@ def test_a_preset_of_ones_own_comes_before_the_shipped_one(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        ([], 2, "subcommands:"),
-        (["--help"], 0, "generate"),
+        ([], 2, "usage: noisy-world SUBCOMMAND"),
+        (["generat"], 2, "noisy-world: 'generat' is no subcommand; did you mean 'generate'?"),
+        (["qwzx"], 2, "noisy-world: 'qwzx' is no subcommand; there are generate, plan, shard, merge, list, status, "),
+        (["materialise"], 2, "did you mean 'remake'?"),
+        (["clean"], 2, "did you mean 'render-clean'?"),
+        (["track"], 2, "did you mean 'run-odometry'?"),
         (
-            ["generat"],
-            2,
-            "noisy-world: 'generat' is no subcommand; there are generate, plan, shard, merge, status, list, ",
+            ["generate", "demo.yml"],
+            1,
+            "noisy-world generate: demo.yml: no such preset; did you mean 'presets/demo.yaml'",
         ),
-        (["generate", "nowhere.yaml"], 1, "noisy-world generate: nowhere.yaml"),
+        (["generate", "qwzx/qwzx"], 1, "no such preset; 'noisy-world list presets' names those that are shipped"),
+        (["evaluate", "stdy.yaml", "--systems", "rgbd_odometry"], 1, "did you mean 'presets/study.yaml'?"),
+        (["publish", "nowhere", "there"], 1, "noisy-world publish: nowhere: holds no dataset of Noisy World"),
         (["list", "perturbations"], 0, "gaussian_noise"),
         (["export", "nowhere.ply", "out.ply"], 1, "noisy-world export: nowhere.ply"),
     ],
@@ -121,6 +130,82 @@ def test_the_command(words, status, said, capsys):
     assert command.main(words) == status
     out, err = capsys.readouterr()
     assert said in out + err
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        (["--help"], 0, "evaluate SLAM systems:\n  evaluate "),
+        (["--version"], 0, "noisy-world 0."),
+        (["--verson"], 2, "noisy-world: error: unknown option --verson; did you mean --version?\n"),
+        (
+            ["generate", "a.yaml", "--frame=0:2", "--jbos", "2"],
+            2,
+            "error: unknown option --jbos; did you mean --jobs?\n",
+        ),
+        (["list", "kyes"], 2, "error: argument WHAT: 'kyes' is none of its values; did you mean 'keys'?\n"),
+        (
+            ["plan", "a", "--format=xml"],
+            2,
+            "'xml' is none of its values; choose from text, json; 'noisy-world plan --help",
+        ),
+        (["verify", "a", "b", "c"], 2, "error: 'c' is one word too many; 'noisy-world verify --help' tells more\n"),
+        (["generate", "a.yaml", "--workr"], 2, "unknown option --workr"),
+    ],
+)
+def test_words_that_the_parser_ends_with(words, status, said, capsys):
+    with pytest.raises(SystemExit) as ended:
+        command.main(words)
+    out, err = capsys.readouterr()
+    assert ended.value.code == status
+    assert said in out + err
+    assert status == 0 or err.count("\n") == 1
+    assert "--worker" not in err  # is for the program itself
+
+
+@pytest.mark.parametrize(
+    "start", [["-m", "noisy_world"], [str(ROOT / "headless/generate.py")]], ids=["module", "script"]
+)
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+def test_a_command_whose_reader_is_gone_ends_as_unix_tools_do(start, closed):
+    script = start[0] != "-m"
+    listing = ["--list", "perturbations"] if script else ["list", "perturbations"]
+    complaint = ["nowhere.yaml"] if script else ["generate", "nowhere.yaml"]
+    reader, writer = os.pipe()
+    os.close(reader)
+    other = "stderr" if closed == "stdout" else "stdout"
+    done = subprocess.run(
+        [sys.executable, *start, *(listing if closed == "stdout" else complaint)],
+        **{closed: writer, other: subprocess.PIPE},
+        env={**os.environ, "PYTHONPATH": str(ROOT / "addon")},
+        check=False,
+    )
+    os.close(writer)
+    assert done.returncode == 128 + signal.SIGPIPE
+    assert getattr(done, other) == b""
+
+
+def test_a_broken_pipe_of_another_process_keeps_its_traceback():
+    def work():
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        exit_status(work)
+
+
+def test_defaults_are_listed_as_yaml_has_them(capsys):
+    assert command.main(["list", "keys"]) == 0
+    listed = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    told = {
+        name: yaml.safe_load(text.rpartition("; default ")[2]) for name, text in listed.items() if "; default " in text
+    }
+    assert told["settings[]"] == [{"name": "clean"}]
+    assert told["output.modalities[]"] == ["rgb", "depth"]
+    assert told["render.allow_empty"] is False
+    assert told["scenes[].compositor"] == "off"  # without quotes YAML reads false
+    assert told["rig.rgb.translation_m"] == [0.0, 0.0, 0.0]
+    assert "1000000 m" in listed["camera.near_m"]
+    assert "0.000001 to" in listed["camera.near_m"]
 
 
 def test_every_subcommand_has_help(capsys):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from analytic import interpolated, look_at, quads_mesh
 from cases import cases

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("embreex", reason="embreex is not installed: pip install 'noisy-world[embree]'")
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from analytic import (
     CAMERAS,

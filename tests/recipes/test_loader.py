@@ -7,12 +7,14 @@ from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
+from forked import in_new_process
 from recipes_made import COUNT
 
 import noisy_world
 
 WANTED = ["fog_s3", "adrift", "fast", "shaky_mixed"]
 FRAMES_OF = {"fog_s3": COUNT, "adrift": COUNT, "fast": 3, "shaky_mixed": 5}
+BATCHES = [[0, 5], [7, 2], [4, 6], [1, 3]]
 
 
 def same(one, other):
@@ -66,23 +68,28 @@ def fetch(places):
     return [LOADED[-1][place] for place in places]
 
 
-@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded")
-@pytest.mark.parametrize(("method", "workers"), [("fork", 2), ("spawn", 1)])
-def test_workers_give_the_same_as_in_order(made, method, workers):
-    if method not in multiprocessing.get_all_start_methods():
-        pytest.skip(f"this system cannot {method}")
-    listed = noisy_world.open(made.recipe, made.clean).frames(["fog_s3", "shaky_mixed"], frames=slice(0, 4))
-    batches = [[0, 5], [7, 2], [4, 6], [1, 3]]
+def listed_frames(made):
+    return noisy_world.open(made.recipe, made.clean).frames(["fog_s3", "shaky_mixed"], frames=slice(0, 4))
+
+
+def fetched(made, method, workers):
     context = multiprocessing.get_context(method)
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=load, initargs=(pickle.dumps(listed),)) as pool:
-        found = list(pool.map(fetch, batches))
-    for places, samples in zip(batches, found, strict=True):
+    given = pickle.dumps(listed_frames(made))
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=load, initargs=(given,)) as pool:
+        return list(pool.map(fetch, BATCHES))
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_workers_give_the_same_as_in_order(made, method):
+    found = in_new_process(fetched, made, "fork", 2) if method == "fork" else fetched(made, "spawn", 1)
+    listed = listed_frames(made)
+    for places, samples in zip(BATCHES, found, strict=True):
         assert all(same(sample, listed[place]) for place, sample in zip(places, samples, strict=True))
 
 
 def test_torch_loads_it(made):
     utils = pytest.importorskip("torch.utils.data", reason="torch is not installed")
-    listed = noisy_world.open(made.recipe, made.clean).frames(["fog_s3", "shaky_mixed"], frames=slice(0, 4))
+    listed = listed_frames(made)
     loader = utils.DataLoader(listed, batch_size=2, num_workers=2, shuffle=False)
     seen = [{key: np.asarray(values[row]) for key, values in batch.items()} for batch in loader for row in range(2)]
     assert all(same(one, listed[place]) for place, one in enumerate(seen))

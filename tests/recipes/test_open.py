@@ -185,7 +185,7 @@ def test_what_is_not_there_is_said(made):
 
 
 def test_frames_that_nobody_rendered_are_missed_with_the_command(made, tmp_path):
-    with refused("late/box needs clean frames of box, which Blender renders; 'noisy-world clean") as found:
+    with refused("late/box needs clean frames of box, which Blender renders; 'noisy-world render-clean") as found:
         _ = noisy_world.open(made.recipe)["late/box"][3].rgb
     assert "--scenes box --settings late" in str(found.value)
     shutil.copytree(made.clean, tmp_path / "clean")
@@ -234,7 +234,7 @@ def test_the_compositors_colour_is_not_made_here(made, tmp_path):
     text = made.recipe.read_text().replace('"backend":"reference"', '"backend":"compositor"')
     (tmp_path / "recipe.json").write_text(text)
     opened = noisy_world.open(tmp_path / "recipe.json", made.clean)
-    with refused("made by Blender's compositor, in Blender's own thread alone; 'noisy-world materialise'"):
+    with refused("made by Blender's compositor, in Blender's own thread alone; 'noisy-world remake'"):
         _ = opened["fog_s3/box"][3].rgb
     assert opened["fog_s3/box"][3].depth_bytes() == (made.out / "fog_s3/box/results/depth000003.png").read_bytes()
     assert opened["late/box"][3].rgb_bytes() == (made.out / "late/box/results/frame000003.jpg").read_bytes()

@@ -81,7 +81,7 @@ def test_refusals_of_the_store(store, dataset, monkeypatch, tmp_path):
     )
     assert "names no place" in refusal("s3://", dataset)
     assert "Protocol not known: xyz" in refusal("xyz://place/noisy", dataset)
-    with pytest.raises(MissingDependencyError, match=r"^gs://b/noisy: needs gcsfs.*pip install 'gcsfs'$"):
+    with pytest.raises(MissingDependencyError, match=r"^gs://b/noisy: needs gcsfs.* -m pip install gcsfs$"):
         open_address("gs://b/noisy")
     there = open_address(store.bucket("taken"))
     there.write("notes.txt", b"somebody's")

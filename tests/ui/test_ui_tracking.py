@@ -146,8 +146,9 @@ def test_what_goes_wrong_is_a_line_and_the_paths_stay(scene, dataset, tmp_path, 
 
 
 def test_nothing_of_the_evaluation_is_loaded_before_it_is_asked_for():
-    told = "print([name for name in sys.modules if '.evaluation' in name])"
-    code = f"import sys, noisy_world; noisy_world.register(); {told}; noisy_world.unregister()"
+    asked = "loaded = [name for name in sys.modules if '.evaluation' in name]; assert not loaded, loaded"
+    code = f"import sys, noisy_world; noisy_world.register(); {asked}; noisy_world.unregister()"
     environment = {**os.environ, "PYTHONPATH": str(Path(noisy_world.__file__).parents[1])}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
-    assert done.stdout.strip() == "[]"
+    # What Blender itself says on standard output, of a machine without /etc/mtab for instance, is not asked for.
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images of float values that Blender writes into scratch files, and their numbers again."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import StorageError
+from ..core.regular_files import open_regular
 
 
 def write_plain_floats(file_format: bpy.types.ImageFormatSettings) -> None:
@@ -29,8 +31,9 @@ def read_rows(path: Path, size_px: tuple[int, int], channels: int) -> NDArray[np
     """
     width, height = size_px
     row = np.dtype([("number", "<i4"), ("bytes", "<i4"), ("values", "<f4", (channels, width))])
-    before = path.stat().st_size - row.itemsize * height
-    rows: NDArray[Any] = np.fromfile(path, row, offset=max(before, 0))
+    with open_regular(path) as file:
+        before = os.fstat(file.fileno()).st_size - row.itemsize * height
+        rows: NDArray[Any] = np.fromfile(file, row, offset=max(before, 0))
     if len(rows) != height or (rows["number"] != np.arange(height)).any() or (rows["bytes"] != row.itemsize - 8).any():
         raise StorageError(f"{path}: Blender's scratch file is cut short or damaged")
     return rows["values"]

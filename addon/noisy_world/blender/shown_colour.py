@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_reading import read_pixels
 from ..core.errors import StorageError
 from .render import muted_output
 from .typed import set_pixels
@@ -57,7 +58,7 @@ class ShownColour:
                 self._image.save_render(str(self._path), scene=self._writer)
         except RuntimeError as error:
             raise StorageError(f"{self._path}: Blender could not write its scratch file: {error}") from error
-        bgr = cv2.imread(str(self._path), cv2.IMREAD_UNCHANGED)
+        bgr = read_pixels(self._path, cv2.IMREAD_UNCHANGED)
         if bgr is None or bgr.dtype != np.uint16:
             raise StorageError(f"{self._path}: Blender's scratch file is cut short or damaged")
         return np.ascontiguousarray(bgr[..., ::-1]).astype(np.float32) / np.float32(65535)

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..core.errors import StorageError
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .parser import Parser
 from .part import add_part_options, part_words
 from .places import path, place
 from .shipped import found_preset
@@ -15,7 +16,7 @@ from .shipped import found_preset
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Make the RGB-D dataset that a preset describes.",
         epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
@@ -105,7 +106,7 @@ def add_ray_options(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="auto",
         help="make the dataset in shards on a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
-        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs pip install 'noisy-world[cluster]'",
+        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs the extra cluster",
     )
     parser.add_argument(
         "--shards",

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.image_reading import read_pixels
 from ..core.datasets.video_files import WRITTEN, write_video
 from ..core.errors import StorageError
 
@@ -61,7 +62,7 @@ def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:
     import cv2
 
     for file in files:
-        yield np.asarray(cv2.imread(str(file), cv2.IMREAD_COLOR_RGB), np.uint8)
+        yield np.asarray(read_pixels(file, cv2.IMREAD_COLOR_RGB), np.uint8)
 
 
 def _named(out: Path, sequence: "Sequence") -> Path:

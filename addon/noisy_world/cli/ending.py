@@ -2,10 +2,13 @@
 """How a command ends: what its user can mend is one line and an exit status; a bug keeps its traceback."""
 
 import argparse
+import os
+import select
+import sys
 from collections.abc import Callable, Iterable
 
 from ..core.requirements import NEEDED
-from .entry import INTERRUPTED, Entry, say
+from .entry import INTERRUPTED, READER_GONE, Entry, say
 from .missing import missing_package
 
 CONTINUES = "finished frames stay, and the same command continues from there"
@@ -46,3 +49,35 @@ def ended(
     except NoisyWorldError as error:
         wrong(str(error))
         return busy if isinstance(error, BusyError) else 1
+
+
+def exit_status(work: Callable[[], int]) -> int:
+    """Run a whole command line and return the exit status of its process.
+
+    Where nobody reads its output any more, as after `| head`, it ends without a word, as Unix tools do.
+    """
+    try:
+        try:
+            status = work()
+        except SystemExit:  # the parser's, after --help for instance
+            sys.stdout.flush()
+            raise
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        if not (gone := [number for number in (1, 2) if _reader_is_gone(number)]):
+            raise  # of another pipe, to a process that this one has started
+        for number in gone:  # Python writes what is left when it ends, and would complain
+            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        return READER_GONE
+    return status
+
+
+def _reader_is_gone(number: int) -> bool:
+    """Tell whether a descriptor is a pipe that nobody reads."""
+    if not hasattr(select, "poll"):
+        return True  # Windows cannot be asked
+    poll = select.poll()
+    poll.register(number, 0)
+    return any(event & select.POLLERR for _, event in poll.poll(0))

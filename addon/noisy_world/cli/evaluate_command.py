@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from .arguments import add_set_option, positive
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .part import add_part_options
 from .places import folder, path
-from .shipped import found_preset
+from .shipped import found_preset, no_such_preset
 
 if TYPE_CHECKING:
     from ..evaluation.study.order import Order
@@ -27,7 +28,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
         "on those of a dataset or recording; score them, and report.",
@@ -71,6 +72,12 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
     parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
     parser.add_argument(
+        "--isolate",
+        choices=["none", "bubblewrap"],
+        default="none",
+        help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
+    )
+    parser.add_argument(
         "--jobs", metavar="N", type=positive, help="sequences that are evaluated at once (default: the processors)"
     )
     parser.add_argument(
@@ -78,7 +85,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         metavar="ADDRESS",
         nargs="?",
         const="auto",
-        help="evaluate on a Ray cluster that shares this disk; it needs pip install 'noisy-world[cluster]'",
+        help="evaluate on a Ray cluster that shares this disk; it needs the extra cluster",
     )
     parser.add_argument(
         "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
@@ -140,6 +147,8 @@ def order_of(options: argparse.Namespace) -> "Order":
         part = chosen_part(options.scenes, options.settings)
     else:
         subject = found_preset(subject)
+        if not subject.exists():
+            raise no_such_preset(subject)
         data = data_folder(options)
         preset = read_preset(subject, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
         document = preset.document
@@ -156,6 +165,7 @@ def order_of(options: argparse.Namespace) -> "Order":
         settings=tuple(part.get("settings", ())),
         keep=options.keep,
         maps=options.maps,
+        isolate=options.isolate,
     )
 
 

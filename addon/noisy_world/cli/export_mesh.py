@@ -13,6 +13,9 @@ from pathlib import Path
 from .arguments import path
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
+
+ENDING = ".ply"
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -24,7 +27,7 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
     from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS
 
-    parser = argparse.ArgumentParser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
+    parser = Parser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
     known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
     parser.add_argument("mesh", metavar="MESH", type=path, help=known)
     parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
@@ -44,6 +47,9 @@ def write(options: argparse.Namespace) -> int:
     from ..core.scenes.room import build_room
     from ..sources.mesh_reading import read_mesh
 
+    if options.out.suffix.lower() != ENDING:
+        problem = "its ending is not .ply, and PLY is what is written"
+        raise InputError(options.out, problem, remedy=f"write {options.out.stem or 'mesh'}{ENDING}")
     name = str(options.mesh)
     if options.up is not None and is_embedded(name):
         raise InputError("--up", "goes with the file of a mesh", remedy="leave it out")

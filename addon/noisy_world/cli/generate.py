@@ -4,11 +4,12 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from ..core.extras import need
 from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .ending import CONTINUES, ended
 from .entry import Entry
 from .listing import KNOWN, list_known, list_plan, print_plan
-from .missing import blender_problem, missing_package
+from .missing import blender_lacks, blender_problem, missing_package
 from .outcome import tell_outcome
 from .part import planned
 
@@ -38,7 +39,9 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     if options.list:
         return list_plan(plan, options.list)
     if options.dry_run:
-        return print_plan(plan, out_address(options) or out_folder(options))
+        print_plan(plan, out_address(options) or out_folder(options))
+        need_packages(plan, options, entry)
+        return 0
     return generate(plan, options, entry)
 
 
@@ -138,6 +141,24 @@ def need_blender(plan: "Plan", entry: Entry) -> None:
     if problem:
         or_else = "" if plan.renders_in_blender else "; or add --set render.backend=reference, which needs no Blender"
         raise MissingDependencyError(problem + or_else)
+
+
+def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> None:
+    """Raise MissingDependencyError where a package or library that a run needs is missing. Starts nothing."""
+    from ..core.errors import MissingDependencyError
+
+    if plan.needs_blender and (problem := blender_lacks(entry)):
+        raise MissingDependencyError(problem)
+    if "embree" in plan.engines:
+        from ..rays.embree import embree_version
+
+        embree_version()
+    if (address := out_address(options)) is not None:
+        from ..storage.address import open_address
+
+        open_address(address)
+    if options.ray is not None:
+        need(["ray"], "cluster", for_what="--ray")
 
 
 def work() -> int:

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`list`: the keys of presets and what is shipped, or what a preset holds; the same as `generate --list`."""
 
-import argparse
-
 from . import generate
 from .entry import Entry
 from .listing import HELD, KNOWN
+from .parser import Parser
 from .part import add_part_options, part_words
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(prog=entry.name, description="List the keys of presets, or what a preset holds.")
+    parser = Parser(prog=entry.name, description="List the keys of presets, or what a preset holds.")
     parser.add_argument(
         "what",
         metavar="WHAT",

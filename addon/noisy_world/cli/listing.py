@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.progress import duration_text
 from .shipped import shipped_presets
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def list_plan(plan: "Plan", what: str) -> int:
     return 0
 
 
-def print_plan(plan: "Plan", out: Path | str) -> int:
+def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.planning.estimate import estimate, size_text
 
@@ -107,8 +108,7 @@ def print_plan(plan: "Plan", out: Path | str) -> int:
         print(f"  {line}")
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
     size = f"{guess.bytes_written / 1e6:.0f} MB" if guess.bytes_written < 1e10 else size_text(guess.bytes_written)
-    print(f"estimate   {size}, {duration(guess.seconds)} on two cores (rough)")
-    return 0
+    print(f"estimate   {size}, {duration_text(guess.seconds)} on two cores (rough)")
 
 
 def counted(things: Sequence[object], name: str) -> str:
@@ -137,11 +137,3 @@ def enumerated(settings: list[str]) -> str:
     if len(settings) <= MOST_SETTINGS:
         return f"settings {', '.join(settings)}"
     return f"{len(settings)} settings {', '.join(settings[:4])}, ... {settings[-1]}"
-
-
-def duration(seconds: float) -> str:
-    """Return a time in seconds, minutes or hours, as text."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    minutes = seconds / 60
-    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

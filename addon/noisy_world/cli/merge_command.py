@@ -10,6 +10,7 @@ from .command_lines import shard_lines
 from .ending import ended
 from .entry import Entry
 from .outcome import tell_outcome
+from .parser import Parser
 from .part import planned
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Merge the finished shards of a dataset, check every file, and complete the dataset. Where frames "
         "are missing, the commands that make them are printed, and the exit status is 1.",

@@ -33,6 +33,14 @@ def blender_problem() -> str:
     return ""
 
 
+def blender_lacks(entry: Entry) -> str:
+    """Return what is missing for Blender to be imported, without importing it: its package, or system libraries."""
+    if problem := missing_package(["bpy"], entry):
+        return problem
+    names = missing_libraries()
+    return advice(names) if names else ""
+
+
 @contextmanager
 def _relevant_output() -> Iterator[None]:
     """Hold back what is printed to standard output, by C code too, and then print it without what is OF_NO_USE_HERE."""

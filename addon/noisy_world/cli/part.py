@@ -32,12 +32,15 @@ def add_part_options(parser: argparse.ArgumentParser) -> None:
 def planned(options: argparse.Namespace) -> "Plan":
     """Return the plan of the preset and the part of it that the options name: with --set and --frames too.
 
-    Raises InputError for what is wrong in the preset or its files.
+    Raises InputError where there is no such preset, and for what is wrong in it or its files.
     """
     from ..core.presets.preset import read_preset
     from ..planning import make_plan
+    from .shipped import no_such_preset
 
     data = data_folder(options)
+    if not options.preset.exists():
+        raise no_such_preset(options.preset)
     preset = read_preset(options.preset, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
     return make_plan(preset, options.frames)
 

@@ -7,11 +7,13 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.progress import duration_text
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
 from .command_lines import merge_words, shard_beginning_on, shard_words
 from .ending import ended
 from .entry import Entry
-from .listing import duration, print_plan
+from .listing import print_plan
+from .parser import Parser
 from .part import planned
 
 MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
@@ -30,13 +32,14 @@ def do(options: argparse.Namespace) -> int:
     """Plan, and print what was asked for."""
     plan = planned(options)
     if options.shards is None:
-        return print_plan(plan, out_address(options) or out_folder(options))
+        print_plan(plan, out_address(options) or out_folder(options))
+        return 0
     return print_shards(plan, options)
 
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Print what a preset comes to; with --shards the commands that make its dataset in shards, one a "
         "line, in any order and on any machines that see the dataset's folder, and last the one that merges them.",
@@ -79,7 +82,7 @@ def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
         return 0
     for shard in shards:
         print(shlex.join(shard_words(options, shard)))
-    longest = duration(max(seconds, default=0.0))
+    longest = duration_text(max(seconds, default=0.0))
     print(f"# {len(shards)} shards, {longest} each at most on two cores (rough); when all have ended:")
     print(f"# {shlex.join(merging)}")
     return 0

@@ -5,6 +5,7 @@ import argparse
 
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .places import address_text, path, place
 
 
@@ -17,9 +18,11 @@ def main(arguments: list[str], entry: Entry) -> int:
 def pack(options: argparse.Namespace) -> int:
     """Pack the dataset, and print what was written."""
     from ..storage.address import open_address
+    from ..storage.content import read_content
     from ..storage.publishing import publish
     from .running import listener
 
+    read_content(options.dataset)  # first: what is wrong with it comes before what packing needs
     progress, stop = listener("text")
     try:
         address = open_address(address_text(options.address))
@@ -35,15 +38,15 @@ def pack(options: argparse.Namespace) -> int:
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
-        epilog="The same command again goes on where it was stopped. Addresses need the extra 'cloud'.",
+        epilog="The same command again goes on where it was stopped. Packing needs the extra 'cloud', into a folder too.",
     )
     parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder that generate wrote")
     parser.add_argument(
         "address",
-        metavar="ADDRESS",
+        metavar="PLACE",
         type=place,
         help="where to: s3://bucket/name, another address of fsspec's, or a folder",
     )

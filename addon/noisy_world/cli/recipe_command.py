@@ -6,12 +6,13 @@ import sys
 
 from .ending import ended
 from .entry import Entry, say
+from .parser import Parser
 from .places import path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
         "digests of its files. Images are not read; 'noisy-world verify' hashes them.",

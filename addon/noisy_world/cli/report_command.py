@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .places import folder
 
 NEEDED = ("numpy", "yaml")
@@ -42,7 +43,7 @@ def tell_report(results: Path) -> None:
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Write the report of a study into its folder of results, from what is there: report.html, one page "
         "that opens offline, report.md, figures/ and tables/ as CSV, Parquet (where pyarrow is installed) and LaTeX. "

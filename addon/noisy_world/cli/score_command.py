@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from .ending import ended
 from .entry import Entry, say
 from .metric_table import metric_lines
+from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Compare an estimated trajectory with the true one: absolute and relative errors, and how much of "
         "the path was tracked. docs/metrics.md says what each number means.",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from .ending import ended
 from .entry import Entry, say
 from .metric_table import metric_lines
+from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Compare a map with the true scene, as far as the true cameras saw it: accuracy, completion, depth "
         "and colour of renders. docs/metrics.md says what each number means.",

@@ -9,6 +9,7 @@ from .ending import CONTINUES, ended
 from .entry import BUSY, Entry
 from .generate import need_blender
 from .outcome import tell_outcome
+from .parser import Parser
 from .part import planned
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Make one shard of a dataset: a range of source frames of one render, with every image that shows "
         "them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' puts shards together.",

@@ -2,8 +2,15 @@
 """The presets that come with Noisy World."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from ..core.near import nearest
 from .entry import say
+
+if TYPE_CHECKING:
+    from ..core.errors import InputError
+
+ENDINGS = (".yaml", ".yml")
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -22,3 +29,15 @@ def found_preset(path: Path) -> Path:
         return path
     say(f"{path}: not in this folder; taking the one that comes with Noisy World, {shipped}")
     return shipped
+
+
+def no_such_preset(path: Path) -> "InputError":
+    """Return the error for a preset that is not there, with the one that is near it: in its folder, or shipped."""
+    from ..core.errors import InputError
+
+    beside = sorted(path.parent.iterdir()) if path.parent.is_dir() else []
+    known = {Path(name).name: name for name in shipped_presets()}
+    known |= {item.name: str(item) for item in beside if item.suffix in ENDINGS}
+    near = nearest(path.name, known)
+    listed = "'noisy-world list presets' names those that are shipped"
+    return InputError(path, "no such preset", remedy=f"did you mean {known[near]!r}?" if near else listed)

@@ -9,6 +9,7 @@ from pathlib import Path
 from .arguments import frame_slice
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .places import address_text, place
 from .status_table import LONGEST_TABLE, content, told
 
@@ -20,7 +21,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
         "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",

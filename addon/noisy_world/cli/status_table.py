@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from .listing import duration
+from ..core.progress import duration_text
 
 if TYPE_CHECKING:
     from ..pipeline.pace import Pace
@@ -149,7 +149,7 @@ def _shards(status: "Status") -> str:
     parts += [f"{len(shards.finished):,} finished and to be merged"] if shards.finished else []
     if shards.unfinished:
         name, last_s = max(shards.unfinished.items(), key=lambda item: item[1])
-        ago = duration(max(0.0, time.time() - last_s))
+        ago = duration_text(max(0.0, time.time() - last_s))
         parts.append(f"{len(shards.unfinished):,} begun, of which {name} was written to {ago} ago")
     return ", ".join(parts)
 
@@ -159,7 +159,7 @@ def _shards(status: "Status") -> str:
 
 def _time(status: "Status") -> str:
     if status.ended:
-        took = "" if status.total_s is None else f"; its last run took {duration(status.total_s)}"
+        took = "" if status.total_s is None else f"; its last run took {duration_text(status.total_s)}"
         return f"the last run has come to its end{took}"
     return _of_pace(status.pace)
 
@@ -167,11 +167,11 @@ def _time(status: "Status") -> str:
 def _of_pace(pace: "Pace") -> str:
     if pace.last_s is None:
         return "unknown: no frame is written yet"
-    last = f"the last frame was written {duration(pace.last_s)} ago"
+    last = f"the last frame was written {duration_text(pace.last_s)} ago"
     if pace.frames_per_s is None:
         return f"{last}; time left unknown: too few frames are written to tell the pace"
-    rate = f"{pace.frames_per_s:.3g} frames/s over {duration(pace.window_s)}"
-    left = "time left unknown" if pace.left_s is None else f"about {duration(pace.left_s)} left"
+    rate = f"{pace.frames_per_s:.3g} frames/s over {duration_text(pace.window_s)}"
+    left = "time left unknown" if pace.left_s is None else f"about {duration_text(pace.left_s)} left"
     if pace.silent:
         return f"{last}, so no run seems to go on; {left} at the pace before that, {rate}"
     return f"{left} at the present pace, {rate}; {last}"

@@ -11,20 +11,23 @@ from typing import Any
 
 from ..core.datasets.storage import FolderLock
 from ..core.errors import InterruptedRunError, NoisyWorldError
+from ..core.extras import need
 from ..core.machine import available_threads
 from ..core.planning.estimate import size_text
 from ..core.progress import Progress
+from ..evaluation.report import NEEDED as REPORT_NEEDS
 from ..evaluation.study.cases import Case
 from ..evaluation.study.identity import opened
 from ..evaluation.study.made_origin import MadeOrigin
 from ..evaluation.study.notes import EachOnce
 from ..evaluation.study.order import Order
 from ..evaluation.study.study import Study
+from ..evaluation.study.summary import NEEDED as SUMMARY_NEEDS
 from ..evaluation.study.tables import write_tables
 from ..evaluation.systems.checking import check_system
 from .crew import Crew
 from .entry import INTERRUPTED, Entry
-from .generate import need_blender
+from .generate import need_blender, need_packages
 from .report_command import tell_report
 from .running import listener, stop_on_signal
 from .workers import Parent, Told
@@ -38,9 +41,12 @@ def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
     progress = EachOnce(told)
     study = Study(order, stop=stop)
     if options.dry_run:
-        return _print_plan(study)
+        _print_plan(study)
     for system in study.systems.values():
         check_system(system)
+    _need_packages(study, options, entry)
+    if options.dry_run:
+        return 0
     if isinstance(study.origin, MadeOrigin):
         need_blender(study.origin.whole, entry)
     lock = FolderLock(study.results.work / "lock")
@@ -53,6 +59,15 @@ def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
         study.results.tidy(alone=True)
         lock.release()
     return _tell_outcome(study, report=not options.no_report)
+
+
+def _need_packages(study: Study, options: argparse.Namespace, entry: Entry) -> None:
+    """Raise MissingDependencyError where a package that is needed at any time of the study is missing."""
+    need((*SUMMARY_NEEDS, *(() if options.no_report else REPORT_NEEDS)), "evaluate")
+    if study.order.maps:
+        need(["scipy", "embreex"], "evaluate", for_what="--maps")
+    if isinstance(study.origin, MadeOrigin):
+        need_packages(study.origin.whole, options, entry)
 
 
 def _seeds(study: Study) -> list[int]:
@@ -171,7 +186,7 @@ def _do_all(
     return INTERRUPTED if stop.is_set() else 0
 
 
-def _print_plan(study: Study) -> int:
+def _print_plan(study: Study) -> None:
     """Print what would be evaluated."""
     cases = study.origin.frames
     runs = [run for case in cases for run in study.runs_of(case)]
@@ -183,7 +198,6 @@ def _print_plan(study: Study) -> int:
         print(f"runs       {sum(run.system == name for run in runs)} of {name}")
     missing = sum(len(study.missing_runs(case)) for case in cases)
     print(f"missing    {missing} of {len(runs)} runs, in {study.results.folder}")
-    return 0
 
 
 def _tell_outcome(study: Study, *, report: bool) -> int:

@@ -5,12 +5,13 @@ import argparse
 
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .places import path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status: 0 where all that is there is as the recipe says."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Hash every file of a dataset and say what is missing, damaged, extra, or not as a recipe says. A "
         "dataset with a part of the recipe's settings, scenes or frames is compared in that part.",

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..core.errors import MissingDependencyError, NoisyWorldError
+from ..core.extras import install_command
 from . import remote
 from .remote import DONE, INTERRUPTED, REFUSED, USERS_ERROR, Order
 
@@ -75,7 +76,7 @@ def module(name: str) -> Any:
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        remedy = "install it with pip install 'noisy-world[cluster]'"
+        remedy = f"run: {install_command('cluster')}"
         raise MissingDependencyError(f"ray: missing in this Python, {sys.executable}; {remedy}") from error
 
 

@@ -23,6 +23,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+from ..core.regular_files import read_bytes
+
 MARK = "@noisy-world "  # as `core.progress`; a test holds the two together
 DONE, USERS_ERROR, REFUSED, BUSY, INTERRUPTED = 0, 1, 3, 75, 130
 """Exit statuses of a command: REFUSED where this machine cannot make any shard as the others do, BUSY where another
@@ -120,7 +122,7 @@ def _problem(order: Order, environment: dict[str, str]) -> str:
             return f"{here}; install the version of the driver there, {order.version}"
     if order.seen:
         try:
-            digest = hashlib.sha256(Path(order.seen).read_bytes()).hexdigest()
+            digest = hashlib.sha256(read_bytes(order.seen)).hexdigest()
         except OSError:
             digest = ""
         if digest != order.sha256:

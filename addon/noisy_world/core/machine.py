@@ -6,6 +6,8 @@ import os
 import sys
 from pathlib import Path
 
+from .regular_files import read_text
+
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of glibc
 
 
@@ -22,7 +24,7 @@ def peak_memory_bytes() -> int | None:
         return None
     status = Path("/proc/self/status")
     if status.exists():  # on Linux, getrusage includes the process that started this one
-        (line,) = [line for line in status.read_text().splitlines() if line.startswith("VmHWM:")]
+        (line,) = [line for line in read_text(status).splitlines() if line.startswith("VmHWM:")]
         return int(line.split()[1]) * 1024
     import resource  # noqa: PLC0415 - not on Windows
 

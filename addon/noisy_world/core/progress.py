@@ -8,6 +8,7 @@ from typing import Any, Protocol, TextIO
 
 # Begins each message to another process, which tells messages from other output on the stream, such as Blender's.
 MARK = "@noisy-world "
+KNOWN_FRAMES, KNOWN_S = 3, 3.0  # after the first report, before a pace is believed; chosen
 
 
 class Progress(Protocol):
@@ -29,26 +30,72 @@ class Progress(Protocol):
         """End the task."""
 
 
-class TerminalProgress:
-    """A bar with rate and time left, for a terminal."""
+def duration_text(seconds: float) -> str:
+    """Return a time in seconds, minutes or hours, as text."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
 
-    def __init__(self, stream: TextIO) -> None:
+
+class TimeLeft:
+    """How fast a task goes and how long the rest of it takes: nothing until that is known.
+
+    Before its first frame a task loads, so the pace is that of the frames after the first report; a few of them, over
+    a few seconds, make it known.
+    """
+
+    def __init__(self, total: int, done: int, clock: Callable[[], float]) -> None:
+        self._total = total
+        self._done = done
+        self._clock = clock
+        self._first: tuple[int, float] | None = None  # how many were done at the first report, and when it came
+
+    def advance(self, count: int) -> None:
+        """Take a report of `count` more frames."""
+        self._done += count
+        if self._first is None:
+            self._first = self._done, self._clock()
+
+    def told(self) -> str:
+        """Return the rate and the time left as text; "" where they are not known yet."""
+        if self._first is None:
+            return ""
+        done, time_s = self._first
+        made, took_s = self._done - done, self._clock() - time_s
+        if made < KNOWN_FRAMES or took_s < KNOWN_S:
+            return ""
+        left = self._total - self._done
+        return f"{made / took_s:.2f} frames/s" + (f", {duration_text(left * took_s / made)} left" if left > 0 else "")
+
+
+class TerminalProgress:
+    """A bar with rate and time left, once they are known, for a terminal."""
+
+    def __init__(self, stream: TextIO, *, clock: Callable[[], float] = time.monotonic) -> None:
         from tqdm import tqdm
 
         self._make: Callable[..., tqdm] = tqdm
         self._stream = stream
+        self._clock = clock
         self._bar: tqdm | None = None
+        self._left = TimeLeft(0, 0, clock)
 
     def start(self, label: str, total: int, done: int = 0) -> None:
         """Open the bar."""
         self.finish()
+        self._left = TimeLeft(total, done, self._clock)
+        # {postfix} in place of tqdm's own rate and time left, which begin with guesses from the time of loading.
+        shown = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}{postfix}]"
         self._bar = self._make(
-            total=total, initial=done, desc=label, unit="frame", file=self._stream, dynamic_ncols=True, smoothing=0.1
+            total=total, initial=done, desc=label, file=self._stream, dynamic_ncols=True, bar_format=shown
         )
 
     def advance(self, count: int = 1) -> None:
         """Move the bar."""
+        self._left.advance(count)
         if self._bar is not None:
+            self._bar.set_postfix_str(self._left.told(), refresh=False)
             self._bar.update(count)
 
     def note(self, text: str, subject: str = "") -> None:
@@ -75,31 +122,31 @@ class PlainProgress:
         self._every_s = every_s
         self._clock = clock
         self._label = ""
-        self._total = self._done = self._first = 0
-        self._start_s = self._last_s = 0.0
+        self._total = self._done = 0
+        self._left = TimeLeft(0, 0, clock)
+        self._last_s = 0.0
         self._open = False
 
     def start(self, label: str, total: int, done: int = 0) -> None:
         """Print the task's label and number of frames."""
         self.finish()
-        self._label, self._total, self._done, self._first = label, total, done, done
-        self._start_s = self._last_s = self._clock()
+        self._label, self._total, self._done = label, total, done
+        self._left = TimeLeft(total, done, self._clock)
+        self._last_s = self._clock()
         self._open = True
         self.note(f"{label}: {total} frames" + (f", {done} there already" if done else ""))
 
     def advance(self, count: int = 1) -> None:
-        """Print the rate and the time left, at most once in `every_s` seconds."""
+        """Print how many are done, and once they are known the rate and the time left, once in `every_s` seconds."""
         self._done += count
+        self._left.advance(count)
         if self._clock() - self._last_s >= self._every_s:
             self._say()
 
     def _say(self) -> None:
         self._last_s = self._clock()
-        made = self._done - self._first
-        elapsed_s = self._last_s - self._start_s
-        rate = made / elapsed_s if elapsed_s > 0 else 0.0
-        left = f", {(self._total - self._done) / rate:.0f} s left" if rate > 0 else ""
-        self.note(f"{self._label}: {self._done}/{self._total} frames, {rate:.2f} frames/s{left}")
+        told = self._left.told()
+        self.note(f"{self._label}: {self._done}/{self._total} frames" + (f", {told}" if told else ""))
 
     def note(self, text: str, subject: str = "") -> None:
         """Print a line."""

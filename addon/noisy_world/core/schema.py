@@ -5,15 +5,16 @@ A dataclass describes itself: `key(...)` holds a field's meaning, unit, range an
 and the panel's sliders are derived from it.
 """
 
-import difflib
 import math
 import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError
+from .near import did_you_mean
 
 LONGEST_SHOWN = 60  # characters of a user's text that a message repeats
 
@@ -114,8 +115,7 @@ def parse[T: Dataclass](cls: type[T], value: object, place: Place) -> T:
 
 def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
     """Return the error for an unknown name, with the nearest known one."""
-    near = difflib.get_close_matches(name[:LONGEST_SHOWN], known, n=1, cutoff=0.5)
-    remedy = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
+    remedy = did_you_mean(name, known) or f"known here: {', '.join(known)}"
     return place.error(f"unknown {kind} {shown(name)}", remedy)
 
 
@@ -230,16 +230,17 @@ def _unit(info: KeyInfo) -> str:
 
 def allowed_range(info: KeyInfo) -> str:
     """Return the range of a number in words, "" where there is none."""
-    low = "" if info.minimum is None else f"{info.minimum:g}"
+    low, high = (None if bound is None else number_text(bound) for bound in (info.minimum, info.maximum))
     if info.above is not None:
-        return (
-            f"above {info.above:g}" + (f", at most {info.maximum:g}" if info.maximum is not None else "") + _unit(info)
-        )
-    if low and info.maximum is not None:
-        return f"{low} to {info.maximum:g}{_unit(info)}"
-    if low:
-        return f"at least {low}{_unit(info)}"
-    return f"at most {info.maximum:g}{_unit(info)}" if info.maximum is not None else ""
+        return f"above {number_text(info.above)}" + ("" if high is None else f", at most {high}") + _unit(info)
+    if low is not None:
+        return f"at least {low}{_unit(info)}" if high is None else f"{low} to {high}{_unit(info)}"
+    return "" if high is None else f"at most {high}{_unit(info)}"
+
+
+def number_text(value: float) -> str:
+    """Return a number with all its digits, without an exponent and without .0 at its end."""
+    return f"{Decimal(repr(value)).normalize():f}"
 
 
 def list_keys(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -270,7 +271,23 @@ def _explain(item: Field[Any], info: KeyInfo, hint: Any) -> str:
     elif info.unit:
         parts.append(info.unit)
     if item.default is not MISSING and item.default is not None and not is_dataclass(item.default):
-        parts.append(f"default {item.default}")
+        parts.append(f"default {yaml_text(item.default)}")
     elif item.default is MISSING and item.default_factory is MISSING:
         parts.append("required")
     return "; ".join(parts)
+
+
+def yaml_text(value: Any) -> str:
+    """Return a value as a preset would have it, in one line of YAML."""
+    import yaml
+
+    text = yaml.safe_dump(_plain(value), default_flow_style=True, sort_keys=False, allow_unicode=True, width=10**9)
+    return text.removesuffix("...\n").rstrip("\n")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as lists and mappings; of a dataclass what differs from its defaults."""
+    if is_dataclass(value):
+        given = {item.name: getattr(value, item.name) for item in fields(value)}
+        return {item.name: _plain(given[item.name]) for item in fields(value) if given[item.name] != item.default}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

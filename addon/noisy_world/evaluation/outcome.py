@@ -11,6 +11,7 @@ class Outcome(StrEnum):
     FINISHED = "finished"  # exit status 0 and an estimate that can be read, of whatever length
     CRASHED = "crashed"  # another exit status, or a signal
     TIMED_OUT = "timed_out"  # stopped at its time limit
+    OVER_LIMIT = "over_limit"  # it took, wrote or left more than its definition's limits say
     NO_ESTIMATE = "no_estimate"  # exit status 0 and no file with an estimate
     UNREADABLE = "unreadable"  # the file of the estimate is not what the system's definition says
     NOT_FINITE = "not_finite"  # the estimate holds NaN or infinity
@@ -22,7 +23,7 @@ class RunRecord:
 
     detail: a sentence on what went wrong, "" where nothing did. frames: of the sequence. seconds: on the wall;
     processor_s, peak_memory_bytes: of the system's processes, None where the machine does not tell.
-    versions: of the system and what it stands on, by name, as it states them.
+    versions: of the system and what it stands on, by name, as it states them. isolated: by which program, "" by none.
     """
 
     system: str
@@ -34,3 +35,4 @@ class RunRecord:
     peak_memory_bytes: int | None = None
     exit_status: int | None = None
     versions: dict[str, str] = field(default_factory=dict)
+    isolated: str = ""

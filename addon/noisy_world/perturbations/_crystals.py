@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Picture
+from ..core.regular_files import read_bytes
 from ..core.streams import stream
 
 type Float32 = NDArray[np.float32]
@@ -93,14 +94,14 @@ def atlas() -> NDArray[np.uint8]:
 
 def atlas_picture() -> Picture:
     """Return the atlas as node groups take it."""
-    digest = hashlib.sha256(b"".join(map_file(name).read_bytes() for name in ("thickness", "time"))).hexdigest()
+    digest = hashlib.sha256(b"".join(read_bytes(map_file(name)) for name in ("thickness", "time"))).hexdigest()
     return Picture("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
 
 
 def _read(name: str) -> NDArray[np.uint8]:
     import cv2
 
-    encoded = np.frombuffer(map_file(name).read_bytes(), dtype=np.uint8)
+    encoded = np.frombuffer(read_bytes(map_file(name)), dtype=np.uint8)
     return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.regular_files import read_bytes
+
 # Chosen: a frame of 1200 x 680 and the tenth that frost's crop moves in (1320 x 748) fit without enlarging the ice.
 HEIGHT_PX, WIDTH_PX = 1024, 1536
 
@@ -45,7 +47,7 @@ def ice(number: int) -> NDArray[np.uint8]:
     import cv2
 
     item = PICTURES[number]
-    encoded = np.frombuffer(picture_file(item.name).read_bytes(), dtype=np.uint8)
+    encoded = np.frombuffer(read_bytes(picture_file(item.name)), dtype=np.uint8)
     grey = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
     levels = np.arange(256, dtype=np.float32)[:, None] / np.float32(255)
     shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import Kind, Picture, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.regular_files import read_bytes
 from ..core.schema import key
 from . import _ice
 from ._bands import by_bands
@@ -97,7 +98,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 def _packed(item: _ice.Ice) -> Picture:
     path = _ice.picture_file(item.name)
-    return Picture(f"Ice: {item.name}", hashlib.sha256(path.read_bytes()).hexdigest()[:16], lambda: path)
+    return Picture(f"Ice: {item.name}", hashlib.sha256(read_bytes(path)).hexdigest()[:16], lambda: path)
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:

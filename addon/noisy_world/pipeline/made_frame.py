@@ -14,6 +14,7 @@ from ..core.datasets.layouts import OutputFormat
 from ..core.errors import InputError
 from ..core.perturbing.execution import Notes, perturb_depth, perturb_rgb
 from ..core.planning.sequence import Sequence
+from ..core.regular_files import read_bytes
 from .clean_frame import Camera, CleanFrame
 
 
@@ -108,6 +109,6 @@ class MadeFrame:
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MissingDependencyError
-
-EXTRA = "noisy-world[embree]"
+from ..core.extras import install_command
 
 
 @dataclass(frozen=True)
@@ -64,5 +63,5 @@ def _embreex() -> tuple[Any, Any]:
         python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
         missing = isinstance(error, ModuleNotFoundError)
         problem = f"is missing in this {python}" if missing else f"cannot be imported: {error}"
-        remedy = f"run: pip install '{EXTRA}', or use render.engine: cycles"
+        remedy = f"run: {install_command('embree')}, or use render.engine: cycles"
         raise MissingDependencyError(f"render.engine is embree, but embreex {problem}; {remedy}") from error

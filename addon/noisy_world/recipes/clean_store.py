@@ -26,6 +26,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, PreparedSource
+from ..core.regular_files import read_array
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .inputs import different_input
@@ -34,7 +35,7 @@ CLEAN = "clean.json"
 PATH = "path.npy"
 KIND = "clean frames of Noisy World"
 FORMAT = 1  # version of the store; raised when its files change
-AGAIN = "run 'noisy-world clean' again: it makes what is missing or damaged"
+AGAIN = "run 'noisy-world render-clean' again: it makes what is missing or damaged"
 
 
 def image_name(modality: Modality, source: int) -> str:
@@ -102,7 +103,7 @@ def read_store(folder: Path) -> CleanStore:
         content = read_json(path)
     except FileNotFoundError as error:
         problem = "is no folder of clean frames" if folder.is_dir() else "no such folder"
-        raise InputError(folder, problem, remedy="'noisy-world clean RECIPE --out DIR' makes one") from error
+        raise InputError(folder, problem, remedy="'noisy-world render-clean RECIPE --out DIR' makes one") from error
     except ValueError as error:
         raise InputError(path, str(error), remedy=AGAIN) from error
     identity: Any = content.get("identity") if isinstance(content, dict) else None
@@ -117,7 +118,7 @@ def read_store(folder: Path) -> CleanStore:
 
 def _array(path: Path) -> NDArray[Any]:
     try:
-        return np.load(path, allow_pickle=False)
+        return read_array(path)
     except (OSError, ValueError, EOFError) as error:
         raise InputError(path, "is damaged or cannot be read", remedy=AGAIN) from error
 

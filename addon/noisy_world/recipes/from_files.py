@@ -19,6 +19,7 @@ from ..core.datasets.standing import MANIFEST, Standing, read_standing
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.regular_files import open_regular, read_bytes
 from .digests import series_of
 from .frame_numbers import FrameNumbers
 from .opened import Frame, Opened, OpenedSequence
@@ -133,7 +134,7 @@ class _Records:
         if not path.is_file():
             nothing = np.zeros(0, np.int64)
             return cls(path, FrameNumbers([range(count)]), np.arange(count), nothing)
-        data = path.read_bytes()
+        data = read_bytes(path)
         starts = [0, *(match.end() for match in re.finditer(rb"\n", data))]
         found = [(int(match[1]), start) for start in starts if (match := _RECORD.match(data, start))]
         frames = sorted(found)
@@ -150,7 +151,7 @@ class _Records:
         """Return the line of the frame at a place; {} where there is none. Raises InputError where it is damaged."""
         if not self._offsets.size:
             return {}
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             file.seek(self._offsets[place])
             line = file.readline()
         try:
@@ -228,6 +229,6 @@ def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Pat
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=AGAIN) from error

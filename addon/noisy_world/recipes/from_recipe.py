@@ -177,7 +177,7 @@ class OpenedRecipe(Opened):
         problem = f"{sequence.name} needs clean frames of {sequence.render.name}, which Blender renders"
         if self._store is not None:
             problem += f"; {where} lacks them"
-        command = f"noisy-world clean {self.place} --out {where} --scenes {scene} --settings {setting}"
+        command = f"noisy-world render-clean {self.place} --out {where} --scenes {scene} --settings {setting}"
         opening = "" if self._store is not None else ", and open(..., clean=DIR) takes them"
         return InputError(self.place, problem, remedy=f"'{command}' makes them{opening}")
 
@@ -239,7 +239,7 @@ class SequenceOfRecipe(OpenedSequence):
         """Raise InputError where colour is perturbed by Blender's compositor."""
         if self.sequence.setting.composited:
             problem = f"the colour of {self.name} is made by Blender's compositor, in Blender's own thread alone"
-            remedy = "'noisy-world materialise' makes its files; with render.backend: reference colour needs no Blender"
+            remedy = "'noisy-world remake' makes its files; with render.backend: reference colour needs no Blender"
             raise InputError(self._opened.place, problem, remedy=remedy)
 
     def _frame(self, index: int) -> "FrameOfRecipe":

@@ -10,6 +10,7 @@ from ..core.datasets.standing import MANIFEST, OVERVIEW, WORK_FOLDER, journal_fo
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.progress import Progress
+from ..core.regular_files import read_bytes
 from ..storage.address import address_of
 from ..storage.croissant import CROISSANT
 from ..storage.frame_table import TABLE
@@ -91,7 +92,7 @@ def _digests(folder: Path, texts: dict[str, str]) -> SequenceDigests:
     """Return the digests of a sequence. texts: SHA-256 by name of its text files, as the manifest has them."""
     path = folder / FRAMES
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=AGAIN) from error
     if sha256_of_bytes(data) != texts.get(FRAMES):

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError, MissingDependencyError
+from ..core.regular_files import read_text
 from ..core.scenes.gltf_file import read_gltf_header
 from ..core.scenes.imported import ImportedScene, read_imported
 from ..core.scenes.joining import joined
@@ -101,7 +102,7 @@ def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> Impor
     asked = _asked(order)
     said = folder / REFUSAL
     if asked.returncode == REFUSED and said.is_file():
-        raise InputError(path, _one_sentence(said.read_text(encoding="utf-8")))
+        raise InputError(path, _one_sentence(read_text(said)))
     scene = read_imported(folder)
     if asked.returncode == 0 and scene is not None:
         return scene

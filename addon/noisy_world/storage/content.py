@@ -19,6 +19,7 @@ from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, 
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
+from ..core.regular_files import read_bytes
 
 type ReadImage = Callable[[str, str], bytes]
 """Returns the content of an image of a sequence: by its name inside the sequence's folder, and its SHA-256."""
@@ -100,7 +101,7 @@ class Content:
         """Return a file. Raises StorageError where it is not as the manifest says."""
         path = self.folder / name
         try:
-            data = path.read_bytes()
+            data = read_bytes(path)
         except OSError as error:
             raise StorageError(f"{path}: cannot be read: {error.strerror}; generate makes such files again") from error
         if sha256_of_bytes(data) != sha256:

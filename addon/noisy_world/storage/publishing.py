@@ -8,6 +8,7 @@ from pathlib import Path
 from ..core.datasets.standing import RUN
 from ..core.errors import StorageError
 from ..core.progress import Progress
+from ..core.regular_files import read_bytes
 from .address import Address
 from .content import FolderImages, read_content
 from .packing import ELSEWHERE, claim, pack, remove_work, sealed_manifest
@@ -47,4 +48,4 @@ def publish(folder: Path, address: Address, progress: Progress, stop: threading.
 def _run_text(folder: Path) -> dict[str, bytes]:
     """Return what the run that made a dataset took, where the folder says it."""
     path = folder / RUN
-    return {RUN: path.read_bytes()} if path.is_file() else {}
+    return {RUN: read_bytes(path)} if path.is_file() else {}

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Iterator
 
 from ..core.errors import MissingDependencyError, StorageError
+from ..core.extras import install_command, pip_command
 
-EXTRA = "noisy-world[cloud]"
 IN_EXTRA = ("fsspec", "s3fs", "pyarrow")
 AGAIN = "the same command goes on from here"
 
@@ -81,5 +81,7 @@ def _meaning(error: BaseException) -> tuple[str, str]:
 
 def missing(address: str, package: str) -> MissingDependencyError:
     """Return the error that says which package reads and writes an address, and the command that installs it."""
-    wanted = EXTRA if package in IN_EXTRA else package
-    return MissingDependencyError(f"{address}: needs {package}, which is not installed: pip install '{wanted}'")
+    command = install_command("cloud") if package in IN_EXTRA else pip_command([package])
+    packed = "a packed dataset, in a folder too, " if address.startswith("file://") else ""
+    problem = f"{packed}needs {package}, which is not installed; run: {command}"
+    return MissingDependencyError(f"{address.removeprefix('file://')}: {problem}")

@@ -20,6 +20,7 @@ from ..core.datasets.standing import WORK_FOLDER
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.planning.shards import Shard
+from ..core.regular_files import read_bytes
 from .address import Address
 from .content import PackedFrame, ReadImage
 from .tar_stream import TarStream
@@ -57,7 +58,7 @@ def put_shard(address: Address, folder: Path, record: ShardRecord) -> StoredShar
         for name, _, digest in sorted(record.files()):
             if digest in spans:
                 continue
-            data = (folder / name).read_bytes()
+            data = read_bytes(folder / name)
             if sha256_of_bytes(data) != digest:
                 raise StorageError(f"{folder / name}: is not as it was written; make the shard again")
             spans[digest] = (tar.add(name, data), len(data))

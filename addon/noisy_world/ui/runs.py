@@ -64,7 +64,7 @@ def generator_script() -> Path:
 
 def tracker_script() -> Path:
     """Return the script that runs the embedded SLAM system on a dataset."""
-    return _script("track.py")
+    return _script("run_odometry.py")
 
 
 def _script(name: str) -> Path:

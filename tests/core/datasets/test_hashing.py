@@ -9,14 +9,14 @@ from noisy_world.core.datasets.hashing import BATCH, hashed_ahead
 
 
 def test_digests_come_in_order_and_linked_files_are_read_once(tmp_path, monkeypatch):
-    count, read, lock, real = 5 * BATCH + 3, [], threading.Lock(), hashing._read
+    count, read, lock, real = 5 * BATCH + 3, [], threading.Lock(), hashing.read_sha256
 
     def noted(path):
         with lock:
             read.append(path)
         return real(path)
 
-    monkeypatch.setattr(hashing, "_read", noted)
+    monkeypatch.setattr(hashing, "read_sha256", noted)
     wanted, paths = [], []
     for number in range(count):
         content = b"%d" % number * (number % 7)

@@ -3,6 +3,7 @@
 
 import itertools
 import json
+import re
 
 import numpy as np
 import pytest
@@ -221,3 +222,114 @@ def test_tum_as_the_benchmark_gives_it(tmp_path):
     assert "calibration of this Kinect" in found.assumed
     folder.rename(tmp_path / "desk")
     assert find_sequence(tmp_path / "desk").known_camera is None
+
+
+# --- images that are lost, and whose poses are whose ---
+
+RECORDERS = {"open3d": ("color", "scene/trajectory.log"), "redwood": ("colors", "office1-traj.txt")}
+
+
+def a_recording(folder, name, numbers, of_poses):
+    """Write 6 frames with images of these numbers; the .log has poses `of_poses`, counted from 1. Return all poses."""
+    c2w = poses(8, seed=21)
+    colour, log = RECORDERS[name]
+    for number in numbers:
+        image(folder / f"{colour}/{number:05d}.png", np.zeros((4, 6, 3), np.uint8))
+        image(folder / f"depth/{number:05d}.png", np.full((4, 6), 1500, np.uint16))
+    (folder / "scene").mkdir(exist_ok=True)
+    (folder / log).write_text("".join(f"{n} {n} {n + 1}\n{text_of(c2w[n])}" for n in of_poses))
+    if name == "open3d":
+        told = {"width": 6, "height": 4, "intrinsic_matrix": [5.0, 0, 0, 0, 5.0, 0, 2.5, 1.5, 1]}
+        (folder / "intrinsic.json").write_text(json.dumps(told))
+    return c2w
+
+
+def posed(folder):
+    """Return the number of each frame's image and its pose (N, 4, 4)."""
+    found = find_sequence(folder)
+    return [int(file.stem) for file in found.rgb_files], found.trajectory.c2w
+
+
+@pytest.mark.parametrize("name", sorted(RECORDERS))
+def test_an_image_that_is_lost_shifts_no_pose(name, tmp_path):
+    colour = RECORDERS[name][0]
+    c2w = a_recording(tmp_path, name, range(6), range(6))
+    for lost in (f"{colour}/00000.png", f"{colour}/00003.png", "depth/00005.png"):
+        (tmp_path / lost).unlink()
+        numbers, found = posed(tmp_path)
+        assert np.abs(found - c2w[numbers]).max() < 1e-9
+    assert numbers == [1, 2, 4]
+    assert "3 poses are left out: no frame has their number" in " ".join(find_sequence(tmp_path).notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "of_poses", "first"),
+    [
+        ("open3d", range(6), range(6), 0),
+        ("open3d", range(6), range(4), 0),  # tracking ended
+        ("open3d", range(4), range(6), 0),  # the last images are lost
+        ("open3d", range(6), (2, 3, 4, 5), 0),  # tracking began late
+        ("open3d", range(2, 6), range(6), 0),  # the first two frames are lost, colour and depth
+        ("open3d", range(7, 13), range(6), 7),  # a part of a longer recording, tracked by itself
+        ("open3d", (7, 8, 10, 11), range(4), (7, 8, 10, 11)),  # likewise, in which images were left out before
+        ("redwood", range(6), range(6), 0),
+        ("redwood", range(1, 7), range(6), 1),
+        ("redwood", range(1, 7), range(4), 1),
+        ("redwood", range(3, 7), range(6), 1),
+        ("redwood", range(2, 6), range(6), 0),
+        ("redwood", range(7, 13), range(6), 7),
+    ],
+)
+def test_numbers_and_counts_tell_whose_a_pose_is(name, numbers, of_poses, first, tmp_path):
+    c2w = a_recording(tmp_path, name, numbers, of_poses)
+    images = range(first, first + 8) if isinstance(first, int) else first
+    wanted = {images[place]: c2w[place] for place in of_poses if images[place] in numbers}
+    found_numbers, found = posed(tmp_path)
+    assert found_numbers == sorted(wanted)
+    assert np.abs(found - [wanted[number] for number in found_numbers]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "of_poses"),
+    [
+        ("open3d", range(1, 7), range(4)),  # which images are lost, before or after?
+        ("open3d", (0, 1, 3, 4, 5), range(5)),  # was it tracked without 2, or not to the end?
+        ("redwood", range(1, 6), range(6)),  # numbered from 0 without the first, or from 1 without the last
+        ("redwood", range(3, 5), range(6)),
+    ],
+)
+def test_poses_that_may_be_of_several_images_are_refused(name, numbers, of_poses, tmp_path):
+    a_recording(tmp_path, name, numbers, of_poses)
+    with pytest.raises(InputError, match="which pose is whose cannot be told; put the images back that are missing"):
+        find_sequence(tmp_path)
+    assert len(find_sequence(tmp_path, poses="none").rgb_files) == len(numbers)
+
+
+def test_a_log_that_counts_far_is_one_line(tmp_path):
+    a_recording(tmp_path, "open3d", range(3), range(3))
+    log = tmp_path / "scene/trajectory.log"
+    log.write_text(log.read_text().replace("2 2 3\n", f"2 2 {2**52}\n"))
+    assert posed(tmp_path)[0] == [0, 1]
+
+
+def test_redwood_images_named_by_time_and_a_lost_one(tmp_path):
+    c2w = poses()
+    for n in range(4):
+        image(tmp_path / f"rgb/{n + 1:07d}-{33_000 * n:012d}.png", np.zeros((4, 4, 3), np.uint8))
+        image(tmp_path / f"depth/{n + 1:07d}-{33_000 * n + 20:012d}.png", np.full((4, 4), 1500, np.uint16))
+    (tmp_path / "a.log").write_text("".join(f"{n} {n} {n + 1}\n{text_of(c2w[n])}" for n in range(4)))
+    (tmp_path / f"rgb/0000003-{66_000:012d}.png").unlink()
+    assert np.abs(find_sequence(tmp_path).trajectory.c2w - c2w[[0, 1, 3]]).max() < 1e-9
+    (tmp_path / f"rgb/0000001-{0:012d}.png").unlink()
+    assert np.abs(find_sequence(tmp_path).trajectory.c2w - c2w[[1, 3]]).max() < 1e-9
+
+
+@pytest.mark.parametrize(("name", "shifted"), [("scannet", "depth"), ("scannet", "pose"), ("seven_scenes", "pose")])
+def test_files_that_are_numbered_from_another_number_on_are_refused(name, shifted, tmp_path):
+    WRITERS[name](tmp_path)
+    files = tmp_path.glob(f"{shifted}/*") if name == "scannet" else tmp_path.glob(f"*.{shifted}.*")
+    for path in sorted(files, reverse=True):
+        digits = re.search("[0-9]+", path.name)[0]
+        path.rename(path.with_name(path.name.replace(digits, f"{int(digits) + 1:0{len(digits)}d}")))
+    with pytest.raises(InputError, match=r"colour images 0 to 3 and .* 1 to 4: which belong together cannot be told"):
+        find_sequence(tmp_path)

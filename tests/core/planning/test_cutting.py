@@ -83,7 +83,7 @@ def test_long_names_of_scenes_and_settings_make_folders_that_disks_hold():
 
 
 def test_a_shard_of_another_plan_is_one_line(plan):
-    with pytest.raises(InputError, match=r"has no render bix for the shard bix\.000000-000001; did you mean box\?"):
+    with pytest.raises(InputError, match=r"has no render bix for the shard bix\.000000-000001; did you mean 'box'\?"):
         render_of(plan, Shard("bix", 0, 1))
     with pytest.raises(InputError, match=r"has the source frames 0 to 22, and none of the shard box\.000023-000030"):
         render_of(plan, Shard("box", 23, 30))

@@ -3,7 +3,6 @@
 
 import itertools
 import tracemalloc
-from pathlib import Path
 
 import pytest
 from cases import cases
@@ -149,7 +148,7 @@ class TestErrors:
         def refuse_to_open(*_args, **_kwargs):
             raise PermissionError(13, "Permission denied")
 
-        monkeypatch.setattr(Path, "open", refuse_to_open)
+        monkeypatch.setattr("os.open", refuse_to_open)
         with pytest.raises(InputError, match="cannot be read: Permission denied"):
             read_ply(tmp_path / "secret.ply")
 

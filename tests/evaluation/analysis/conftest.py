@@ -3,5 +3,5 @@
 
 import pytest
 
-pytest.importorskip("scipy", reason="needs the extra evaluate: pip install 'noisy-world[evaluate]'")
-pytest.importorskip("pandas", reason="needs the extra evaluate: pip install 'noisy-world[evaluate]'")
+pytest.importorskip("scipy", reason="needs the extra evaluate: pip install '.[evaluate]'")
+pytest.importorskip("pandas", reason="needs the extra evaluate: pip install '.[evaluate]'")

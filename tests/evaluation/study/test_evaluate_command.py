@@ -3,9 +3,12 @@
 
 import json
 import shutil
+import sys
 
 import pytest
 from study_tools import FRAMES, SETTINGS, evaluate, rows_of, small_world, told, write_systems
+
+from noisy_world.core import extras
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")
@@ -63,6 +66,25 @@ def test_what_stays_of_a_sequence(done):
     assert list((folder / "thumbs").glob("*.jpg"))
     assert not (done / "results/.noisy_world").exists()
     assert not (done / "results/kept").exists()
+
+
+def test_what_is_missing_is_said_before_anything_is_done(tmp_path, monkeypatch, capfd):
+    preset = small_world(tmp_path / "world", settings=SETTINGS[:1])
+    command = (preset, "--systems", write_systems(tmp_path / "systems", "fine"), "--out", tmp_path / "results")
+    for dry in ([], ["--dry-run"]):
+        with monkeypatch.context() as patched:
+            patched.setitem(sys.modules, "embreex.rtcore_scene", None)  # importing it raises ImportError
+            assert evaluate(*command, *dry) == 1
+        assert "run: " + extras.install_command("embree") in capfd.readouterr().err
+        with monkeypatch.context() as patched:
+            patched.setattr(extras, "missing_packages", {"pandas"}.intersection)
+            assert evaluate(*command, *dry, report=True) == 1
+        said = capfd.readouterr()
+        assert said.err.startswith("noisy-world evaluate: pandas: missing in this Python")
+        assert said.err.endswith(f"; run: {extras.install_command('evaluate')}\n")
+        assert ("missing    1 of 1 runs" in said.out) == bool(dry)
+    assert evaluate(*command, "--dry-run", report=True) == 0
+    assert not (tmp_path / "results").exists()
 
 
 def test_it_ends_with_a_report(done):

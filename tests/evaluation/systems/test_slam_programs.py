@@ -1,10 +1,12 @@
-"""ORB-SLAM3 and Open3D where `make slam-env` has been run; what of their programs needs neither, everywhere."""
+"""ORB-SLAM3 and Open3D where `make slam-env` has been run; the plain tracker, and what needs neither, everywhere."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 from types import ModuleType
 
+import box_room
 import cv2
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from noisy_world.evaluation.systems.estimate_file import read_estimate_file
 from noisy_world.evaluation.systems.registry import find_system
 from noisy_world.evaluation.systems.running import run_system
 
+EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 FRAMES, STEP_M, DEPTH_M, FOCAL_PX = 40, 0.01, 2.0, 300.0
 
 
@@ -98,6 +101,45 @@ def wall(tmp_path_factory):
     camera = {"w": 320, "h": 240, "fx": FOCAL_PX, "fy": FOCAL_PX, "cx": 159.5, "cy": 119.5, "scale": 5000.0}
     (folder / "cam_params.json").write_text(json.dumps({"camera": camera}))
     return folder
+
+
+def test_the_plain_tracker_is_the_tutorial_s(wall, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    import odometry
+
+    folder = tmp_path / "with a void frame"
+    shutil.copytree(wall, folder)
+    void = 20
+    cv2.imwrite(str(folder / f"depth/{void:06d}.png"), np.zeros((240, 320), np.uint16))
+    record = run_system(find_system("plain_odometry"), folder, tmp_path / "run")
+    assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
+    assert set(record.versions) == {"numpy", "opencv", "python"}
+    estimate = read_estimate_file(tmp_path / "run" / "estimate.txt")
+
+    names = [
+        [line.split()[1] for line in (folder / f"{name}.txt").read_text().splitlines()] for name in ("rgb", "depth")
+    ]
+    pairs = [f"{k / 20:.6f} {rgb} {k / 20:.6f} {depth}\n" for k, (rgb, depth) in enumerate(zip(*names, strict=True))]
+    (folder / "associations.txt").write_text("".join(pairs))
+    tracked_m, _, lost = odometry.track(folder, FOCAL_PX, FOCAL_PX, 159.5, 119.5)
+
+    frames = np.delete(np.arange(FRAMES), [void, void + 1])  # it can be aligned with neither of its neighbours
+    assert lost == 2
+    assert np.allclose(estimate.stamps_s, frames / 20)
+    assert np.allclose(estimate.c2w[:, :3, 3], tracked_m[frames], rtol=0, atol=1e-12)
+    states = [line.split(",")[2] for line in (tmp_path / "run" / "frames.csv").read_text().splitlines()[1:]]
+    assert [k for k, state in enumerate(states) if state == "lost"] == [void, void + 1]
+
+
+def test_the_plain_tracker_follows_a_path_through_a_room(programs, tmp_path):
+    import plain_odometry
+
+    truth = box_room.path(20, turn_deg=25.0)
+    poses = plain_odometry.track(json.loads(box_room.write(tmp_path, truth).read_text()))
+    assert sorted(poses) == list(range(len(truth)))
+    found_m, true_m = (np.array([pose[:3, 3] for pose in path]) for path in (poses.values(), truth))
+    assert 0.0 < box_room.ate_rmse_m(found_m, true_m) < 0.01
+    assert np.allclose(poses[19], np.linalg.inv(truth[0]) @ truth[19], atol=0.03)  # camera-to-world, OpenCV's axes
 
 
 def run_here(name, sequence, out):

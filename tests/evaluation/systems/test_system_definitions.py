@@ -87,7 +87,7 @@ def test_the_digest_is_of_what_counts(tmp_path):
 
 
 def test_the_shipped_systems_are_named_like_their_files():
-    assert {"orb_slam3", "orb_slam3_mono", "rgbd_odometry"} <= set(shipped_names())
+    assert {"orb_slam3", "orb_slam3_mono", "plain_odometry", "rgbd_odometry"} <= set(shipped_names())
     for name in shipped_names():
         system = find_system(name)
         assert system.name == name

@@ -69,8 +69,8 @@ def test_neither_the_index_nor_the_sequence_tells_a_true_pose(tmp_path, recordin
     assert index["frames"][1] == {
         "index": 1,
         "stamp_s": 0.05,
-        "colour": str(recording / "rgb/000001.png"),
-        "depth": str(recording / "depth/000001.png"),
+        "colour": str(tmp_path / "out/.work/given/images/rgb/000001.png"),
+        "depth": str(tmp_path / "out/.work/given/images/depth/000001.png"),
         "depth_stamp_s": 0.05,
     }
     assert len(files) == 17  # five frames of two, two folders, four lists and the folder itself

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from ...core.regular_files import read_bytes
 from ...core.scenes.imported import ImportedImage
 
 _READ_BY_US = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
@@ -57,7 +58,7 @@ class ImageFiles:
             return bytes(image.packed_file.data)
         path = Path(bpy.path.abspath(image.filepath))
         try:
-            data = path.read_bytes()
+            data = read_bytes(path)
         except OSError as error:
             raise MissingImageError(image.filepath or image.name) from error
         self._read.add(str(path))

@@ -170,9 +170,8 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     """
     before, now = there["path"], here["path"]
     where = scene.place.path
-    if before["frames"] == now["frames"] and before.get(BETWEEN, now.get(BETWEEN)) != now.get(
-        BETWEEN, before.get(BETWEEN)
-    ):
+    between = {item[BETWEEN] for item in (before, now) if BETWEEN in item}
+    if before["frames"] == now["frames"] and len(between) > 1:
         return f"{where}: its path goes another way between the poses than the dataset's; {ANOTHER_NAME}"
     if {**before, BETWEEN: None} == {**now, BETWEEN: None}:
         return None

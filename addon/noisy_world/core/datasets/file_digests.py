@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from ..errors import InputError
+from ..regular_files import read_text
 from .json_text import parse_given_json
 from .records import FRAMES
 
@@ -22,7 +23,7 @@ def read_digests(folder: Path) -> dict[str, str]:
     if not os.path.lexists(path):
         return {}
     try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
+        lines = read_text(path, encoding="utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
     found: dict[str, str] = {}

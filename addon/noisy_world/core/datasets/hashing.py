@@ -9,8 +9,10 @@ from collections.abc import Generator, Iterable
 from concurrent.futures import Future
 from contextlib import closing
 from itertools import batched
+from pathlib import Path
 
 from ..machine import available_threads
+from ..regular_files import open_regular
 from ..working_ahead import done_ahead
 
 BATCH = 32  # files that a thread takes at once: handing over a file by itself costs as much as hashing 50 kB of it
@@ -50,7 +52,7 @@ class _Known:
             found = os.lstat(path)
             if not stat.S_ISREG(found.st_mode):
                 return None
-            return _read(path) if found.st_nlink == 1 else self._of_linked((found.st_dev, found.st_ino), path)
+            return read_sha256(path) if found.st_nlink == 1 else self._of_linked((found.st_dev, found.st_ino), path)
         except OSError:
             return None
 
@@ -62,16 +64,16 @@ class _Known:
         if there is not mine:
             return there.result()
         try:
-            mine.set_result(_read(path))
+            mine.set_result(read_sha256(path))
         except OSError as error:
             mine.set_exception(error)
         return mine.result()
 
 
-def _read(path: str) -> str:
+def read_sha256(path: str | Path) -> str:
     """Return the SHA-256 of a file. Raises OSError."""
     digest = hashlib.sha256()
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path costs as much as the call
+    with open_regular(path, buffering=0) as file:
         while data := file.read(CHUNK_BYTES):
             digest.update(data)
     return digest.hexdigest()

@@ -5,13 +5,12 @@ Decoders fill in what is lost, and take a length or a size that is wrong at its 
 """
 
 import io
-import os
-import stat
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from ..errors import InputError
+from ..regular_files import NotRegularError, TooLargeError, open_regular
 from . import jpeg_files, png_files
 from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError
 from .storage import sha256_of_bytes
@@ -113,13 +112,11 @@ _CHANGED = "copy it again; if it was changed on purpose, take the keys sha256 ou
 
 
 def _opened(path: Path, buffering: int = _HEADER_BYTES) -> BinaryIO:
-    """Open a file. Raises OSError for what is none: a pipe would be waited for."""
-    found = os.stat(path)  # noqa: PTH116 - thousands are opened, and a Path costs as much as the call
-    if not stat.S_ISREG(found.st_mode):
-        raise OSError("no file")
-    if found.st_size > LARGEST_FILE_BYTES:
-        raise InputError(path, f"has {found.st_size} bytes; images of at most {LARGEST_FILE_BYTES} are read")
-    return open(path, "rb", buffering=buffering)  # noqa: PTH123
+    """Open a file. Raises OSError where there is none, and InputError for a pipe, a device and a file too large."""
+    try:
+        return open_regular(path, largest_bytes=LARGEST_FILE_BYTES, buffering=buffering)
+    except (NotRegularError, TooLargeError) as error:
+        raise InputError(path, str(error)) from None
 
 
 def _kind(start: bytes) -> str | None:

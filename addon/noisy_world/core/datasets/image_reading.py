@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .image_files import read_whole
+from ..regular_files import read_bytes
+from .image_files import LARGEST_FILE_BYTES, read_whole
 from .image_header import DamagedImageError, ImageHeader, UnfitImageError
 from .images import UINT16_MAX
 
@@ -51,6 +52,17 @@ def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) 
         return np.asarray(_decoded(data, _unchanged(), header, np.uint16), np.uint16)
     except UnfitImageError as error:
         raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
+    """Return the pixels of a file that this program wrote, as OpenCV decodes them; None where it is no image.
+
+    mode: one of cv2.IMREAD_*. Raises OSError where the file cannot be read.
+    """
+    import cv2
+
+    data = read_bytes(path, largest_bytes=LARGEST_FILE_BYTES)
+    return cv2.imdecode(np.frombuffer(data, np.uint8), mode) if data else None
 
 
 # --- what headers say ---

@@ -9,6 +9,7 @@ from itertools import batched
 from pathlib import Path
 from typing import Any
 
+from ..regular_files import read_bytes, read_text
 from .json_text import parse_json
 from .records import FrameRecord
 from .storage import storage_errors
@@ -50,7 +51,7 @@ class Journal:
 def _cut_torn_line(path: Path) -> None:
     """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
     with contextlib.suppress(FileNotFoundError):
-        data = path.read_bytes()
+        data = read_bytes(path)
         if data and not data.endswith(b"\n"):
             with path.open("r+b") as file:
                 file.truncate(data.rfind(b"\n") + 1)
@@ -68,7 +69,7 @@ def append_line(path: Path, text: str) -> None:
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
     """Yield the mappings in a file of JSON lines, without torn lines; none where there is no such file."""
     with contextlib.suppress(FileNotFoundError):
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+        for line in read_text(path, errors="replace").splitlines():
             with contextlib.suppress(ValueError):
                 if isinstance(value := parse_json(line), dict):
                     yield value

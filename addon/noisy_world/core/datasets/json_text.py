@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from ..regular_files import read_bytes
 
 DEEPEST = 60  # levels of nesting; what is written here has about ten
 
@@ -23,7 +24,7 @@ def read_json(path: Path) -> Any:
     if not path.is_file() and os.path.lexists(path):
         raise ValueError("is a link that leads nowhere" if path.is_symlink() else "is not a file")
     try:
-        value = parse_json(path.read_bytes().decode())
+        value = parse_json(read_bytes(path).decode())
         json.dumps(value, ensure_ascii=False).encode()  # half a surrogate pair could not be written again
     except FileNotFoundError:
         raise

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..regular_files import read_bytes
+from .image_reading import read_pixels
 from .layouts import OutputFormat
 from .layouts.layout import StampsLike
 
@@ -95,7 +97,7 @@ def _scene(folder: str) -> str:
 
 
 def _same_bytes(path: Path, other: Path) -> bool:
-    return other.exists() and (path.samefile(other) or path.read_bytes() == other.read_bytes())
+    return other.exists() and (path.samefile(other) or read_bytes(path) == read_bytes(other))
 
 
 def _spread(numbers: Sequence[int]) -> list[int]:
@@ -106,7 +108,7 @@ def _spread(numbers: Sequence[int]) -> list[int]:
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
     import cv2
 
-    rgb = np.asarray(cv2.imread(str(path), cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+    rgb = np.asarray(read_pixels(path, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
     tile = cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
     return np.asarray(tile, np.uint8)
 
@@ -114,7 +116,7 @@ def _read_rgb(path: Path) -> NDArray[np.uint8]:
 def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:
     import cv2
 
-    steps = np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), np.uint16)
+    steps = np.asarray(read_pixels(path, cv2.IMREAD_UNCHANGED), np.uint16)
     # Nearest pixel: averaging would make depths between two surfaces, where there is nothing.
     tile = cv2.resize(steps, _tile_size(steps.shape), interpolation=cv2.INTER_NEAREST)
     return np.divide(tile, output.depth_scale_per_m, dtype=np.float64)

@@ -26,6 +26,7 @@ from ..planning.plan import Plan
 from ..planning.source import Scene
 from ..presets.preset import canonical
 from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, RECORDING_KEYS, SceneSpec
+from ..regular_files import read_text
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -51,7 +52,7 @@ def package_version() -> str:
     for folder in (package, *package.parents[:2]):
         manifest = folder / "blender_manifest.toml"
         if manifest.is_file():
-            found = re.search(r'^version\s*=\s*"([^"]+)"', manifest.read_text(encoding="utf-8"), re.MULTILINE)
+            found = re.search(r'^version\s*=\s*"([^"]+)"', read_text(manifest), re.MULTILINE)
             if found:
                 return found[1]
     raise RuntimeError(f"no blender_manifest.toml with a version at {package} or above")

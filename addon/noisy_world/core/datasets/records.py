@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..regular_files import open_text
 from .depth_range import OutOfRange
 from .json_text import finite_number, parse_json
 
@@ -75,7 +76,7 @@ def read_records(path: Path) -> Iterator[FrameRecord]:
     """
     if not path.is_file():
         return
-    with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
+    with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
         for line in file:
             if record := read_record(line):
                 yield record

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import BusyError, StorageError
+from ..regular_files import read_bytes
+from .hashing import read_sha256
 
 _UNFINISHED = itertools.count()
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -59,7 +61,7 @@ def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
         except OSError as error:
             if error.errno in FULL:
                 raise
-            write_atomic(target, source.read_bytes(), scratch)
+            write_atomic(target, read_bytes(source), scratch)
             return
         unfinished.replace(target)
         # Renaming one name of a file to another name of the same file does nothing, so both would stay.
@@ -94,7 +96,7 @@ class Mover:
         if number in self._copied:
             link_or_copy(self._copied[number], target, self._scratch)
             return
-        write_atomic(target, source.read_bytes(), self._scratch)
+        write_atomic(target, read_bytes(source), self._scratch)
         if found.st_nlink > 1:
             self._copied[number] = target
 
@@ -139,8 +141,7 @@ def sha256_of_bytes(data: bytes) -> str:
 def sha256_of_file(path: Path) -> str | None:
     """Return the SHA-256 of a file, in hexadecimal; None where there is no such file."""
     try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+        return read_sha256(path)
     except FileNotFoundError:
         return None
 

@@ -13,7 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import regular_files
 from ..errors import InputError
+from ..extras import install_command
 from ..geometry import Intrinsics
 from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
@@ -212,7 +214,7 @@ def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
     if header.channels == 4:
         yield "are CMYK: OpenCV converts them to RGB"
     if header.kind == "jpg" and not known and strict_decoder() is None:
-        yield "are JPEG: damage inside them is filled in, unless pip install 'noisy-world[strict]' has it refused"
+        yield f"are JPEG: damage inside them is filled in, unless {install_command('strict')} has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:
@@ -267,7 +269,7 @@ def check_files(listing: Path, files: tuple[Path, ...]) -> None:
 def read_text(path: Path) -> str:
     """Return the text of a file. Raises InputError where it cannot be read."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return regular_files.read_text(path, encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..machine import available_threads
+from ..regular_files import open_text
 from .records import FRAMES, FrameRecord, read_record
 from .standing import JOURNALS
 from .storage import sha256_of_regular_file
@@ -161,7 +162,7 @@ def _lines(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield the frame and the files of each record of a file, without torn lines; none where there is no such file."""
     if not path.is_file():
         return
-    with contextlib.suppress(OSError), path.open(encoding="utf-8", errors="replace") as file:
+    with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
         for line in file:
             if (found := _LINE.match(line)) and line.endswith("}\n"):
                 yield int(found[1]), dict(_FILE.findall(found[2]))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, StorageError
+from ..regular_files import check_regular
 
 SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
 _UNCERTAIN = 0.01  # chosen: a count that follows from length and rate is off by as much where the rate varies
@@ -137,8 +138,11 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float)
 def _opened(path: Path) -> Any:
     import cv2
 
-    if not path.is_file():
-        raise InputError(path, "no such video")
+    try:
+        check_regular(path)  # OpenCV opens it by its name
+    except OSError as error:
+        problem = "no such video" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
+        raise InputError(path, problem) from error
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise InputError(

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shards: the pieces of a plan that are made apart, in other processes or on other machines, and then merged."""
 
-import difflib
 import hashlib
 import heapq
 import re
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..near import did_you_mean
 from .estimate import frame_seconds
 from .plan import Plan, Render
 
@@ -64,8 +64,7 @@ def render_of(plan: Plan, shard: Shard) -> Render:
     """Return the render of a shard. Raises InputError where the plan has none of its source frames."""
     renders = {render.name: render for render in plan.renders}
     if shard.render not in renders:
-        near = difflib.get_close_matches(shard.render, renders, n=1)
-        remedy = f"did you mean {near[0]}?" if near else f"there are {', '.join(list(renders)[:8])}"
+        remedy = did_you_mean(shard.render, renders) or f"there are {', '.join(list(renders)[:8])}"
         raise InputError(plan.preset.path, f"has no render {shard.render} for the shard {shard.name}", remedy=remedy)
     frames = renders[shard.render].frames
     if not shard.frames_of(frames):

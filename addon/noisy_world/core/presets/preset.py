@@ -11,6 +11,7 @@ from typing import Any, Literal
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..home import path_in
+from ..regular_files import open_regular
 from ..schema import Place, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .including import included
@@ -76,7 +77,7 @@ class RenderSpec:
 
     engine: EngineName = key(
         "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
-        "ray a pixel without Blender, and needs noisy-world[embree]",
+        "ray a pixel without Blender, and needs the extra embree",
         default="cycles",
     )
     backend: Literal["compositor", "reference"] = key(
@@ -206,7 +207,7 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             content = file.read(LARGEST_BYTES + 1)
     except FileNotFoundError as error:
         near = ", ".join(sorted(item.name for item in path.parent.glob("*.yaml"))) if path.parent.is_dir() else ""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..regular_files import open_regular, read_bytes
 from .ply_file import DAMAGED
 
 _HEADER, _CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
@@ -69,7 +70,7 @@ def read_gltf_header(path: Path) -> GltfHeader:
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        data = path.read_bytes() if path.suffix.lower() != ".glb" else _json_of_glb(path)
+        data = read_bytes(path) if path.suffix.lower() != ".glb" else _json_of_glb(path)
         if data.startswith(b"glTF"):
             data = _json_of_glb(path)
     except OSError as error:
@@ -85,7 +86,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 def _json_of_glb(path: Path) -> bytes:
     """Return the JSON of a GLB file; of a file that is none, all of it."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(_HEADER.size)
         if not start.startswith(b"glTF"):
             return start + file.read()
@@ -156,14 +157,19 @@ def _buffer(path: Path, document: dict[str, Any], number: Any) -> NDArray[np.uin
         return None
     uri = _dict(buffers[number]).get("uri")
     if isinstance(uri, str) and not uri.startswith("data:"):
-        return np.memmap(path.parent / unquote(uri), np.uint8, "r")
+        return _mapped(path.parent / unquote(uri))
     if uri is not None:
         return None
-    data = np.memmap(path, np.uint8, "r")
+    data = _mapped(path)
     if bytes(data[:4]) != b"glTF":
         return None
     (length,) = struct.unpack_from("<I", data, _HEADER.size)
     return data[_HEADER.size + _CHUNK.size + length + _CHUNK.size :]
+
+
+def _mapped(path: Path) -> NDArray[np.uint8]:
+    with open_regular(path) as file:
+        return np.memmap(file, np.uint8, "r")
 
 
 def _dict(value: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..regular_files import read_array, read_text
 from .turning import Up
 
 type Wrap = Literal["repeat", "clamp", "mirror", "black"]
@@ -121,7 +122,7 @@ def read_imported(folder: Path) -> ImportedScene | None:
     file = folder / _SCENE
     if not file.is_file():
         return None
-    listed = json.loads(file.read_text(encoding="utf-8"))
+    listed = json.loads(read_text(file))
     return ImportedScene(
         tuple(_read_part(folder, number) for number in range(listed["parts"])),
         tuple(_surface(item) for item in listed["surfaces"]),
@@ -134,9 +135,9 @@ def read_imported(folder: Path) -> ImportedScene | None:
 
 def _read_part(folder: Path, number: int) -> ImportedPart:
     def array(name: str) -> NDArray[np.float32]:
-        return np.load(folder / f"part{number}_{name}.npy", allow_pickle=False)
+        return read_array(folder / f"part{number}_{name}.npy")
 
-    names: list[str] = json.loads((folder / f"part{number}.json").read_text(encoding="utf-8"))
+    names: list[str] = json.loads(read_text(folder / f"part{number}.json"))
     layers = {name: array(f"layer{place}") for place, name in enumerate(names)}
     return ImportedPart(
         array("vertices_m"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..regular_files import open_regular, read_bytes
 from .gltf_file import read_gltf_header
 from .mesh_formats import FORMAT_BYTES, MeshFormat, format_of, not_a_mesh
 from .obj_file import check_obj, files_of_obj
@@ -25,7 +26,7 @@ def imported_format(path: Path) -> MeshFormat | None:
     Raises InputError where the file cannot be read, or is no mesh that can.
     """
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(FORMAT_BYTES)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
@@ -54,7 +55,7 @@ def files_beside(path: Path) -> list[Path]:
 
 def _check_stl(path: Path) -> None:
     size = path.stat().st_size
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(FORMAT_BYTES)
     if start.lstrip().startswith(b"solid") and b"facet" in start:
         return
@@ -64,7 +65,8 @@ def _check_stl(path: Path) -> None:
     if size < 84 + 50 * facets:
         problem = f"cut short: {size} bytes, but {facets} facets take {84 + 50 * facets}"
         raise InputError(path, problem, remedy=DAMAGED)
-    corners = np.memmap(path, _FACET, "r", 84, (facets,))["corners"]
+    with open_regular(path) as file:
+        corners = np.memmap(file, _FACET, "r", 84, (facets,))["corners"]
     if not np.isfinite(corners).all():  # Blender takes zero for it
         raise InputError(path, "a coordinate is NaN or infinite", remedy=DAMAGED)
 
@@ -76,7 +78,7 @@ def _check_size(path: Path) -> None:
 
 def _files_of_fbx(path: Path) -> list[Path]:
     """Return the files that an FBX file names, where they are found beside it or as it names them."""
-    data, found = path.read_bytes(), {}
+    data, found = read_bytes(path, largest_bytes=None), {}
     for match in _NAME_IN_FBX.finditer(data):
         name = match[2]
         if match[1] is not None:

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 from ..errors import InputError
+from ..regular_files import read_bytes
 from .ply_file import DAMAGED
 
 _ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}  # of options before a texture's name; all others have one
@@ -42,7 +43,7 @@ def files_of_obj(path: Path) -> list[Path]:
 
 def _bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path, largest_bytes=None)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..regular_files import open_regular
 from .mesh_formats import FORMAT_BYTES, not_a_ply
 
 type _Int64s = NDArray[np.int64]
@@ -124,7 +125,7 @@ class Rows:
 def read_header(path: Path) -> Header:
     """Read the header only; raise InputError where the file is missing, not a PLY, or its header is damaged."""
     try:
-        with Path(path).open("rb") as file:
+        with open_regular(path) as file:
             return _parse_header(path, file)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
@@ -136,7 +137,7 @@ def read_elements(path: Path, header: Header) -> tuple[dict[str, Rows], list[str
     Raises InputError where the file is cut short or damaged.
     """
     try:
-        with Path(path).open("rb") as file:
+        with open_regular(path) as file:
             file.seek(header.data_at)
             data = file.read()
     except OSError as error:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..regular_files import read_bytes
 
 _LARGEST_PX = 32768  # a side: more is beyond any renderer's textures, and OpenCV refuses not much more
 
@@ -51,7 +52,7 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
     import cv2
 
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
     if _is_cut_short(data):

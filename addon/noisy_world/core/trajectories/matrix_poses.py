@@ -151,7 +151,7 @@ def _found_poses(format_name: str, blocks: PoseRows, numbers: Float64) -> FilePo
         notes = (f"{lost} and are left out, first {file.name} {where}; the others keep their times",)
     poses = rigid_poses(blocks.keep(found))
     assert format_name in ("matrices", "log")
-    return FilePoses(format_name, poses, numbers=numbers[found], notes=notes)
+    return FilePoses(format_name, poses, numbers=numbers[found], notes=notes, listed=numbers)
 
 
 def rigid_poses(rows: PoseRows) -> Float64:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, NotFiniteError
+from ..regular_files import read_bytes
 from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
 from .trajectory import Axes
@@ -37,7 +38,8 @@ class FilePoses:
 
     poses: (N, 4, 4) float64, rigid. stamps_s: (N,) seconds; None where the file has none. numbers: (N,) those of the
     frames, increasing, from which stamps follow with a rate. axes: those of the file's format. camera: the intrinsics
-    that the file states. notes: what a user should know, one sentence each.
+    that the file states. notes: what a user should know, one sentence each. listed: (M,) the numbers of
+    all frames that a file of matrices has a pose of, with those whose poses are not finite and so not here.
     """
 
     format: TrajectoryFormat
@@ -47,6 +49,7 @@ class FilePoses:
     axes: Axes = "opencv"
     camera: StatedCamera | None = None
     notes: tuple[str, ...] = ()
+    listed: Float64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +137,7 @@ class TextRows:
 def read_text(path: Path) -> str:
     """Return the content of a text file. Raises InputError where it cannot be read or is no UTF-8."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except FileNotFoundError:
         raise InputError(path, "does not exist") from None
     except OSError as error:

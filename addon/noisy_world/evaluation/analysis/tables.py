@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All analyses at once: from the tables of runs and of sequences to named tables with captions."""
 
-import importlib.util
 from typing import TYPE_CHECKING
 
-from ...core.errors import MissingDependencyError
+from ...core.extras import need
 from .correlation import indicator_correlations, perturbation_correlations, system_correlations
 from .groups import curve_table, grouped_table
 from .prediction import prediction_tables
@@ -48,7 +47,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     The same tables give the same results, whatever their rows' order. Cells without a value are NaN; a table that
     nothing can be said in has columns and no rows. Raises MissingDependencyError without the extra evaluate.
     """
-    _check_libraries()
+    need(["scipy", "pandas"], "evaluate")
     table, about = tidy_runs(runs), tidy_sequences(sequences)
     headline, measures = headline_of(table), measures_of(table)
     folds, coefficients, predicted = prediction_tables(table, about)
@@ -71,9 +70,3 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
         **sequences_tables(about),
     }
     return {name: found[name] for name in CAPTIONS}
-
-
-def _check_libraries() -> None:
-    missing = [name for name in ("scipy", "pandas") if importlib.util.find_spec(name) is None]
-    if missing:
-        raise MissingDependencyError(f"{' and '.join(missing)}: not installed; pip install 'noisy-world[evaluate]'")

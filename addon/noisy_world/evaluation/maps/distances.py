@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import MissingDependencyError
+from ...core.extras import need
 from ...core.machine import available_threads
 from .samples import Points
 
@@ -16,11 +16,9 @@ _AT_ONCE = 100_000  # points
 
 def tree_of(points_m: Points) -> Any:
     """Return scipy's k-d tree of points (N, 3). Raises MissingDependencyError where scipy is missing."""
-    try:
-        from scipy.spatial import KDTree
-    except ModuleNotFoundError as error:
-        problem = "scipy is missing, which measures maps; run: pip install 'noisy-world[evaluate]'"
-        raise MissingDependencyError(problem) from error
+    need(["scipy"], "evaluate", for_what="measuring maps")
+    from scipy.spatial import KDTree
+
     return KDTree(points_m)
 
 

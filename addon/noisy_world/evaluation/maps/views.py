@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the true cameras see: of the true mesh, of a recording, and of a map that is held against them."""
 
-import importlib.util
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.datasets.images import rgb_bytes
-from ...core.errors import MissingDependencyError
+from ...core.extras import need
 from ...core.geometry import Intrinsics
 from ...core.planning.source import RenderOptions
 from ...core.scenes.mesh import Mesh
@@ -73,9 +72,7 @@ class RenderedViews:
         """Copy the mesh. Raises MissingDependencyError where embreex cannot be imported."""
         from ...rays.session import RaySession
 
-        if importlib.util.find_spec("embreex") is None:
-            problem = "embreex is missing, which shows what of a map is seen"
-            raise MissingDependencyError(f"{problem}; run: pip install 'noisy-world[evaluate]'")
+        need(["embreex"], "evaluate", for_what="rendering maps")
         self.camera = camera
         self.c2w = np.asarray(c2w, dtype=np.float64)
         self.coloured = mesh.rgb is not None or mesh.corner_rgb is not None or mesh.texture is not None

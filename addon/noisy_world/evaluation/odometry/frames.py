@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...core.datasets.images import GREY_WEIGHTS_PER_MILLE
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
+from ...core.regular_files import read_bytes, read_text
 from ...core.schema import Place, key, parse
 
 type Grey = NDArray[np.uint8]
@@ -59,7 +60,7 @@ class FrameIndex:
 def read_index(path: Path) -> FrameIndex:
     """Read the JSON index. Raises InputError, with file and key, for what it cannot be; at least a frame is needed."""
     try:
-        value = json.loads(path.read_text(encoding="utf-8"))
+        value = json.loads(read_text(path))
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     except ValueError as error:
@@ -113,7 +114,7 @@ def _read(path: Path, flag: int) -> NDArray:
     import cv2
 
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     image = cv2.imdecode(np.frombuffer(data, np.uint8), flag) if data else None

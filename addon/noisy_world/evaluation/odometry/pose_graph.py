@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import MissingDependencyError
+from ...core.extras import need
 from ...core.geometry import invert_pose, rotation_angle_rad
 from ...core.requirements import missing_packages
 from .story import Edge
@@ -28,8 +28,7 @@ def can_optimise() -> bool:
 
 def optimised(c2w: Sequence[Float64], edges: Sequence[Edge], loops: Sequence[Edge]) -> list[Float64]:
     """Return the keyframes' c2w, the first as it was. Raises MissingDependencyError without gtsam."""
-    if not can_optimise():
-        raise MissingDependencyError("loops are closed by gtsam; install it with pip install 'noisy-world[evaluate]'")
+    need(["gtsam"], "evaluate", for_what="closing loops")
     import gtsam
 
     plain = gtsam.noiseModel.Isotropic.Sigma(6, EDGE_SIGMA * UNIT)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.extras import install_command
 from ...core.progress import Progress
 from .agreement import Agreement
 from .alignment import Aligner
@@ -20,7 +21,7 @@ from .tracking import State, Tracker, believed
 
 WIDEST_PX = 640  # wider images are made smaller: chosen for time, as accuracy does not gain
 SEED = 1  # of OpenCV's own random numbers
-NO_LOOPS = "loops are not closed, as gtsam is missing, a Python package of the extra noisy-world[evaluate]"
+NO_LOOPS = "loops are not closed, as gtsam is missing, a Python package of the extra evaluate"
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def run(
             return story.result(stopped=not ended)
         if not can_optimise():
             if progress:
-                progress.note(NO_LOOPS)
+                progress.note(f"{NO_LOOPS}; run: {install_command('evaluate')}")
             return story.result()
         c2w = story.chained()
         loops = find_loops(places, c2w, _usual(story), stopped=stopped)

@@ -4,11 +4,9 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...core.errors import MissingDependencyError
-from ...core.requirements import missing_packages, missing_sentence
+from ...core.extras import need
 
 NEEDED = ("pandas", "jinja2", "matplotlib", "tabulate", "scipy")
-REMEDY = "install them with: pip install 'noisy-world[evaluate]'"
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,7 @@ def write_report(results: Path) -> Written:
     Equal folders give equal bytes. Raises InputError where the folder holds no results or a damaged file, StorageError
     where it cannot be written, and MissingDependencyError without the packages of the extra evaluate.
     """
-    if missing := missing_packages(NEEDED):
-        raise MissingDependencyError(missing_sentence(missing, "", REMEDY))
+    need(NEEDED, "evaluate")
     from ..analysis.tables import analyse
     from .gathering import gather
     from .paper_tables import paper_tables

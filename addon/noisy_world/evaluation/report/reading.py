@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
+from ...core.regular_files import read_bytes, read_text
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
     import pandas as pd
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
@@ -101,8 +102,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
 def read_rows(path: Path) -> list[dict[str, str]]:
     """Return the rows of a small table, all texts. Raises InputError where it cannot be read."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
+        return list(csv.DictReader(StringIO(read_bytes(path).decode(), newline="")))
     except (OSError, UnicodeError, csv.Error) as error:
         raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError
+from ...core.regular_files import read_bytes, read_text
 from .figures.drawing import Picture
 from .figures.over_time import TimePanel, over_time
 from .figures.paths import PathPanel, paths
@@ -70,7 +71,7 @@ def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
                 names[path] = f"{_name(run)}, frame {number}"
                 said.setdefault(path, []).append(f"{run['system']} {worst[1]}")
     return [
-        FramePicture(f"frame_{number:02d}", f"{names[path]}: {'; '.join(said[path])}", path.read_bytes())
+        FramePicture(f"frame_{number:02d}", f"{names[path]}: {'; '.join(said[path])}", read_bytes(path))
         for number, path in enumerate(list(said)[:MOST_FRAMES], start=1)
     ]
 
@@ -159,7 +160,7 @@ def _true_positions(path: Path, missing: list[str]) -> Floats | None:
     if not path.is_file():
         missing.append(f"{'/'.join(path.parts[-5:])} is not there: the path is not drawn.")
         return None
-    lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line and line[0] != "#"]
+    lines = [line.split() for line in read_text(path).splitlines() if line and line[0] != "#"]
     try:
         return np.array([[float(value) for value in line[1:4]] for line in lines]).reshape(-1, 3)
     except ValueError:

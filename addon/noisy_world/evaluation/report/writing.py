@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ...core.datasets.storage import storage_errors
+from ...core.regular_files import read_text
 from .contents import Contents
 from .paper_tables import Source
 from .tables import csv_bytes, latex_table, markdown_table, parquet_bytes
@@ -34,7 +35,7 @@ def write_contents(contents: Contents, sources: Sequence[Source], folder: Path) 
 
 def html(contents: Contents) -> str:
     """Return the page."""
-    parts = {name: (FOLDER / name).read_text(encoding="utf-8") for name in ("report.css", "sort.js")}
+    parts = {name: read_text(FOLDER / name) for name in ("report.css", "sort.js")}
     template = environment().get_template("report.html.j2")
     return template.render(report=contents, css=parts["report.css"], script=parts["sort.js"], longest_open=LONGEST_OPEN)
 

@@ -21,6 +21,7 @@ from ...core.datasets.layouts import Modality
 from ...core.datasets.storage import storage_errors, write_atomic
 from ...core.geometry import Intrinsics
 from ...core.planning.source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
+from ...core.regular_files import read_array
 from ...core.trajectories.frame_request import FrameRequest
 from ...core.trajectories.sensor_paths import SensorPaths
 from .held_scene import SourceInside
@@ -45,7 +46,7 @@ class KeptFrames:
     def read(self, number: int, wanted: tuple[Modality, ...]) -> RenderedFrame | None:
         """Return a frame with the images that are wanted; None where one of them is not there."""
         try:
-            images = {name: np.load(self._path(name, number), allow_pickle=False) for name in wanted}
+            images = {name: read_array(self._path(name, number)) for name in wanted}
         except FileNotFoundError:
             return None
         return RenderedFrame(images.get("rgb"), images.get("depth"))

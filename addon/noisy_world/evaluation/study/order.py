@@ -16,7 +16,7 @@ class Order:
     preset's own. repeats: of systems that do not repeat themselves. protocol: whose values and errors come first.
     scenes, settings: names or globs of those that are wanted of a folder; a preset's document says its own. keep:
     whether sequences stay. keep_clean: whether clean frames are kept while a scene is evaluated. maps: whether maps are
-    scored too.
+    scored too. isolate: what keeps systems apart whose definition says nothing of it; "none" for nothing.
     """
 
     subject: str
@@ -31,6 +31,7 @@ class Order:
     keep: bool = False
     keep_clean: bool = True
     maps: bool = False
+    isolate: str = "none"
 
     @property
     def folder(self) -> Path:

@@ -11,7 +11,7 @@ from ...core.progress import Progress
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import System
-from ..systems.registry import find_system
+from ..systems.registry import find_system, isolating
 from ..systems.running import run_system
 from .cases import Case, SystemRun
 from .describing import describe, show, worst_frames
@@ -35,7 +35,7 @@ class Study:
         """
         self.order = order
         self.results = Results(order.folder)
-        self.systems = {system.name: system for system in map(find_system, order.systems)}
+        self.systems = {system.name: system for system in isolating(map(find_system, order.systems), order.isolate)}
         self._stop = stop
 
     @cached_property

@@ -4,11 +4,15 @@
 import csv
 import statistics
 from collections.abc import Iterable
+from io import StringIO
 
-from ...core.errors import MissingDependencyError
+from ...core.extras import need
+from ...core.regular_files import read_text
 from ..metrics.names import METRICS, PAPER_METRICS
 from .results import Results
 from .tables import RUNS
+
+NEEDED = ("tabulate",)
 
 SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
 """What is shown by each protocol: the first is the error, in metres."""
@@ -20,13 +24,10 @@ def summary_text(results: Results, protocol: str) -> str:
 
     Raises MissingDependencyError without the extra `evaluate`.
     """
-    try:
-        from tabulate import tabulate
-    except ImportError as error:
-        remedy = "install it with pip install 'noisy-world[evaluate]'"
-        raise MissingDependencyError(f"tabulate: missing in this Python; {remedy}") from error
-    with (results.tables / RUNS).open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    need(NEEDED, "evaluate")
+    from tabulate import tabulate
+
+    rows = list(csv.DictReader(StringIO(read_text(results.tables / RUNS))))
     systems = list(dict.fromkeys(row["system"] for row in rows))
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:

@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether a system can be run here, before anything is made for it: its program, its environment, its GPU."""
 
-import json
 import os
 import shutil
-import subprocess
 import sys
+import tempfile
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...core.datasets.json_text import parse_json
 from ...core.errors import MissingDependencyError
+from ...core.regular_files import read_text
 from .definition import STUDY_NAMES, System, filled
 from .environments import environment_folder, environment_python
+from .isolation import isolated, isolated_variables, isolation_problem, own_folders, program_folders
+from .leavings import sentence
+from .watching import watched
 
 PACKAGE_FOLDER = Path(__file__).resolve().parents[3]
 PROGRAMS = Path(__file__).resolve().parent / "programs"
@@ -41,9 +45,12 @@ def system_versions(system: System) -> dict[str, str]:
         raise _missing(system, f"there is no environment {environment_folder(system.environment)}")
     if system.gpu and not any(device.exists() for device in GPU_DEVICES):
         raise _missing(system, "no NVIDIA GPU is here")
-    (program,) = filled(system.command[:1], {**command_values(system), **_OF_A_RUN})
+    program = _program(system)
     if shutil.which(program) is None:
         raise _missing(system, f"there is no program {program}")
+    if system.isolate == "bubblewrap" and (problem := isolation_problem()):
+        told = f"system {system.name} cannot be isolated by bubblewrap: {problem}"
+        raise MissingDependencyError(f"{told}; or leave out isolate")
     return _asked_versions(system) if system.versions else {}
 
 
@@ -71,38 +78,77 @@ def variables_of(system: System) -> dict[str, str]:
     return own | dict(variable.split("=", 1) for variable in system.variables)
 
 
+def prepared(system: System, command: list[str], work: Path) -> tuple[list[str], dict[str, str]]:
+    """Return a command as it is started, isolated where the system is, and its environment variables.
+
+    work: a folder of ours with the folders out, tmp and given.
+    """
+    variables = variables_of(system)
+    if system.isolate == "none":
+        return command, variables
+    reads = [work / "given", PACKAGE_FOLDER, *own_folders(), *program_folders(command[0]), *reached(system)]
+    own = [*(variable.split("=", 1)[0] for variable in system.variables), *THREAD_VARIABLES]
+    inside = isolated(command, reads=reads, out=work / "out", temporary=work / "tmp", gpu=system.gpu)
+    return inside, isolated_variables(variables, own)
+
+
+def reached(system: System) -> list[Path]:
+    """Return what an isolated system may read by its definition: its folder where it names it, and what it reaches."""
+    words = [*system.command, *system.map_arguments, *system.versions, *system.variables]
+    named = [system.file.parent] if any("{here}" in word for word in words) else []
+    if system.environment:
+        named.append(environment_folder(system.environment))
+    return [*named, *((system.file.parent / Path(name).expanduser()) for name in system.reaches)]
+
+
+def _program(system: System) -> str:
+    (program,) = filled(system.command[:1], {**command_values(system), **_OF_A_RUN})
+    return program
+
+
 def _asked_versions(system: System) -> dict[str, str]:
-    values = {**command_values(system), **_OF_A_RUN}
-    try:
-        done = subprocess.run(  # noqa: S603 - what the definition says
-            filled(system.versions, values),
-            capture_output=True,
-            stdin=subprocess.DEVNULL,
-            env=variables_of(system),
-            timeout=VERSIONS_LIMIT_S,
-            check=False,
+    command = filled(system.versions, {**command_values(system), **_OF_A_RUN})
+    with tempfile.TemporaryDirectory(prefix="noisy-world-versions-", ignore_cleanup_errors=True) as name:
+        work = Path(name).resolve()
+        for folder in ("out", "tmp", "given"):
+            (work / folder).mkdir()
+        started, variables = prepared(system, command, work)
+        said, errors = work / "said.txt", work / "errors.txt"
+        told = watched(
+            started,
+            variables,
+            [work / "out", work / "tmp"],
+            said,
+            system.limits,
+            limit_s=VERSIONS_LIMIT_S,
+            grace_s=0.0,
+            errors=errors,
         )
-    except OSError as error:
-        raise _missing(system, f"{error.filename}: {error.strerror}") from error
-    except subprocess.TimeoutExpired as error:
-        raise _missing(system, f"its command for versions took more than {VERSIONS_LIMIT_S:g} s") from error
-    if done.returncode != 0:
-        said = [line for line in done.stderr.decode(errors="replace").splitlines() if line.strip()]
-        raise _missing(system, said[-1] if said else f"its command for versions ended with {done.returncode}")
-    return _texts(system, done.stdout)
+        try:
+            texts = [read_text(file, errors="replace") for file in (said, errors)]
+        except OSError:  # it has removed or replaced them, so it says nothing
+            texts = ["", ""]
+    if told.ended == "limit":
+        raise _missing(system, f"its command for versions took more than {VERSIONS_LIMIT_S:g} s")
+    if told.ended != "itself":
+        raise _missing(system, sentence(f"its command for versions failed: {told.problem}"))
+    if told.status != 0:
+        lines = [line for line in texts[1].splitlines() if line.strip()]
+        raise _missing(system, sentence(lines[-1]) if lines else f"its command for versions ended with {told.status}")
+    return _texts(system, texts[0])
 
 
-def _texts(system: System, said: bytes) -> dict[str, str]:
+def _texts(system: System, said: str) -> dict[str, str]:
     """Return the object of texts in the last line of what a command said: libraries may speak before it."""
-    lines = said.decode(errors="replace").strip().splitlines()
+    lines = said.strip().splitlines()
     try:
-        value: Any = json.loads(lines[-1] if lines else "")
+        value: Any = parse_json(lines[-1] if lines else "")
     except ValueError:
         value = None
     if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
         problem = "its command for versions does not print a JSON object of texts in its last line"
         raise _missing(system, problem)
-    return {name: value[name] for name in sorted(value)}
+    return {sentence(name): sentence(value[name]) for name in sorted(value)}
 
 
 def _missing(system: System, problem: str) -> MissingDependencyError:

@@ -12,14 +12,17 @@ from typing import Literal
 
 from ...core.datasets.layouts import LAYOUTS
 from ...core.errors import InputError
+from ...core.regular_files import read_bytes
 from ...core.schema import Choice, Place, key, parse, shown
 from ...core.yaml_reading import read_yaml
+from .leavings import LARGEST_READ_BYTES
 from .readers import READERS, TEXT_FORMATS
 
 Modality = Literal["colour", "depth"]
 StampsOf = Literal["time", "index", "none"]
 AxesOf = Literal["auto", "opencv", "opengl", "robot"]
 DirectionOf = Literal["auto", "c2w", "w2c"]
+IsolateBy = Literal["none", "bubblewrap"]
 UnitOf = Literal["auto", "s", "ms", "us", "ns"]
 
 PLACEHOLDERS = {
@@ -40,7 +43,7 @@ PLACEHOLDERS = {
 STUDY_NAMES = ("scene", "setting", "seed", "repeat")
 """The placeholders that only a study fills in."""
 
-UNDECISIVE = ("about", "remedy", "file", "versions")
+UNDECISIVE = ("about", "remedy", "file", "versions", "limits", "isolate", "reaches")
 """What of a definition does not decide what a system estimates."""
 
 FORMAT_CHOICES: dict[str, Choice] = {
@@ -119,6 +122,46 @@ class TimeLimit:
 
 
 @dataclass(frozen=True)
+class Limits:
+    """What a run may take, and what of it is read: so that no system ends a study."""
+
+    estimate_mb: float = key(
+        "of the estimate, and of the keyframes and frames.csv each; of an array or a checkpoint, what is read of it",
+        unit="MB",
+        default=LARGEST_READ_BYTES / 1e6,
+        above=0.0,
+        maximum=1e5,
+    )
+    map_mb: float = key("of map.ply", unit="MB", default=512.0, above=0.0, maximum=1e6)
+    written_gb: float = key("of all that it writes in {out}", unit="GB", default=50.0, above=0.0, maximum=1e6)
+    files: int = key("that it writes in {out}", default=100_000, minimum=1)
+    processes: int = key("at once", default=512, minimum=1)
+    memory_gb: float | None = key("of all its processes together", unit="GB", default=None, above=0.0, maximum=1e6)
+
+    @property
+    def estimate_bytes(self) -> int:
+        """`estimate_mb` in bytes."""
+        return round(self.estimate_mb * 1e6)
+
+    @property
+    def map_bytes(self) -> int:
+        """`map_mb` in bytes."""
+        return round(self.map_mb * 1e6)
+
+    @property
+    def of_guard(self) -> dict[str, int | None]:
+        """The limits that `guard.py` watches over, in whole numbers."""
+        memory_bytes = None if self.memory_gb is None else round(self.memory_gb * 1e9)
+        written_bytes = round(self.written_gb * 1e9)
+        return {
+            "written_bytes": written_bytes,
+            "files": self.files,
+            "processes": self.processes,
+            "memory_bytes": memory_bytes,
+        }
+
+
+@dataclass(frozen=True)
 class System:
     """A SLAM system. file: its definition, for messages."""
 
@@ -141,6 +184,11 @@ class System:
     variables: tuple[str, ...] = key("environment variables, NAME=VALUE", default=(), pattern=_no_variable)
     threads: int | None = key("of numerical libraries, by OMP_NUM_THREADS and its like", default=None, minimum=1)
     time_limit: TimeLimit = key("when a run is stopped", default=TimeLimit())
+    limits: Limits = key("what a run may take at most, and what of it is read", default=Limits())
+    isolate: IsolateBy = key("whether it is kept apart, so that it reaches its own folder alone", default="none")
+    reaches: tuple[str, ...] = key(
+        "folders and files that it may read where it is isolated, beside what it is given and {here}", default=()
+    )
     gpu: bool = key("whether it needs an NVIDIA GPU", default=False)
     repeatable: bool = key("whether two runs give the same estimate to the byte", default=True)
     versions: tuple[str, ...] = key(
@@ -165,7 +213,7 @@ class System:
 def read_system(path: Path) -> System:
     """Read a definition. Raises InputError, with file and key, for what is wrong in it."""
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     place = Place(path)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from ...core.regular_files import read_text
 from ..estimate import Estimate
 
 ESTIMATE = "estimate.txt"
@@ -28,7 +29,7 @@ def estimate_text(estimate: Estimate) -> str:
 def read_estimate_file(path: Path) -> Estimate:
     """Read what `estimate_text` wrote. Raises InputError for anything else."""
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_text(path).splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
     rows = [_row(path, number, line) for number, line in enumerate(lines, 1)]

@@ -1,30 +1,50 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs one command, ends all of its processes, and says what it took; a program of its own, without other modules.
+"""Runs one command within limits, ends all of its processes, and says what it took; a program without other modules.
 
     python -I -S guard.py ORDER
 
-ORDER is JSON: command (words), folder (where it runs), log (the file for its output), log_bytes (of its beginning, and
-of its end, that are kept), limit_s (on the wall), grace_s (between the request to end and the end). It ends the command
-when its own standard input ends: so a system never outlives the process that asked for it, however that ended. A small
-process also starts the command because a child's peak memory begins with that of its parent. At the end it prints JSON:
-status (the exit status, negative for a signal), ended ("itself", "limit", "asked", "missing"), seconds, processor_s,
-peak_memory_bytes, problem.
+ORDER is JSON: command (words), folder (where it runs), counted (the folders that it writes into), log (the file for its
+output), errors (the file for what it says on standard error; "" for the log), log_bytes (of the beginning of each, and
+of the end, that are kept), limit_s (on the wall), grace_s (between the request to end and the end), limits (`Limits`,
+below). It ends the command when its own
+standard input ends: so a system never outlives the process that asked for it, however that ended. A small process also
+starts the command because a child's peak memory begins with that of its parent.
+
+On Linux it adopts the command's processes whose parents have ended, whatever session or group they are in, and ends
+them too; where it may make a cgroup (version 2), they are ended by that as well, at once. Elsewhere it ends the
+command's process group alone.
+
+At the end it prints JSON: status (the exit status, negative for a signal), ended ("itself", "limit", "asked",
+"missing", or "over": it went over one of the limits), seconds, processor_s, peak_memory_bytes, problem.
 """
 
 import contextlib
+import ctypes
+import errno
 import json
 import os
 import resource
 import select
 import signal
+import stat
 import subprocess
 import sys
 import time
 from collections import deque
-from typing import BinaryIO
+from collections.abc import Iterator
+from typing import Any, BinaryIO
 
 POLL_S = 0.05
 PIECE = 65536
+MOST_LEFT_IN_PIPE = 2**21  # a pipe holds 64 KiB, or as much as a system may ask for: 1 MiB
+MARK = "NOISY_WORLD_RUN"  # an environment variable that tells a run's processes
+LEAST_FREE_BYTES = 512 * 2**20  # of the disk; chosen: what is written after a run is far less
+LOOK_S = 0.5  # between two looks at all files and processes; longer where a look takes long
+LOOKS_SHARE = 20  # so many times as long as a look takes is the time until the next
+DEEPEST = 64  # folders in each other
+SET_CHILD_SUBREAPER = 36  # <sys/prctl.h>
+FIRST_FOR_MEMORY = "1000"  # where memory ends, Linux ends the process with the highest number
+ENDING_S = 10.0  # how long a process may take to die
 
 
 class Log:
@@ -43,8 +63,7 @@ class Log:
         """Take more output."""
         head, rest = data[: self._left], data[self._left :]
         self._left -= len(head)
-        self._file.write(head)
-        self._file.flush()
+        self._put(head)
         if rest:
             self._tail.append(rest)
             self._held += len(rest)
@@ -56,89 +75,312 @@ class Log:
     def close(self) -> None:
         """Write the end."""
         if self._dropped:
-            self._file.write(f"\n[{self._dropped} bytes are left out here]\n".encode())
+            self._put(f"\n[{self._dropped} bytes are left out here]\n".encode())
         for data in self._tail:
+            self._put(data)
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _put(self, data: bytes) -> None:
+        with contextlib.suppress(OSError):  # the system has filled the disk: that is told, and the log is shorter
             self._file.write(data)
-        self._file.close()
+            self._file.flush()
 
 
-def main(order: dict) -> dict:
+class Limits:
+    """What a command may take, and how much it has taken.
+
+    Of an order's `limits`, all whole numbers: written_bytes and files (in the folders that count), processes (at once),
+    memory_bytes (of all processes together, resident; null for any).
+    """
+
+    def __init__(self, limits: dict[str, Any], folders: list[str]) -> None:
+        """Take the limits. folders: what is written into them counts."""
+        self._limits = limits
+        self._folders = folders
+        self._next_s = 0.0
+        # A disk that is nearly full from the start is not the system's doing.
+        self._least_free = min(LEAST_FREE_BYTES, self._free_bytes() // 2)
+
+    def problem(self, processes: "Processes", *, now: bool = False) -> str:
+        """Return which limit is passed; "" for none. now: look at all files, though it was just done."""
+        if self._free_bytes() < self._least_free:
+            return f"left less than {self._least_free / 1e6:.0f} MB of the disk free"
+        if not now and time.monotonic() < self._next_s:
+            return ""
+        begun_s = time.monotonic()
+        found = self._of_files() or self._of_processes(processes)
+        ended_s = time.monotonic()
+        self._next_s = ended_s + max(LOOK_S, LOOKS_SHARE * (ended_s - begun_s))
+        return found
+
+    def _free_bytes(self) -> int:
+        try:
+            found = os.statvfs(self._folders[0])
+        except OSError:  # the system has removed its folder
+            return LEAST_FREE_BYTES
+        return found.f_bavail * found.f_frsize
+
+    def _of_files(self) -> str:
+        most_bytes, most_files = self._limits["written_bytes"], self._limits["files"]
+        written, count = 0, 0
+        for found, depth in files_below(self._folders):
+            written, count = written + found.st_blocks * 512, count + 1
+            if written > most_bytes:
+                return f"wrote more than the {most_bytes / 1e9:g} GB of limits.written_gb"
+            if count > most_files:
+                return f"wrote more files than the {most_files} of limits.files"
+            if depth > DEEPEST:
+                return f"made more than {DEEPEST} folders in each other"
+        return ""
+
+    def _of_processes(self, processes: "Processes") -> str:
+        most, most_bytes = self._limits["processes"], self._limits["memory_bytes"]
+        found = processes.below()
+        if len(found) > most:
+            return f"started more processes than the {most} of limits.processes"
+        if most_bytes is not None and sum(found.values()) > most_bytes:
+            return f"took more memory than the {most_bytes / 1e9:g} GB of limits.memory_gb"
+        return ""
+
+
+def files_below(folders: list[str]) -> Iterator[tuple[os.stat_result, int]]:
+    """Yield what is in folders and in those in them, and how deep it lies; links are not followed."""
+    waiting = [(folder, 1) for folder in folders]
+    while waiting:
+        above, depth = waiting.pop()
+        try:
+            with os.scandir(above) as entries:
+                for entry in entries:
+                    found = entry.stat(follow_symlinks=False)
+                    yield found, depth
+                    if stat.S_ISDIR(found.st_mode):
+                        waiting.append((entry.path, depth + 1))
+        except OSError as error:  # it is gone, or forbidden; or too deep for a name
+            if error.errno == errno.ENAMETOOLONG:
+                yield os.lstat("/"), DEEPEST + 1
+
+
+class Processes:
+    """The processes of a command: those below this one and, where there is one, those in its cgroup."""
+
+    def __init__(self) -> None:
+        """Adopt the command's processes, and make a cgroup for them, where the system has these."""
+        self._cgroup = ""
+        if not sys.platform.startswith("linux"):
+            return
+        ctypes.CDLL(None, use_errno=True).prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+        with contextlib.suppress(OSError):  # most users may make none
+            folder = f"{own_cgroup()}/noisy-world-{os.getpid()}"
+            os.mkdir(folder)  # noqa: PTH102
+            self._cgroup = folder
+
+    def enter(self) -> None:
+        """Begin a command: what its process does first."""
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        if sys.platform.startswith("linux"):
+            with contextlib.suppress(OSError):
+                _write("/proc/self/oom_score_adj", FIRST_FOR_MEMORY)
+        if self._cgroup:
+            with contextlib.suppress(OSError):
+                _write(f"{self._cgroup}/cgroup.procs", "0")
+
+    def below(self) -> dict[int, int]:
+        """Return the processes below this one, by their numbers, with their resident bytes. {} where /proc is not."""
+        parents, resident = {}, {}
+        page = os.sysconf("SC_PAGE_SIZE")
+        for pid, fields in running():
+            if fields[0] != "Z":
+                resident[pid] = max(int(fields[21]), 0) * page
+            parents[pid] = int(fields[1])
+        found = {os.getpid()}
+        children: dict[int, list[int]] = {}
+        for pid, parent in parents.items():
+            children.setdefault(parent, []).append(pid)
+        waiting = [os.getpid()]
+        while waiting:
+            of_one = [pid for pid in children.get(waiting.pop(), []) if pid not in found]
+            found.update(of_one)
+            waiting += of_one
+        return {pid: resident[pid] for pid in found if pid in resident and pid != os.getpid()}
+
+    def end(self, leader: int) -> None:
+        """End what is left, the leader included, which is not reaped yet."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS refuses a group that is a zombie alone
+            os.killpg(leader, signal.SIGKILL)
+        until = time.monotonic() + ENDING_S
+        while True:
+            if self._cgroup:
+                with contextlib.suppress(OSError):
+                    _write(f"{self._cgroup}/cgroup.kill", "1")
+            left = self.below()
+            for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first, they start no others meanwhile
+                for pid in left:
+                    with contextlib.suppress(ProcessLookupError, PermissionError):
+                        os.kill(pid, number)
+            if not left or time.monotonic() > until:
+                break
+            time.sleep(0.005)
+
+    def forget(self) -> None:
+        """Remove the cgroup."""
+        if self._cgroup:
+            with contextlib.suppress(OSError):
+                os.rmdir(self._cgroup)  # noqa: PTH106
+
+
+def own_cgroup() -> str:
+    """Return the folder of the cgroup, version 2, of this process. Raises OSError where there is none."""
+    with open("/proc/self/mountinfo", encoding="utf-8") as file:  # noqa: PTH123
+        mounts = [line.split() for line in file]
+    with open("/proc/self/cgroup", encoding="utf-8") as file:  # noqa: PTH123
+        own = next((line[3:].strip() for line in file if line.startswith("0::")), None)
+    mounted = next((words[4] for words in mounts if words[words.index("-") + 1] == "cgroup2"), None)
+    if own is None or mounted is None:
+        raise FileNotFoundError("cgroup2")
+    return f"{mounted}{own}".rstrip("/")
+
+
+def running() -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of each process, and /proc/PID/stat from the state on. Nothing where there is no /proc."""
+    with contextlib.suppress(FileNotFoundError):
+        for name in os.listdir("/proc"):  # noqa: PTH208
+            if name.isdecimal():
+                with contextlib.suppress(OSError):
+                    yield int(name), _read(f"/proc/{name}/stat").rpartition(b")")[2].decode().split()
+
+
+def end_marked(mark: str) -> None:
+    """End the processes that were started with a mark: where the guard that had them was ended itself."""
+    wanted = f"{MARK}={mark}".encode()
+    until = time.monotonic() + ENDING_S
+    while time.monotonic() < until:
+        found = False
+        for pid, fields in running():
+            with contextlib.suppress(OSError):
+                if fields[0] != "Z" and pid != os.getpid() and wanted in _read(f"/proc/{pid}/environ").split(b"\0"):
+                    found = True
+                    os.kill(pid, signal.SIGKILL)
+        if not found:
+            return
+        time.sleep(0.005)
+
+
+def _read(path: str) -> bytes:
+    with open(path, "rb") as file:  # noqa: PTH123
+        return file.read()
+
+
+def _write(path: str, text: str) -> None:
+    with open(path, "w", encoding="utf-8") as file:  # noqa: PTH123
+        file.write(text)
+
+
+def main(order: dict[str, Any]) -> dict[str, Any]:
     """Carry out an order and return what is to be said."""
     started = time.monotonic()
-    log = Log(order["log"], order["log_bytes"])
+    logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
+    limits = Limits(order["limits"], order["counted"])
+    processes = Processes()
+    largest = order["limits"]["written_bytes"]
+
+    def enter() -> None:
+        processes.enter()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+
     try:
         process = subprocess.Popen(  # noqa: S603 - what the user's definition says
             order["command"],
             cwd=order["folder"],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
+            stderr=subprocess.PIPE if order["errors"] else subprocess.STDOUT,
             start_new_session=True,
+            preexec_fn=enter,  # noqa: PLW1509 - this process has one thread
         )
     except OSError as error:
-        log.close()
+        processes.forget()
+        for log in logs.values():
+            log.close()
         return {"ended": "missing", "problem": f"{error.filename or order['command'][0]}: {error.strerror}"}
-    assert process.stdout is not None
-    ended = attend(process, process.stdout.fileno(), log, started + order["limit_s"])
-    end_group(process.pid, order["grace_s"] if ended != "itself" else 0.0)
+    pipes = [pipe for pipe in (process.stdout, process.stderr) if pipe is not None]
+    outputs = {pipe.fileno(): log for pipe, log in zip(pipes, logs.values(), strict=True)}
+    ended, problem = attend(process, outputs, started + order["limit_s"], limits, processes)
+    if ended in ("limit", "asked"):
+        ask(process.pid, order["grace_s"])
+    processes.end(process.pid)
     status, spent = reap(process.pid)
-    drain(process.stdout.fileno(), log)
-    log.close()
+    for output, log in outputs.items():
+        drain(output, log)
+        log.close()
+    processes.forget()
+    if ended == "itself" and (problem := limits.problem(processes, now=True)):
+        ended = "over"
+    if ended == "itself" and status == -signal.SIGXFSZ:
+        ended, problem = "over", f"wrote a file of more than the {largest / 1e9:g} GB of limits.written_gb"
     scale = 1 if sys.platform == "darwin" else 1024
     return {
         "status": status,
         "ended": ended,
         "seconds": time.monotonic() - started,
-        "processor_s": spent.ru_utime + spent.ru_stime,
-        "peak_memory_bytes": spent.ru_maxrss * scale,
-        "problem": "",
+        "processor_s": sum(one.ru_utime + one.ru_stime for one in spent),
+        "peak_memory_bytes": max(one.ru_maxrss for one in spent) * scale,
+        "problem": problem,
     }
 
 
-def attend(process: subprocess.Popen, output: int, log: Log, until: float) -> str:
-    """Write the output of a process to the log until it ends or has to; return which."""
-    watched = [output, sys.stdin.fileno()]
+def attend(
+    process: subprocess.Popen, outputs: dict[int, Log], until: float, limits: Limits, processes: Processes
+) -> tuple[str, str]:
+    """Write what a process says to logs until it ends or has to; return which, and which limit it went over."""
+    asked = sys.stdin.fileno()
+    watched = [*outputs, asked]
     while True:
         ready, _, _ = select.select(watched, [], [], POLL_S)
-        if output in ready:
+        for output in set(ready) - {asked}:
             data = os.read(output, PIECE)
-            log.write(data)
+            outputs[output].write(data)
             if not data:
                 watched.remove(output)
-        if sys.stdin.fileno() in ready and not os.read(sys.stdin.fileno(), PIECE):
-            return "asked"
+        if asked in ready and not os.read(asked, PIECE):
+            return "asked", ""
         if os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
-            return "itself"
+            return "itself", ""
         if time.monotonic() > until:
-            return "limit"
-        if output not in watched and not ready:
+            return "limit", ""
+        if problem := limits.problem(processes):
+            return "over", problem
+        if not ready and watched == [asked]:
             time.sleep(POLL_S)
 
 
-def end_group(leader: int, grace_s: float) -> None:
-    """End the processes of a group whose leader is not reaped yet: ask them, wait for the leader, end what is left."""
-    if grace_s:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(leader, signal.SIGTERM)
-        until = time.monotonic() + grace_s
-        while time.monotonic() < until:
-            if os.waitid(os.P_PID, leader, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
-                break
-            time.sleep(POLL_S)
-    with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS refuses a group that is a zombie alone
-        os.killpg(leader, signal.SIGKILL)
+def ask(leader: int, grace_s: float) -> None:
+    """Ask the processes of a group to end, and wait for the leader, which is not reaped yet."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(leader, signal.SIGTERM)
+    until = time.monotonic() + grace_s
+    while time.monotonic() < until:
+        if os.waitid(os.P_PID, leader, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            return
+        time.sleep(POLL_S)
 
 
-def reap(leader: int) -> tuple[int, resource.struct_rusage]:
-    """Wait for a process; return its exit status, negative for a signal, and what it and its children took."""
-    _, status, spent = os.wait4(leader, 0)
+def reap(leader: int) -> tuple[int, list[resource.struct_rusage]]:
+    """Wait for a process; return its exit status, negative for a signal, and what it and all adopted ones took."""
+    _, status, of_leader = os.wait4(leader, 0)
+    spent = [of_leader]
+    with contextlib.suppress(ChildProcessError):
+        while (found := os.wait4(-1, os.WNOHANG))[0]:
+            spent.append(found[2])
     return os.waitstatus_to_exitcode(status), spent
 
 
 def drain(output: int, log: Log) -> None:
-    """Write what the output still holds; a process that left the group may keep it open."""
-    while select.select([output], [], [], 0.0)[0]:
+    """Write what the output still holds; a process that could not be ended may keep it open, and go on."""
+    taken = 0
+    while taken < MOST_LEFT_IN_PIPE and select.select([output], [], [], 0.0)[0]:
         data = os.read(output, PIECE)
+        taken += len(data)
         if not data:
             break
         log.write(data)

@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a system is told of a sequence: the index {frames}, and the folder {sequence}. Neither holds a true pose."""
+"""What a system is told of a sequence: the index {frames}, and the folder {sequence}. Neither holds a true pose.
 
+Images are copies, so that a system which changes them spoils nothing but its own run; where it cannot, as it is
+isolated, they are links.
+"""
+
+import hashlib
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +21,7 @@ from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
 from ...core.datasets.stored import StoredSequence
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
+from ...core.regular_files import read_bytes
 from ...core.trajectories.sensor_paths import SensorPaths
 from ...core.trajectories.trajectory import Trajectory
 from .definition import Modality
@@ -24,11 +31,12 @@ _KINDS: tuple[tuple[bytes, Image], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "j
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A sequence as a system is given it. modalities: those that the system reads."""
+    """A sequence as a system is given it. modalities: those that the system reads. links: whether images are links."""
 
     stored: StoredSequence
     camera: Intrinsics
     modalities: tuple[Modality, ...]
+    links: bool = False
 
     def __len__(self) -> int:
         return len(self.stored.rgb_files)
@@ -38,14 +46,15 @@ class Given:
         """When the colour of each frame was taken, seconds."""
         return self.stored.stamps.rgb.seconds.tolist()
 
-    def document(self) -> dict[str, Any]:
+    def document(self, images: Path) -> dict[str, Any]:
         """Return the index as plain JSON values: camera, steps of depth a metre, and the frames in order of time.
 
-        Files are absolute. A modality that the system does not read is null.
+        Files are absolute: those in the folder of images, which `write_images` writes. A modality that the system does
+        not read is null.
         """
         camera, stored = self.camera, self.stored
-        colour = [_named(file, "colour" in self.modalities) for file in stored.rgb_files]
-        depth = [_named(file, "depth" in self.modalities) for file in stored.depth_files]
+        colour = [self._named(images, file, "colour") for file in stored.rgb_files]
+        depth = [self._named(images, file, "depth") for file in stored.depth_files]
         rows = zip(self.stamps_s, colour, depth, stored.stamps.depth.seconds.tolist(), strict=True)
         return {
             "camera": {
@@ -63,16 +72,43 @@ class Given:
             ],
         }
 
-    def write_index(self, path: Path) -> None:
-        """Write the index. Raises StorageError."""
+    def write_index(self, path: Path, images: Path) -> None:
+        """Write the index, and the images that it names into a folder. Raises InputError and StorageError."""
         with storage_errors(path):
-            path.write_text(json.dumps(self.document(), indent=1) + "\n", encoding="utf-8")
+            path.write_text(json.dumps(self.document(images), indent=1) + "\n", encoding="utf-8")
+        of_modality = {"colour": self.stored.rgb_files, "depth": self.stored.depth_files}
+        for file in dict.fromkeys(file for name in self.modalities for file in of_modality[name]):
+            self._give(file, images / self._inside(file))
+
+    def _named(self, images: Path, file: Path, modality: Modality) -> str | None:
+        return str((images / self._inside(file)).resolve()) if modality in self.modalities else None
+
+    def _inside(self, file: Path) -> Path:
+        """Return where an image lies in the folder of images: as in the sequence."""
+        if file.is_relative_to(self.stored.folder) and ".." not in file.parts:
+            return file.relative_to(self.stored.folder)
+        # The sequence's lists name it elsewhere.
+        return Path("elsewhere", hashlib.sha256(os.fsencode(file.parent)).hexdigest()[:16], file.name)
+
+    def _give(self, source: Path, target: Path) -> None:
+        """Give an image, which is there, by another name. Raises InputError and StorageError."""
+        with storage_errors(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+        if self.links:
+            link_or_copy(source.resolve(), target, target.parent)
+            return
+        try:
+            data = read_bytes(source)
+        except OSError as error:
+            raise InputError(source, f"cannot be read: {error.strerror or error}") from error
+        with storage_errors(target):
+            target.write_bytes(data)
 
     def write_sequence(self, folder: Path, layouts: tuple[str, ...]) -> None:
         """Write the sequence in one of some layouts, its own if it is among them, with identities for poses.
 
-        Images are linked where the layout takes their kind, and stored as PNG without loss where it does not; files of
-        the setting lie one level up. Raises InputError where the images cannot be read, and StorageError.
+        Images stay as they are where the layout takes their kind, and are stored as PNG without loss where it does not;
+        files of the setting lie one level up. Raises InputError where the images cannot be read, and StorageError.
         """
         own = [name for name in layouts if LAYOUTS[name].recognises(self.stored.folder)]
         layout = LAYOUTS[(own or list(layouts))[0]]
@@ -91,7 +127,7 @@ class Given:
 
     def _image(self, layout: Layout) -> Image:
         """Return the kind of image that colour is stored as: its own if the layout takes it, else PNG."""
-        kind = _kind(self.stored.rgb_files[0].read_bytes())
+        kind = _kind(read_bytes(self.stored.rgb_files[0]))
         if kind in layout.images:
             return kind
         return "png" if "png" in layout.images else layout.images[0]
@@ -99,22 +135,27 @@ class Given:
     def _link(self, source: Path, target: Path, image: Image) -> None:
         with storage_errors(target):
             target.parent.mkdir(parents=True, exist_ok=True)
-        data = source.read_bytes()
+        data = read_bytes(source)
         if problem := damage(data):
             raise InputError(source, f"is damaged: {problem}", remedy="copy it again")
         if _kind(data) == image:
-            link_or_copy(source, target, target.parent)
+            self._give(source, target)
             return
         rgb = self.stored.frame(self.stored.rgb_files.index(source)).rgb
         write_atomic(target, encode_colour(as_bytes(rgb), image), target.parent)
 
 
 def given_sequence(
-    folder: Path, modalities: tuple[Modality, ...] = ("colour", "depth"), camera: Intrinsics | None = None
+    folder: Path,
+    modalities: tuple[Modality, ...] = ("colour", "depth"),
+    camera: Intrinsics | None = None,
+    *,
+    links: bool = False,
 ) -> Given:
     """Find a sequence on disk, of any layout, for a system that reads these modalities.
 
-    camera: its intrinsics, where no file says them. Raises InputError where it is no sequence, or has no intrinsics.
+    camera: its intrinsics, where no file says them. links: whether images are given as links. Raises InputError where
+    it is no sequence, or has no intrinsics.
     """
     stored = find_sequence(folder)
     replaced = camera is not None and bool(stored.assumed)
@@ -122,7 +163,7 @@ def given_sequence(
     known = camera if replaced else stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
-    return Given(stored, known, modalities)
+    return Given(stored, known, modalities, links)
 
 
 def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
@@ -137,10 +178,6 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
         keys = " and ".join(key for key in found.values() if key)
         remedy = "make a dataset of it first" + (f", with {keys} for the scene" if keys else "")
         raise InputError(stored.folder, ", and ".join(found), remedy=remedy)
-
-
-def _named(file: Path, read: bool) -> str | None:
-    return str(file.resolve()) if read else None
 
 
 def _kind(data: bytes) -> Image | None:

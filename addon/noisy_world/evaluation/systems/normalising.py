@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from ...core.datasets.association import associate
 from ...core.errors import InputError, NotFiniteError
+from ...core.regular_files import read_bytes
 from ...core.trajectories.files import STAMPED_FORMATS, Auto, read_trajectory_file
 from ...core.trajectories.pose_text import TrajectoryFormat
 from ..estimate import Estimate
 from ..outcome import Outcome
 from .definition import Writes
-from .readers import TEXT_FORMATS, read_estimate
+from .leavings import LARGEST_READ_BYTES, OverLimitError, check_output, found_output
+from .readers import READERS, TEXT_FORMATS, read_estimate
 
 LATEST_S = 0.02  # a pose belongs to a frame whose stamp differs by less, as in core/datasets/association
 _NOT_FINITE = re.compile(r"(?<![A-Za-z0-9_.])[-+]?(?:nan|inf|infinity)(?![A-Za-z0-9_.])", re.IGNORECASE)
@@ -36,28 +38,31 @@ class Normalised:
 NOTHING = Estimate(np.empty(0), np.empty((0, 4, 4)))
 
 
-def found_file(folder: Path, pattern: str, *, folders: bool = False) -> Path | None:
-    """Return the file that a name or a pattern stands for; the first by name where there are several, else None.
-
-    folders: whether it may be a folder.
-    """
-    return min((path for path in folder.glob(pattern) if path.is_file() or (folders and path.is_dir())), default=None)
-
-
 def normalised(
-    folder: Path, writes: Writes, stamps_s: list[float], pattern: str = "", *, colour: Sequence[Path] = ()
+    folder: Path,
+    writes: Writes,
+    stamps_s: list[float],
+    pattern: str = "",
+    *,
+    colour: Sequence[Path] = (),
+    largest_bytes: int = LARGEST_READ_BYTES,
 ) -> Normalised:
     """Read the estimate that a system wrote into a folder.
 
     stamps_s: of the frames that it was given. pattern: of the file; that of the estimate if it is "". colour: the
-    frames' images, for a format that names them.
+    frames' images, for a format that names them. largest_bytes: more of an estimate is not read.
     """
     of_reader = writes.format not in ("auto", *TEXT_FORMATS)
-    path = found_file(folder, pattern or writes.file, folders=of_reader)
+    path = found_output(folder, pattern or writes.file, folders=of_reader)
     if path is None:
         return Normalised(Outcome.NO_ESTIMATE, f"it wrote no {pattern or writes.file}", NOTHING)
+    try:
+        whole = of_reader and READERS[writes.format].reads_parts
+        check_output(path, folder, None if whole else largest_bytes, "limits.estimate_mb")
+    except InputError as error:
+        return _unread(error)
     if of_reader:
-        return _read(path, writes, stamps_s, colour)
+        return _read(path, writes, stamps_s, colour, largest_bytes)
     text = _text(path)
     if text is not None:
         if not _has_rows(text):
@@ -71,14 +76,16 @@ def normalised(
         return _unread(error)
 
 
-def _read(path: Path, writes: Writes, stamps_s: list[float], colour: Sequence[Path]) -> Normalised:
+def _read(path: Path, writes: Writes, stamps_s: list[float], colour: Sequence[Path], largest_bytes: int) -> Normalised:
     """Read an estimate by the reader of its format."""
     images = map(str, colour) if colour else repeat("")
     frames = [{"stamp_s": stamp_s, "colour": name} for stamp_s, name in zip(stamps_s, images, strict=False)]
     direction = None if writes.direction == "auto" else writes.direction
     axes = None if writes.axes == "auto" else writes.axes
     try:
-        found = read_estimate(writes.format, path, {"frames": frames}, direction=direction, axes=axes)
+        found = read_estimate(
+            writes.format, path, {"frames": frames}, direction=direction, axes=axes, largest_bytes=largest_bytes
+        )
         if not len(found):
             return Normalised(Outcome.FINISHED, "", NOTHING)
         return _of_frames(path, np.array(stamps_s, dtype=np.float64), found.stamps_s, found.c2w)
@@ -89,6 +96,8 @@ def _read(path: Path, writes: Writes, stamps_s: list[float], colour: Sequence[Pa
 def _unread(error: InputError) -> Normalised:
     where = f"{error.where}: " if error.where else ""
     outcome = Outcome.NOT_FINITE if isinstance(error, NotFiniteError) else Outcome.UNREADABLE
+    if isinstance(error, OverLimitError):
+        outcome = Outcome.OVER_LIMIT
     return Normalised(outcome, f"{Path(error.file).name}: {where}{error.problem}", NOTHING)
 
 
@@ -134,7 +143,7 @@ def _by_index(path: Path, own: NDArray[np.float64], frames: int) -> tuple[NDArra
 
 def _text(path: Path) -> str | None:
     """Return the text of a file; None where it is none, and a reader has to judge it."""
-    data = path.read_bytes()
+    data = read_bytes(path)
     try:
         return None if b"\0" in data else data.decode("utf-8-sig")
     except UnicodeDecodeError:

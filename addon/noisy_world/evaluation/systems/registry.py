@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which systems there are: those that come with Noisy World, by name, and the user's own, by file."""
 
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import cast, get_args
 
 from ...core.errors import InputError
 from ...core.schema import Place, unknown_name
-from .definition import System, read_system
+from .definition import IsolateBy, System, read_system
 
 SHIPPED = Path(__file__).parent / "shipped"
 SUFFIXES = (".yaml", ".yml")
@@ -39,3 +42,11 @@ def find_systems(names: str) -> list[System]:
             raise InputError(system.file, f"is a second system called {system.name}", where="name", remedy="rename one")
         seen[system.name] = system
     return systems
+
+
+def isolating(systems: Iterable[System], isolate: str) -> list[System]:
+    """Return the systems, kept apart by a program where they are not yet; "none" changes nothing."""
+    if isolate == "none":
+        return list(systems)
+    assert isolate in get_args(IsolateBy), isolate
+    return [replace(system, isolate=cast("IsolateBy", isolate)) for system in systems]

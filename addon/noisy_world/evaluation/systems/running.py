@@ -1,28 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Running a system on a sequence: whatever the system does becomes a record, in a folder of the same few files."""
 
-import contextlib
 import csv
 import json
-import shutil
+import os
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from ...core.datasets.storage import Mover, storage_errors, write_atomic
-from ...core.errors import InputError, InterruptedRunError, NoisyWorldError
+from ...core.errors import InputError, InterruptedRunError
 from ...core.geometry import Intrinsics
+from ...core.regular_files import read_text
 from ..outcome import Outcome, RunRecord
-from .checking import command_values, system_versions, variables_of
+from .checking import command_values, prepared, system_versions
 from .definition import STUDY_NAMES, System, filled
 from .estimate_file import ESTIMATE, KEYFRAMES, estimate_text
 from .index import Given, given_sequence
-from .normalising import Normalised, found_file, normalised
+from .leavings import check_output, found_output, remove_tree, restore_folder, sentence
+from .normalising import Normalised, normalised
+from .watching import Told, watched
 
 RUN = "run.json"
 LOG = "log.txt"
@@ -30,11 +29,8 @@ FRAMES = "frames.csv"
 MAP = "map.ply"
 STATES = ("tracked", "lost", "not_initialised", "relocalised", "skipped")
 
-GUARD = Path(__file__).with_name("guard.py")
 WORK = ".work"  # of a run's folder: what the system writes and is given, until the run has ended
-LOG_BYTES = 256 * 1024  # of the beginning, and of the end
 GRACE_S = 5.0  # chosen: a container takes seconds to stop
-POLL_S = 0.05
 
 
 def run_system(
@@ -58,27 +54,46 @@ def run_system(
     Raises InputError where the sequence cannot be read or the system cannot be run here, StorageError, and
     InterruptedRunError where `stop` was set; then there is no run.json.
     """
-    versions = system_versions(system)
-    given = given_sequence(sequence, system.reads.modalities, camera)
-    work = out / WORK
-    with storage_errors(out):
-        out.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(work, ignore_errors=True)
-        (work / "out").mkdir(parents=True)
-        for name in (RUN, ESTIMATE, KEYFRAMES, FRAMES, MAP):
-            (out / name).unlink(missing_ok=True)
+    system_versions(system)  # so that one which cannot be run is told before anything is written
+    given = given_sequence(sequence, system.reads.modalities, camera, links=system.isolate != "none")
+    out = out.resolve()
+    work = _emptied(out)
     command = _command(system, given, work, names or {}, maps=maps)
-    told = _guarded(command, system, given, out, stop)
+    command, variables = prepared(system, command, work)
+    limits, limit_s = system.limits, system.time_limit.of(len(given))
+    writes = [work / "out", work / "tmp"]
+    told = watched(command, variables, writes, out / LOG, limits, limit_s=limit_s, grace_s=GRACE_S, stop=stop)
+    with storage_errors(out):
+        restore_folder(out, (work.name, LOG))
+        lost = not (out / LOG).is_file()
+        if lost:
+            (out / LOG).write_text("")
     if stop is not None and stop.is_set():
         raise InterruptedRunError(f"{system.name} was stopped; its run will be made anew")
-    record = _record(system, given, told, versions, out, maps=maps)
-    with storage_errors(work):
-        shutil.rmtree(work / "given")
-        if not keep:
-            shutil.rmtree(work)
+    record = _record(system, given, told, out, work / "out", maps=maps)
+    if lost:
+        record = replace(record, detail=_sentences(record.detail, f"it removed its {LOG}"))
+    if not remove_tree(work / "given" if keep else work):
+        record = replace(record, detail=_sentences(record.detail, "what it wrote cannot be removed"))
     text = json.dumps(asdict(record), indent=1, sort_keys=True, allow_nan=False) + "\n"
     write_atomic(out / RUN, text.encode(), out)
     return record
+
+
+def _emptied(out: Path) -> Path:
+    """Remove what an earlier run left; return a new folder, with out, tmp and given, for what a run works with."""
+    work = out / WORK
+    with storage_errors(out):
+        out.mkdir(parents=True, exist_ok=True)
+        for number in range(1, 1000):
+            if remove_tree(work):
+                break
+            work = out / f"{WORK}-{number}"  # what a system left cannot be removed
+        for name in ("out", "tmp", "given"):
+            (work / name).mkdir(parents=True)
+        for name in (RUN, ESTIMATE, KEYFRAMES, FRAMES, MAP):
+            remove_tree(out / name)
+    return work
 
 
 def _command(system: System, given: Given, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
@@ -93,84 +108,56 @@ def _command(system: System, given: Given, work: Path, names: Mapping[str, str],
     frames = work / "given" / "frames.json"
     with storage_errors(folder):
         folder.mkdir(parents=True)
-    given.write_index(frames)
+    if any("{frames}" in word for word in words):
+        given.write_index(frames, work / "given" / "images")
     if any("{sequence}" in word for word in words):
         given.write_sequence(folder, system.reads.layouts)
     values = {"frames": frames.resolve(), "sequence": folder.resolve(), "out": (work / "out").resolve()}
     return filled(words, {**command_values(system), **names, **values})
 
 
-def _guarded(
-    command: list[str], system: System, given: Given, out: Path, stop: threading.Event | None
-) -> dict[str, Any]:
-    """Run a command in a process group of its own; return what its guard tells."""
-    order = {
-        "command": command,
-        "folder": str((out / WORK / "out").resolve()),
-        "log": str((out / LOG).resolve()),
-        "log_bytes": LOG_BYTES,
-        "limit_s": system.time_limit.of(len(given)),
-        "grace_s": GRACE_S,
-    }
-    process = subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, "-I", "-S", str(GUARD), json.dumps(order)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=variables_of(system),
-        start_new_session=True,  # Ctrl-C is for us: the guard ends when its input does
-    )
-    assert process.stdin is not None
-    assert process.stdout is not None
-    try:
-        while process.poll() is None:
-            if stop is not None and stop.wait(POLL_S):
-                break
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(POLL_S if stop is not None else None)
-    finally:
-        process.stdin.close()
-        told = process.stdout.read()
-        status = process.wait()
-        process.stdout.close()
-    if status != 0:
-        raise NoisyWorldError(f"{out / LOG}: the process that watches over {system.name} ended with {status}")
-    return json.loads(told)
-
-
-def _record(
-    system: System, given: Given, told: dict[str, Any], versions: dict[str, str], out: Path, *, maps: bool
-) -> RunRecord:
+def _record(system: System, given: Given, told: Told, out: Path, written: Path, *, maps: bool) -> RunRecord:
     """Write what the system estimated; return how the run ended."""
-    written = out / WORK / "out"
     outcome, detail = _how_it_ended(told, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
-        found = normalised(written, system.writes, given.stamps_s, colour=given.stored.rgb_files)
-        outcome, detail = found.outcome, _sentences(found.detail, _take_files(system, given, written, out, maps=maps))
+        found = _estimated(system, given, written)
+        outcome, detail = found.outcome, found.detail
         if outcome is Outcome.FINISHED:
             _write_estimate(out / ESTIMATE, found)
+        detail = _sentences(detail, *_take_files(system, given, written, out, maps=maps))
     return RunRecord(
         system=system.name,
         outcome=outcome,
-        detail=detail,
+        detail=sentence(detail),
         frames=len(given),
-        seconds=round(told.get("seconds", 0.0), 3),
-        processor_s=_rounded(told.get("processor_s")),
-        peak_memory_bytes=told.get("peak_memory_bytes"),
-        exit_status=told.get("status"),
-        versions=versions,
+        seconds=round(told.seconds, 3),
+        processor_s=_rounded(told.processor_s),
+        peak_memory_bytes=told.peak_memory_bytes,
+        exit_status=told.status,
+        versions=system_versions(system),
+        isolated="" if system.isolate == "none" else system.isolate,
     )
 
 
-def _how_it_ended(told: dict[str, Any], limit_s: float) -> tuple[Outcome, str]:
-    if told["ended"] == "limit":
+def _how_it_ended(told: Told, limit_s: float) -> tuple[Outcome, str]:
+    if told.ended == "limit":
         return Outcome.TIMED_OUT, f"was stopped after {limit_s:g} s; {LOG} holds what it said"
-    if told["ended"] == "missing":
-        return Outcome.CRASHED, told["problem"]
-    status = told["status"]
-    if status == 0:
+    if told.ended == "over":
+        return Outcome.OVER_LIMIT, told.problem
+    if told.status is None:
+        return Outcome.CRASHED, told.problem
+    if told.status == 0:
         return Outcome.FINISHED, ""
-    ended = f"ended with status {status}" if status > 0 else f"was ended by {_signal_name(-status)}"
+    ended = f"ended with status {told.status}" if told.status > 0 else f"was ended by {_signal_name(-told.status)}"
     return Outcome.CRASHED, f"{ended}; {LOG} holds what it said"
+
+
+def _estimated(system: System, given: Given, written: Path, pattern: str = "") -> Normalised:
+    """Read an estimate, or that of keyframes by a pattern."""
+    names = given.stored.rgb_files
+    return normalised(
+        written, system.writes, given.stamps_s, pattern, colour=names, largest_bytes=system.limits.estimate_bytes
+    )
 
 
 def _signal_name(number: int) -> str:
@@ -180,39 +167,58 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def _take_files(system: System, given: Given, written: Path, out: Path, *, maps: bool) -> str:
+def _take_files(system: System, given: Given, written: Path, out: Path, *, maps: bool) -> list[str]:
     """Take over what else of the contract a system wrote; return sentences on what is wrong in it."""
     problems = []
-    if system.writes.keyframes and found_file(written, system.writes.keyframes) is not None:
-        keyframes = normalised(
-            written, system.writes, given.stamps_s, system.writes.keyframes, colour=given.stored.rgb_files
-        )
+    limits = system.limits
+    if system.writes.keyframes and found_output(written, system.writes.keyframes) is not None:
+        keyframes = _estimated(system, given, written, system.writes.keyframes)
         if keyframes.outcome is Outcome.FINISHED:
             _write_estimate(out / KEYFRAMES, keyframes)
         else:
             problems.append(f"its keyframes are not used: {keyframes.detail}")
-    if (written / FRAMES).is_file():
-        if problem := _states_problem(written / FRAMES, len(given)):
+    if os.path.lexists(written / FRAMES):
+        problem = _problem(written / FRAMES, written, limits.estimate_bytes, "limits.estimate_mb")
+        if problem := problem or _states_problem(written / FRAMES, len(given)):
             problems.append(f"its {FRAMES} is not used: {problem}")
         else:
-            Mover(out).move(written / FRAMES, out / FRAMES)
-    if maps and (written / MAP).is_file():
-        Mover(out).move(written / MAP, out / MAP)
-    return _sentences(*problems)
+            Mover(out).move((written / FRAMES).resolve(), out / FRAMES)
+    if maps and os.path.lexists(written / MAP):
+        if problem := _problem(written / MAP, written, limits.map_bytes, "limits.map_mb"):
+            problems.append(f"its {MAP} is not used: {problem}")
+        else:
+            Mover(out).move((written / MAP).resolve(), out / MAP)
+    return problems
+
+
+def _problem(path: Path, folder: Path, largest_bytes: int, key: str) -> str:
+    """Return why a file that a system left is not to be read, "" where it is."""
+    if path.is_dir():
+        return "is a folder"
+    try:
+        check_output(path, folder, largest_bytes, key)
+    except InputError as error:
+        return error.problem
+    return ""
 
 
 def _states_problem(path: Path, frames: int) -> str:
     """Return what is wrong in a list of the frames' states; "" where nothing is."""
     try:
-        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.reader(read_text(path).splitlines()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return f"it cannot be read: {error}"
     if not rows or rows[0][:3] != ["index", "stamp_s", "state"]:
         return "its header does not begin with index,stamp_s,state"
     for number, row in enumerate(rows[1:], 2):
-        if len(row) < 3 or not row[0].isdecimal() or int(row[0]) >= frames or row[2] not in STATES:
+        if len(row) < 3 or not _is_frame(row[0], frames) or row[2] not in STATES:
             return f"line {number} names no frame with a state of {', '.join(STATES)}"
     return ""
+
+
+def _is_frame(text: str, frames: int) -> bool:
+    """Tell whether a text is the number of a frame; Python refuses to convert thousands of digits."""
+    return text.isascii() and text.isdecimal() and len(text.lstrip("0")) < 19 and int(text) < frames
 
 
 def _write_estimate(path: Path, found: Normalised) -> None:

@@ -14,11 +14,11 @@ colors/00000.jpg, depth/00000.png and office1-traj.txt) and http://redwood-data.
 """
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
@@ -31,7 +31,7 @@ from ..association import StampedFiles, associate_frames
 from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, read_text
-from .numbered import NumberedPoses, numbered_frames, numbered_images
+from .numbered import CountedPoses, NumberedPoses, numbered_frames, numbered_images, poses_of_images
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
 INTRINSICS = ("intrinsic.json", "camera_intrinsic.json")
@@ -40,6 +40,8 @@ COLOURS = ("rgb", "image", "images", "color", "colors")
 COLOUR = r"([0-9]+)\.(?:jpg|png)"
 DEPTH = r"([0-9]+)\.png"
 TIMED = r"([0-9]+)-([0-9]+)\.(?:jpg|png)"
+_OPEN3D_BEGINS = (0,)  # what its recorders begin to count with
+_REDWOOD_BEGINS = (0, 1)
 PRIMESENSE = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 _ASSUMED = "the PrimeSense's factory camera of fx = fy = 525 and (319.5, 239.5) is used, as by the dataset; camera says another"  # fmt: skip  # noqa: E501
 
@@ -59,7 +61,7 @@ class Open3DLayout(RecordedLayout):
         return _has_folders(folder, ("color",)) and _intrinsics_file(folder) is not None
 
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images by their numbers, and poses by those of the .log, counted from the first image."""
+        """Match images by their numbers, and poses by those of the .log, which count frames."""
         path = _intrinsics_file(folder)
         assert path is not None, "recognised"
         told = _document(path)
@@ -68,7 +70,7 @@ class Open3DLayout(RecordedLayout):
         used_hz = rate_hz or fps or RECORDED_HZ
         colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
         truth = _trajectory_file(folder, poses)
-        given = None if truth is None else _log(truth, colour)
+        given = None if truth is None else _log(truth, colour, depth, _OPEN3D_BEGINS)
         found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
         return StoredSequence(
             folder,
@@ -104,7 +106,7 @@ class RedwoodLayout(RecordedLayout):
         return bool(_trajectories(folder)) or any(timed)
 
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images by their numbers, or by their times where their names say them; poses are in order of colour."""
+        """Match images by their numbers, or by their times where their names say them; a .log counts frames."""
         colours = [name for name in COLOURS if (folder / name).is_dir()]
         if len(colours) > 1:
             raise InputError(folder, f"has {colours[0]} and {colours[1]}", remedy="leave one folder of colour in it")
@@ -114,7 +116,7 @@ class RedwoodLayout(RecordedLayout):
             return _timed(folder, images, truth, poses)
         used_hz = rate_hz or RECORDED_HZ
         colour, depth = numbered_images(images, COLOUR), numbered_images(folder / "depth", DEPTH)
-        given = None if truth is None else _log(truth, colour)
+        given = None if truth is None else _log(truth, colour, depth, _REDWOOD_BEGINS)
         found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
         camera, path = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
         return StoredSequence(
@@ -195,27 +197,35 @@ def _trajectory_file(folder: Path, policy: PosePolicy) -> Path | None:
     return found[0] if found else None
 
 
-def _log(path: Path, colour: dict[int, Path]) -> NumberedPoses:
-    """Return the poses of a .log by the numbers of the images: the first belongs to the first image."""
-    counted = _counted_poses(path)
-    first = min(colour, default=0)
-    return NumberedPoses(path, {first + number: c2w for number, c2w in counted.items()})
+def _log(path: Path, colour: Mapping[int, Path], depth: Mapping[int, Path], begins: tuple[int, ...]) -> NumberedPoses:
+    """Return the poses of a .log by the numbers of the images."""
+    images, pairs = colour.keys() | depth.keys(), colour.keys() & depth.keys()
+    if not pairs:
+        return NumberedPoses(path, {})  # which is told of the images
+    return poses_of_images(_counted_poses(path), images, pairs, begins)
 
 
-def _counted_poses(path: Path) -> dict[int, NDArray[np.float64]]:
+def _counted_poses(path: Path) -> CountedPoses:
     found = log_poses(text_rows(path, read_numbers(path)))
     assert found.numbers is not None
-    return dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True))
+    assert found.listed is not None
+    c2w = dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True))
+    return CountedPoses(path, c2w, list(map(int, found.listed.tolist())))
 
 
 def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -> StoredSequence:
     """Read images that are named by number and microseconds; a pose belongs to the colour image of its number."""
-    colour, depth = _stamped(images), _stamped(folder / "depth")
+    numbers, colour = _stamped(images)
+    _, depth = _stamped(folder / "depth")
     path = None
     if truth is not None:
-        counted = {row: c2w for row, c2w in _counted_poses(truth).items() if row < len(colour.files)}
-        rows = list(counted)
-        path = Trajectory(np.array([counted[row] for row in rows]), colour.stamps.seconds[rows])
+        given = poses_of_images(_counted_poses(truth), numbers, numbers, _REDWOOD_BEGINS).c2w
+        rows = [row for row, number in enumerate(numbers) if number in given]
+        if not rows:
+            raise InputError(
+                truth, "has no valid pose of an image", remedy="poses: none uses them without ground truth"
+            )
+        path = Trajectory(np.array([given[numbers[row]] for row in rows]), colour.stamps.seconds[rows])
     found = associate_frames(folder, colour, depth, path, policy=policy)
     camera, file = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
     return StoredSequence(
@@ -234,13 +244,15 @@ def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -
     )
 
 
-def _stamped(folder: Path) -> StampedFiles:
+def _stamped(folder: Path) -> tuple[list[int], StampedFiles]:
+    """Return the numbers of a folder's images, in order, and the images with their times."""
     files = numbered_images(folder, r"([0-9]+)-[0-9]+\.(?:jpg|png)")
-    ordered = [files[number] for number in sorted(files)]
+    numbers = sorted(files)
+    ordered = [files[number] for number in numbers]
     if not ordered:
         raise InputError(folder, "holds no image named by number and time", remedy="0000001-000000000000.jpg and so on")
     stamps_us = [int(path.stem.partition("-")[2][:18]) for path in ordered]
     late = next((row for row in range(1, len(stamps_us)) if stamps_us[row] <= stamps_us[row - 1]), None)
     if late is not None:
         raise InputError(ordered[late], "is not later than the image before it, by the times in their names")
-    return StampedFiles(Stamps.of_ns(stamp_us * 1000 for stamp_us in stamps_us), tuple(ordered))
+    return numbers, StampedFiles(Stamps.of_ns(stamp_us * 1000 for stamp_us in stamps_us), tuple(ordered))

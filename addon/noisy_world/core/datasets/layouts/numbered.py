@@ -2,7 +2,7 @@
 """Recordings whose images and poses belong together by the numbers in their names, as most people's do."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
+from ...trajectories.matrix_poses import folder_poses
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..known_poses import PosePolicy, chosen_by_pose
@@ -23,6 +24,18 @@ class NumberedPoses:
 
     path: Path
     c2w: Mapping[int, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class CountedPoses:
+    """Poses by their place in a file that counts frames from 0, whatever the numbers of their images.
+
+    listed: the places, increasing, of which the file has a pose, valid or not.
+    """
+
+    path: Path
+    c2w: Mapping[int, NDArray[np.float64]]
+    listed: Sequence[int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +71,59 @@ def numbered_images(folder: Path, pattern: str) -> dict[int, Path]:
     return found
 
 
+def poses_of_images(
+    poses: CountedPoses, images: Collection[int], pairs: Collection[int], begins: Collection[int]
+) -> NumberedPoses:
+    """Return counted poses by the numbers of their images.
+
+    images: the numbers of all images, colour's or depth's. pairs: of those that have both. begins: the numbers that
+    such recordings begin with. The first pose belongs to an image of such a number or to the first that there is. Where
+    images are lost, the ends tell which: the last pose belongs to the last image. Or the poses are of the images that
+    are there, one after another. Raises InputError where none of these, or several, can be.
+    """
+    first, last, path, frames = min(images), max(images), poses.path, poses.listed[-1] + 1
+    fitting = {begin for begin in (*begins, first) if begin <= first and begin + frames - 1 == last}
+    ways: set[Sequence[int]] = {range(begin, begin + frames) for begin in (*fitting, *({first} & set(begins)))}
+    if len(poses.listed) == frames == len(pairs):
+        there = sorted(pairs)
+        ways.add(tuple(there) if there[-1] - there[0] >= frames else range(there[0], there[-1] + 1))
+    if len(ways) == 1:
+        (numbers,) = ways
+        return NumberedPoses(path, {numbers[place]: c2w for place, c2w in poses.c2w.items()})
+    gaps = ", with gaps" if len(images) <= last - first else ""
+    problem = (
+        f"has poses of {frames} frames, but images are numbered {first} to {last}{gaps}, and {len(pairs)} have "
+        "colour and depth: which pose is whose cannot be told"
+    )
+    remedy = "put the images back that are missing, or make it of the images that are there, numbered from 0"
+    raise InputError(path, problem, remedy=remedy)
+
+
+def folder_of_poses(folder: Path, colour: Collection[int]) -> NumberedPoses:
+    """Return the poses of a folder that has a file for each.
+
+    colour: the numbers of the colour images. Raises InputError.
+    """
+    found = folder_poses(folder)
+    assert found.numbers is not None
+    assert found.listed is not None
+    check_same_numbers(folder, colour, list(map(int, found.listed.tolist())), ("colour images", "poses"))
+    return NumberedPoses(folder, dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True)))
+
+
+def check_same_numbers(folder: Path, one: Collection[int], other: Collection[int], told: tuple[str, str]) -> None:
+    """Raise InputError where as many files are numbered one after another, but from another number on.
+
+    told: what the files are, in words.
+    """
+    if not one or len(one) != len(other) or min(one) == min(other):
+        return
+    if all(max(numbers) - min(numbers) + 1 == len(numbers) for numbers in (one, other)):
+        ranges = [f"{what} {min(numbers)} to {max(numbers)}" for what, numbers in zip(told, (one, other), strict=True)]
+        remedy = "number both alike; where files are missing, take away those of the same frames"
+        raise InputError(folder, f"has {' and '.join(ranges)}: which belong together cannot be told", remedy=remedy)
+
+
 def numbered_frames(
     folder: Path,
     rgb: Mapping[int, Path],
@@ -72,6 +138,7 @@ def numbered_frames(
     poses: None for a recording without ground truth, whose policy is "keep" or "none". Raises InputError where no frame
     is left.
     """
+    check_same_numbers(folder, rgb, depth, ("colour images", "depth images"))
     numbers = sorted(rgb.keys() & depth.keys())
     if not numbers:
         problem = f"has {len(rgb)} colour and {len(depth)} depth images, none of which have one number"
@@ -86,6 +153,9 @@ def numbered_frames(
     stamps_s = np.array(chosen, dtype=np.float64) / rate_hz
     unpaired = len(rgb) + len(depth) - 2 * len(numbers)
     alone = f"{unpaired} images are left out: no colour or no depth has their number" if unpaired else ""
+    spare = len(poses.c2w.keys() - set(numbers)) if poses is not None else 0
+    if spare:
+        told = f"{told}; " * bool(told) + f"{spare} poses are left out: no frame has their number"
     return NumberedFrames(
         tuple(rgb[number] for number in chosen),
         tuple(depth[number] for number in chosen),

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import DepthCamera, Optics
-from ...trajectories.matrix_poses import folder_poses
 from ...trajectories.pose_text import read_text as read_numbers
 from ...trajectories.pose_text import text_rows
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, same_camera, size_of
-from .numbered import NumberedPoses, numbered_frames, numbered_images
+from .numbered import folder_of_poses, numbered_frames, numbered_images
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
 
 COLOUR = r"([0-9]+)\.(?:jpg|png)"
@@ -42,9 +41,10 @@ class ScanNetLayout(RecordedLayout):
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Match images and poses by their numbers; poses of -inf, where tracking was lost, are none."""
         truth = folder / "pose"
-        given = None if poses == "none" or (poses == "keep" and not truth.is_dir()) else _poses(truth)
         used_hz = rate_hz or RECORDED_HZ
+        unposed = poses == "none" or (poses == "keep" and not truth.is_dir())
         colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
+        given = None if unposed else folder_of_poses(truth, colour)
         found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
         camera_file, depth_file = _matrix_file(folder, "color"), _matrix_file(folder, "depth")
         camera = intrinsics_of_matrix(camera_file, _matrix(camera_file), size_of(found.rgb_files[0]))
@@ -64,12 +64,6 @@ class ScanNetLayout(RecordedLayout):
             used_hz,
             optics=_optics(folder, camera, seen),
         )
-
-
-def _poses(folder: Path) -> NumberedPoses:
-    found = folder_poses(folder)
-    assert found.numbers is not None
-    return NumberedPoses(folder, dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True)))
 
 
 def _optics(folder: Path, colour: Intrinsics, depth: Intrinsics) -> Optics:

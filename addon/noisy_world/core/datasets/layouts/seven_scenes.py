@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import DepthCamera, Optics
-from ...trajectories.matrix_poses import folder_poses
 from ..json_text import finite_number
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, read_text, same_camera
-from .numbered import NumberedPoses, numbered_frames, numbered_images
+from .numbered import folder_of_poses, numbered_frames, numbered_images
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
 COLOUR = r"frame-([0-9]+)\.color\.(?:png|jpg)"
@@ -88,9 +87,9 @@ def _read(
     folder: Path, rate_hz: float | None, policy: PosePolicy, scale_per_m: float, calibration: Path | None
 ) -> StoredSequence:
     unposed = policy == "none" or (policy == "keep" and not any(folder.glob("frame-*.pose.txt")))
-    poses = None if unposed else _poses(folder)
     used_hz = rate_hz or RECORDED_HZ
     images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
+    poses = None if unposed else folder_of_poses(folder, images[0])
     found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)
     camera, optics = (KINECT, Optics()) if calibration is None else _cameras(calibration)
     if calibration is None and (stated := stated_camera(folder, found.rgb_files[0])) is not None:
@@ -112,12 +111,6 @@ def _read(
         optics=optics,
         assumed="" if calibration else UNCALIBRATED,
     )
-
-
-def _poses(folder: Path) -> NumberedPoses:
-    found = folder_poses(folder)
-    assert found.numbers is not None
-    return NumberedPoses(folder, dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True)))
 
 
 # --- info.txt ---

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ....core.regular_files import read_bytes
 from ....core.yaml_reading import read_yaml
 from ..treatments import Treatment, treatment
 
@@ -59,7 +60,7 @@ class Published:
 @cache
 def published() -> Published:
     """Return the paper's numbers."""
-    document = read_yaml(FILE.read_bytes(), FILE)
+    document = read_yaml(read_bytes(FILE), FILE)
     columns = document["columns"]
     numbers = [number for table in document["tables"] for number in _numbers(table, columns[table["columns"]])]
     notes = [

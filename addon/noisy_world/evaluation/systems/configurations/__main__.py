@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from ....core.errors import InputError, MissingDependencyError, NoisyWorldError
+from ....core.regular_files import read_text
 from ..environments import environment_folder, environment_python
 from . import CONFIGURATIONS, Configuration
 
@@ -96,7 +97,7 @@ def _environment() -> dict[str, str]:
 
 def _read_index(path: Path) -> dict:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_text(path))
     except (OSError, ValueError) as error:
         raise InputError(path, f"is no index of frames: {error}") from error
 

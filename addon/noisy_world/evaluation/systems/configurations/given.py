@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ....core.datasets.image_reading import read_pixels
 from ....core.datasets.images import encode_depth
 from ....core.datasets.storage import storage_errors
 from ....core.errors import InputError
@@ -109,7 +110,7 @@ def _farthest_m(index: Index, file: str) -> float:
     """Return the distance that all but a hundredth of a depth image's pixels do not exceed; 0 where it has no depth."""
     import cv2
 
-    steps = cv2.imread(file, cv2.IMREAD_UNCHANGED)
+    steps = read_pixels(Path(file), cv2.IMREAD_UNCHANGED)
     if steps is None or steps.dtype != np.uint16 or steps.ndim != 2:
         raise InputError(file, "is no depth image of 16 bits")
     distance_m = steps * _ray_lengths(index) / float(index["depth_scale_per_m"])

@@ -8,6 +8,7 @@ depends on the sequence. Parameters: WORKDIR/RUN_NAME/params.npz, written when a
 from pathlib import Path
 from typing import Any
 
+from ....core.datasets.image_reading import read_pixels
 from ....core.errors import InputError
 from ....core.yaml_reading import yaml_text
 from ..readers.frames import Index
@@ -53,6 +54,6 @@ def _check_colour(index: Index) -> None:
     import cv2
 
     file = index["frames"][0]["colour"] if index["frames"] else ""
-    image = cv2.imread(file, cv2.IMREAD_UNCHANGED)
+    image = read_pixels(Path(file), cv2.IMREAD_UNCHANGED)
     if image is None or image.ndim != 3:
         raise InputError(file, "is no image of three channels, as SplaTAM reads them", remedy="set output.colour: rgb")

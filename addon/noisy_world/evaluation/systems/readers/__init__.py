@@ -11,6 +11,7 @@ from ....core.errors import NotFiniteError
 from ....core.trajectories.pose_text import FORMATS
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
+from ..leavings import LARGEST_READ_BYTES
 from . import arrays, co_slam, colmap, nice_slam, numbered, splatam, stamped, vslamlab
 from .frames import Index
 
@@ -21,12 +22,14 @@ __all__ = ["READERS", "TEXT_FORMATS", "Index", "NotFiniteError", "Reader", "read
 class Reader:
     """A reader of estimates. meaning: what it reads, for people. any_convention: whether the format leaves direction
     and axes of its poses open, so that a system has to say them where they are not camera-to-world and OpenCV's.
+    reads_parts: whether it reads a part of a file that may be large, and takes `largest_bytes` of it.
     """
 
     name: str
     meaning: str
     read: Callable[..., Estimate]
     any_convention: bool = False
+    reads_parts: bool = False
 
 
 def _registry(*readers: Reader) -> dict[str, Reader]:
@@ -61,16 +64,19 @@ READERS: dict[str, Reader] = _registry(
         partial(numbered.read, format="transforms"),
         any_convention=True,
     ),
-    Reader("array", "numpy's .npy or .npz of N x 4 x 4", arrays.read, any_convention=True),
+    Reader("array", "numpy's .npy or .npz of N x 4 x 4", arrays.read, any_convention=True, reads_parts=True),
     Reader("colmap", "COLMAP's images.txt", colmap.read),
     Reader("vslamlab", "VSLAM-LAB's NNNNN_KeyFrameTrajectory.csv", vslamlab.read),
-    Reader("nice_slam", "checkpoints of NICE-SLAM and iMAP: ckpts/NNNNN.tar", nice_slam.read),
-    Reader("co_slam", "Co-SLAM's checkpointN.pt: poses as they were tracked", co_slam.read),
+    Reader("nice_slam", "checkpoints of NICE-SLAM and iMAP: ckpts/NNNNN.tar", nice_slam.read, reads_parts=True),
+    Reader("co_slam", "Co-SLAM's checkpointN.pt: poses as they were tracked", co_slam.read, reads_parts=True),
     Reader(
-        "co_slam_relative", "Co-SLAM's checkpointN.pt: poses as the keyframes are in the end", co_slam.read_relative
+        "co_slam_relative",
+        "Co-SLAM's checkpointN.pt: poses as the keyframes are in the end",
+        co_slam.read_relative,
+        reads_parts=True,
     ),
-    Reader("go_slam", "GO-SLAM's checkpoints/est_poses.npy", arrays.read),
-    Reader("splatam", "SplaTAM's params.npz", splatam.read),
+    Reader("go_slam", "GO-SLAM's checkpoints/est_poses.npy", arrays.read, reads_parts=True),
+    Reader("splatam", "SplaTAM's params.npz", splatam.read, reads_parts=True),
 )
 """Every reader by the name that a system's definition gives."""
 
@@ -79,12 +85,19 @@ TEXT_FORMATS: tuple[str, ...] = FORMATS
 
 
 def read_estimate(
-    name: str, path: Path, index: Index, *, direction: Direction | None = None, axes: Axes | None = None
+    name: str,
+    path: Path,
+    index: Index,
+    *,
+    direction: Direction | None = None,
+    axes: Axes | None = None,
+    largest_bytes: int = LARGEST_READ_BYTES,
 ) -> Estimate:
     """Return what a system estimated, from the file or folder that it wrote.
 
     name: of the reader. index: the frames that the system was given. direction, axes: of the poses, where the format
     leaves them open (`Reader.any_convention`); None for camera-to-world and OpenCV's, or the format's own.
+    largest_bytes: that are read of a file with more than poses in it (`Reader.reads_parts`).
     Frames that the system did not track are missing; a file without a pose is an estimate of none.
     Raises NotFiniteError where poses hold NaN or infinity, InputError, of which it is one, where the file is not what
     its reader reads, and ValueError for an unknown name or a convention that the reader does not take.
@@ -96,4 +109,6 @@ def read_estimate(
     chosen = {key: value for key, value in given.items() if value is not None}
     if chosen and not reader.any_convention:
         raise ValueError(f"the poses of {name} have one convention, so {' and '.join(chosen)} cannot be given")
+    if reader.reads_parts:
+        chosen["largest_bytes"] = largest_bytes
     return reader.read(path, index, **chosen)

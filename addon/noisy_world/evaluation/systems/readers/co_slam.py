@@ -14,22 +14,23 @@ from numpy.typing import NDArray
 
 from ....core.errors import InputError
 from ...estimate import Estimate
+from ..leavings import LARGEST_READ_BYTES
 from .frames import Index, estimate_of_frames
 from .torch_files import Tensor, open_torch
 
 
-def read(path: Path, index: Index) -> Estimate:
+def read(path: Path, index: Index, *, largest_bytes: int = LARGEST_READ_BYTES) -> Estimate:
     """Return the poses as they were when their frames were tracked, keyframes as they are in the end."""
     file = _checkpoint(path)
-    with open_torch(file) as held:
+    with open_torch(file, largest_bytes) as held:
         poses = _poses(file, held, "pose")
     return estimate_of_frames(file, list(poses), _stacked(poses), index, axes="opengl")
 
 
-def read_relative(path: Path, index: Index) -> Estimate:
+def read_relative(path: Path, index: Index, *, largest_bytes: int = LARGEST_READ_BYTES) -> Estimate:
     """Return the poses that follow from those of the keyframes in the end."""
     file = _checkpoint(path)
-    with open_torch(file) as held:
+    with open_torch(file, largest_bytes) as held:
         poses, relative = _poses(file, held, "pose"), _poses(file, held, "pose_rel")
     keyframe = None
     for number in sorted(poses):

@@ -111,6 +111,6 @@ def _rigid(path: Path, frames: Sequence[int], matrices: NDArray[np.float64]) -> 
 
 def check_finite(path: Path, places: Sequence[str], values: NDArray[np.float64]) -> None:
     """Raise NotFiniteError, which names the place, for the first of M items (M, ...) that holds NaN or infinity."""
-    finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    finite = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
     if not finite.all():
         raise NotFiniteError(path, "its pose is not finite", where=places[int(np.argmin(finite))])

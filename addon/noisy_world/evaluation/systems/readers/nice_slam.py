@@ -10,14 +10,15 @@ from pathlib import Path
 
 from ....core.errors import InputError
 from ...estimate import Estimate
+from ..leavings import LARGEST_READ_BYTES
 from .frames import Index, estimate_of_frames
 from .torch_files import Tensor, open_torch
 
 
-def read(path: Path, index: Index) -> Estimate:
+def read(path: Path, index: Index, *, largest_bytes: int = LARGEST_READ_BYTES) -> Estimate:
     """Return the estimate of a checkpoint; of the last one, where the path is a folder of them. Raises InputError."""
     file = last_checkpoint(path)
-    with open_torch(file) as held:
+    with open_torch(file, largest_bytes) as held:
         if not isinstance(held, dict):
             raise InputError(file, "holds no poses: estimate_c2w_list")
         poses, last = held.get("estimate_c2w_list"), held.get("idx")

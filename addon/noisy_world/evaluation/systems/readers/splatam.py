@@ -13,6 +13,7 @@ import numpy as np
 from ....core.errors import InputError
 from ....core.geometry import pose, rotation_from_quat_wxyz
 from ...estimate import Estimate
+from ..leavings import LARGEST_READ_BYTES
 from .arrays import load_arrays
 from .frames import Index, check_every_frame, check_finite, estimate_of_frames
 
@@ -20,9 +21,9 @@ ROTATIONS = "cam_unnorm_rots"
 TRANSLATIONS = "cam_trans"
 
 
-def read(path: Path, index: Index) -> Estimate:
+def read(path: Path, index: Index, *, largest_bytes: int = LARGEST_READ_BYTES) -> Estimate:
     """Return the estimate of the parameters. Raises InputError."""
-    arrays = load_arrays(path, (ROTATIONS, TRANSLATIONS))
+    arrays = load_arrays(path, (ROTATIONS, TRANSLATIONS), largest_bytes=largest_bytes)
     lacking = next((name for name in (ROTATIONS, TRANSLATIONS) if name not in arrays), None)
     if lacking is not None:
         raise InputError(path, f"holds no {lacking}")

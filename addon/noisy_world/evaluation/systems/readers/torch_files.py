@@ -11,6 +11,7 @@ memory than the file has bytes.
 """
 
 import io
+import math
 import mmap
 import pickle
 import pickletools
@@ -19,7 +20,7 @@ import zipfile
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, Literal, cast
 
@@ -27,11 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....core.errors import InputError
+from ....core.regular_files import open_regular
 from ....core.schema import shown
+from ..leavings import LARGEST_READ_BYTES, OverLimitError
+from .archives import open_archive
 
 MAGIC_NUMBER = 0x1950A86A20F9469CFC6C
 PROTOCOL_VERSION = 1001
-LARGEST_PICKLE = 256 * 2**20  # bytes of data.pkl; that of 2,000 frames has less than one
+LARGEST_PICKLE = 64 * 2**20  # bytes of data.pkl; that of 2,000 frames has less than one
+MOST_OPERATIONS = 3_000_000  # of a pickle; a pose has some 40, and a value some hundred bytes of memory
+LONGEST_INTEGER_BITS = 64  # Python's mappings of longer ones can be made to take for ever
 
 # Bytes of an element, and numpy's name of it, where it has one.
 _STORAGES: dict[str, tuple[int, str]] = {
@@ -110,6 +116,7 @@ class Tensor:
         """Return its numbers. Raises InputError where its storage is damaged or of a kind that numpy does not know."""
         if not self.storage.dtype:
             raise InputError(self.file.path, "holds a tensor of bfloat16 where numbers are wanted")
+        self.file.check(math.prod(self.shape) * self.storage.item_bytes)  # its steps may be 0
         data = self.file.read(self.storage)
         numbers = np.frombuffer(data, dtype=np.dtype(self.storage.dtype).newbyteorder(self.file.order))
         last = self.offset + sum((size - 1) * step for size, step in zip(self.shape, self.strides, strict=True))
@@ -127,10 +134,24 @@ class _File:
 
     path: Path
     fetch: Callable[[str], bytes]
+    largest_bytes: int
     order: Literal["<", ">"] = "<"
+    _held: dict[str, bytes] = field(default_factory=dict)
 
     def read(self, storage: _Storage) -> bytes:
-        """Return the bytes of a storage."""
+        """Return the bytes of a storage; each is read once, and all that are read are within the limit."""
+        if storage.key not in self._held:
+            self.check(sum(map(len, self._held.values())) + storage.count * storage.item_bytes)
+            self._held[storage.key] = self._fetched(storage)
+        return self._held[storage.key]
+
+    def check(self, count: int) -> None:
+        """Raise OverLimitError where so many bytes are more than the limit."""
+        if count > self.largest_bytes:
+            most = f"{self.largest_bytes / 1e6:g} MB of limits.estimate_mb"
+            raise OverLimitError(self.path, f"holds poses of {count / 1e6:.0f} MB, more than the {most}")
+
+    def _fetched(self, storage: _Storage) -> bytes:
         try:
             data = self.fetch(storage.key)
         except (*_BROKEN, OSError) as error:
@@ -141,20 +162,22 @@ class _File:
 
 
 @contextmanager
-def open_torch(path: Path) -> Iterator[Any]:
+def open_torch(path: Path, largest_bytes: int = LARGEST_READ_BYTES) -> Iterator[Any]:
     """Open a checkpoint; yield what it holds, with a `Tensor` for each tensor, which can be read while it is open.
 
+    largest_bytes: of the tensors' numbers that are read; OverLimitError where they are more.
     Raises InputError where the file is no checkpoint, is damaged, or names anything but what checkpoints of tensors,
     numbers, texts, lists and mappings need.
     """
     with ExitStack() as opened:
         try:
-            stream = opened.enter_context(path.open("rb"))
+            stream = opened.enter_context(open_regular(path))
             if zipfile.is_zipfile(stream):
-                value = _unzipped(path, opened.enter_context(zipfile.ZipFile(stream)))
+                value = _unzipped(path, opened.enter_context(open_archive(stream)), largest_bytes)
             else:
                 # A mapping, unlike a file, gives no more than there is, however much is asked for.
-                value = _legacy(path, opened.enter_context(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)))
+                held = opened.enter_context(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+                value = _legacy(path, held, largest_bytes)
         except OSError as error:
             raise InputError(path, f"cannot be read: {error.strerror or error}") from error
         except _BROKEN as error:
@@ -162,12 +185,13 @@ def open_torch(path: Path) -> Iterator[Any]:
         yield value
 
 
-def _unzipped(path: Path, archive: zipfile.ZipFile) -> Any:
+def _unzipped(path: Path, archive: zipfile.ZipFile, largest_bytes: int) -> Any:
     pickles = [name for name in archive.namelist() if name == "data.pkl" or name.endswith("/data.pkl")]
     if len(pickles) != 1 or archive.getinfo(pickles[0]).file_size > LARGEST_PICKLE:
         raise InputError(path, "is a zip archive, but no checkpoint of torch")
     root = pickles[0].removesuffix("data.pkl")
-    big = f"{root}byteorder" in archive.namelist() and archive.read(f"{root}byteorder") == b"big"
+    order = next((item for item in archive.infolist() if item.filename == f"{root}byteorder"), None)
+    big = order is not None and order.file_size == len(b"big") and archive.read(order) == b"big"
 
     def fetch(key: str) -> bytes:
         info = archive.getinfo(f"{root}data/{key}")
@@ -176,10 +200,10 @@ def _unzipped(path: Path, archive: zipfile.ZipFile) -> Any:
         return archive.read(info)
 
     data = io.BytesIO(archive.read(pickles[0]))
-    return _Unpickler(data, _File(path, fetch, ">" if big else "<")).value()
+    return _Unpickler(data, _File(path, fetch, largest_bytes, ">" if big else "<")).value()
 
 
-def _legacy(path: Path, stream: mmap.mmap) -> Any:
+def _legacy(path: Path, stream: mmap.mmap, largest_bytes: int) -> Any:
     at: dict[str, tuple[int, int]] = {}
 
     def fetch(key: str) -> bytes:
@@ -187,7 +211,7 @@ def _legacy(path: Path, stream: mmap.mmap) -> Any:
         stream.seek(place)
         return stream.read(size)
 
-    file = _File(path, fetch)
+    file = _File(path, fetch, largest_bytes)
     if _Unpickler(stream, file).value() != MAGIC_NUMBER or _Unpickler(stream, file).value() != PROTOCOL_VERSION:
         raise InputError(path, "is no checkpoint of torch")
     machine = _Unpickler(stream, file).value()
@@ -219,7 +243,8 @@ def _look_through(stream: io.BytesIO | mmap.mmap) -> None:
     begin = stream.tell()
     for count, (operation, number, _) in enumerate(pickletools.genops(cast("IO[bytes]", stream))):
         far = operation.name in _KEEPS and isinstance(number, int) and number > count
-        if operation.name in _REFUSED or far:
+        long = type(number) is int and number.bit_length() > LONGEST_INTEGER_BITS and number != MAGIC_NUMBER
+        if operation.name in _REFUSED or far or long or count > MOST_OPERATIONS:
             raise pickle.UnpicklingError(operation.name)
     stream.seek(begin)
 

@@ -21,6 +21,7 @@ from .frames import Index, stamps_of
 from .stamped import NO_POSE, elsewhere, is_empty
 
 COLUMNS = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw"
+_MOST_DIGITS = 20  # of nanoseconds in 64 bits
 _QUAT_NORM_TOLERANCE = 1e-2  # as for trajectory files
 
 
@@ -47,7 +48,8 @@ def read(path: Path, index: Index) -> Estimate:
 
 def _exact(text: str) -> float | int:
     """Return a stamp; a whole number is kept whole, since float64 does not hold nanoseconds of a real clock."""
-    return int(text) if text.removeprefix("-").isdecimal() else float(text)
+    whole = text.removeprefix("-").isdecimal() and len(text) <= _MOST_DIGITS  # more are no stamp, and slow to convert
+    return int(text) if whole else float(text)
 
 
 def _seconds(path: Path, texts: list[str], header: str, frames_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""`noisy-world track`: the embedded system on the sequences of a folder."""
+"""`noisy-world run-odometry`: the embedded system on the sequences of a folder."""
 
 import json
 
@@ -6,7 +6,7 @@ import box_room
 import numpy as np
 import pytest
 
-from noisy_world.cli import track_command
+from noisy_world.cli import run_odometry
 from noisy_world.cli.command import own_entry
 from noisy_world.core.progress import read_message
 
@@ -14,7 +14,7 @@ POSES = box_room.path(30, turn_deg=40.0)[:6]
 
 
 def track(*arguments):
-    return track_command.main(list(map(str, arguments)), own_entry("track"))
+    return run_odometry.main(list(map(str, arguments)), own_entry("run-odometry"))
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ def _blender_is_there(monkeypatch):
 
 def test_a_part_is_made_again_and_verified(made, tmp_path, capfd):
     out = tmp_path / "out"
-    words = ["materialise", made.recipe, "--out", out, "--settings", "fo*,late", "--settings", "shaky"]
+    words = ["remake", made.recipe, "--out", out, "--settings", "fo*,late", "--settings", "shaky"]
     assert command(*words, "--frames", "0:4") == 0
     said = capfd.readouterr().out.splitlines()
     assert said[-4:] == [
@@ -56,19 +56,19 @@ def test_an_input_that_differs_is_named(made, tmp_path, capfd):
     shutil.copytree(made.recipe.parent, world)
     with (world / "mesh.ply").open("a") as file:
         file.write("\n")
-    assert command("materialise", world / "recipe.json", "--out", tmp_path / "out", "--settings", "fog_s3") == 1
+    assert command("remake", world / "recipe.json", "--out", tmp_path / "out", "--settings", "fog_s3") == 1
     said = capfd.readouterr().err
     assert f"scenes: box: {world}/mesh.ply is not what the recipe was made from: its mesh_sha256 is" in said
     assert not (tmp_path / "out").exists()
     (world / "mesh.ply").unlink()
-    assert command("materialise", world / "recipe.json", "--out", tmp_path / "out") == 1
+    assert command("remake", world / "recipe.json", "--out", tmp_path / "out") == 1
     assert "no such file" in capfd.readouterr().err
     words = ["--data", made.recipe.parent, "--settings", "fog_s3", "--frames", "0:2"]
-    assert command("materialise", world / "recipe.json", "--out", tmp_path / "out", *words) == 0
+    assert command("remake", world / "recipe.json", "--out", tmp_path / "out", *words) == 0
 
 
 def test_a_setting_that_is_not_there_is_refused(made, tmp_path, capfd):
-    assert command("materialise", made.recipe, "--out", tmp_path, "--settings", "fgo*") == 1
+    assert command("remake", made.recipe, "--out", tmp_path, "--settings", "fgo*") == 1
     assert "'fgo*' matches none of 30 settings; near it: " in capfd.readouterr().err
 
 
@@ -110,7 +110,7 @@ def moment(index):
 
 def test_a_store_grows_and_mends_what_is_damaged(made, tmp_path, capfd):
     out = tmp_path / "clean"
-    words = ["clean", made.recipe, "--out", out]
+    words = ["render-clean", made.recipe, "--out", out]
     assert command(*words, "--settings", "late", "--frames", "0:3") == 0
     assert sorted(fake_session.Session.rendered) == [0, 1, 2, 3, 4, 5], "late shows the depth of three frames later"
     opened = noisy_world.open(made.recipe, out)
@@ -121,7 +121,7 @@ def test_a_store_grows_and_mends_what_is_damaged(made, tmp_path, capfd):
     assert len(fake_session.Session.rendered) == 6 + 3 + 9
     (out / "box/rgb/000001.npy").write_bytes((out / "box/rgb/000001.npy").read_bytes()[:-8])
     (out / "box/depth/000002.npy").unlink()
-    with refused("000001.npy: is damaged or cannot be read; run 'noisy-world clean' again"):
+    with refused("000001.npy: is damaged or cannot be read; run 'noisy-world render-clean' again"):
         _ = noisy_world.open(made.recipe, out)["late/box"][1].rgb
     fake_session.Session.rendered.clear()
     assert command(*words, "--settings", "fog_s3") == 0

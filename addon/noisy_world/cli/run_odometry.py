@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`track`: follow the camera through sequences on disk with rgbd_odometry, the system that comes with Noisy World."""
+"""`run-odometry`: follow the camera through sequences on disk with rgbd_odometry, which comes with Noisy World."""
 
 import argparse
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from ..core.progress import JsonProgress, Progress
 from .ending import ended
 from .entry import Entry
+from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 
 def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Follow the camera through the sequences of a dataset with rgbd_odometry, which is given the "
         "frames and never the true poses. Writes estimate.txt, frames.csv and keyframes.txt for each; 'noisy-world "

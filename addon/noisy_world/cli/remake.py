@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`materialise`: make a part of a recipe's dataset again, from its inputs, and verify it."""
+"""`remake`: make a part of a recipe's dataset again, from its inputs, and verify it."""
 
 import argparse
 from dataclasses import replace
@@ -7,6 +7,7 @@ from dataclasses import replace
 from .arguments import frame_slice, positive
 from .ending import CONTINUES, ended
 from .entry import Entry
+from .parser import Parser
 from .part import add_part_options, recipe_part
 from .places import folder, path
 
@@ -19,7 +20,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Make a recipe's dataset again, or a part of it, from the inputs that the recipe names, and verify "
         "every file. The same command again resumes, and other parts can be added to the same folder.",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`clean`: make the clean frames that a recipe's frames are made from on the spot, in `noisy_world.open`."""
+"""`render-clean`: make the clean frames that a recipe's frames are made from on the spot, in `noisy_world.open`."""
 
 import argparse
 
@@ -7,13 +7,14 @@ from .arguments import frame_slice
 from .ending import CONTINUES, ended
 from .entry import Entry
 from .generate import need_blender
+from .parser import Parser
 from .part import add_part_options, recipe_part
 from .places import folder, path
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=entry.name,
         description="Render the clean frames of a recipe into a folder, lossless, for noisy_world.open(RECIPE, "
         "clean=DIR). A frame of 1200 x 680 takes 13 MB, so a part is chosen as a rule: settings that move the camera "

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The extras of the Python package, and the command that installs one, however the package came here."""
+
+import importlib.metadata
+import importlib.util
+import json
+import shlex
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+from .errors import MissingDependencyError
+from .requirements import missing_packages, missing_sentence
+
+DISTRIBUTION = "noisy-world"
+
+EXTRAS = {
+    "embree": ("embreex>=4.4",),
+    "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
+    "cluster": ("ray>=2.50",),
+    "strict": ("simplejpeg>=1.8",),
+    "evaluate": (
+        "embreex>=4.4",
+        "gtsam>=4.3",
+        "jinja2>=3.1",
+        "matplotlib>=3.10",
+        "pandas>=3",
+        "scipy>=1.16",
+        "tabulate>=0.9",
+    ),
+}
+"""What each extra brings, as pyproject.toml has it."""
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def need(modules: Iterable[str], extra: str, *, for_what: str = "", otherwise: str = "") -> None:
+    """Raise MissingDependencyError, with the command that installs the extra, where a module cannot be imported.
+
+    for_what: what needs them, in front of the line. otherwise: what else can be done, at its end.
+    """
+    if missing := missing_packages(modules):
+        remedy = f"run: {install_command(extra)}" + (f", or {otherwise}" if otherwise else "")
+        sentence = missing_sentence(missing, "", remedy)
+        raise MissingDependencyError(f"{for_what}: {sentence}" if for_what else sentence)
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs an extra into this Python.
+
+    It names the checkout, wheel or repository that the package came from. Where that is gone, or the package is an
+    extension of Blender, it names the extra's own packages.
+    """
+    found = _source(extra)
+    return pip_command(EXTRAS[extra] if found is None else found)
+
+
+def pip_command(words: Iterable[str]) -> str:
+    """Return the command that installs what pip's words name into this Python."""
+    if importlib.util.find_spec("pip") is None:  # an environment that uv has made
+        return shlex.join(["uv", "pip", "install", "--python", sys.executable, *words])
+    return shlex.join([sys.executable, "-m", "pip", "install", *words])
+
+
+def _source(extra: str) -> list[str] | None:
+    """Return the words that name the extra of where the package came from; None where that is unknown or gone."""
+    checkout = _PACKAGE.parents[1]
+    if (checkout / "pyproject.toml").is_file() and (checkout / "blender_manifest.toml").is_file():
+        return [f"{checkout}[{extra}]"]
+    try:
+        record = importlib.metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    if record is None:  # it came from an index
+        return [f"{DISTRIBUTION}[{extra}]"]
+    return _named(json.loads(record), extra)
+
+
+def _named(record: dict[str, Any], extra: str) -> list[str] | None:
+    """Return the words that name the extra of what `direct_url.json` records (PEP 610)."""
+    address = urlsplit(record["url"])
+    if address.scheme == "file":
+        path = Path(url2pathname(address.path))
+        return [f"{path}[{extra}]"] if path.exists() else None
+    kind = f"{record['vcs_info']['vcs']}+" if "vcs_info" in record else ""
+    at = f"@{record['vcs_info']['commit_id']}" if kind else ""
+    below = f"#subdirectory={record['subdirectory']}" if "subdirectory" in record else ""
+    return [f"{DISTRIBUTION}[{extra}] @ {kind}{record['url']}{at}{below}"]

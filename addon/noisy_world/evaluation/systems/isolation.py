@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A system kept apart by bubblewrap: it sees what it is given and the programs it needs, and writes its own folder.
+
+bubblewrap (https://github.com/containers/bubblewrap) makes the namespaces; here it is only told what is in them.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+
+PROGRAM = "bwrap"
+TRIED_S = 20.0
+SYSTEM_FOLDERS = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/etc", "/opt", "/nix/store", "/gnu/store")
+"""Of the machine, where they are: programs and libraries, to be read."""
+GPU_DEVICES = ("/dev/nvidiactl", "/dev/nvidia-uvm", "/dev/nvidia-uvm-tools", "/dev/nvidia-modeset", "/dev/dxg")
+VARIABLES = ("PATH", "LANG", "LANGUAGE", "TZ", "LD_LIBRARY_PATH", "PYTHONPATH", "PYTHONUNBUFFERED", "TERM")
+VARIABLES_LIKE = ("LC_", "CUDA_", "NVIDIA_")
+"""Environment variables that an isolated system still has, beside those of its definition."""
+TEMPORARY = "/tmp"  # noqa: S108 - inside the isolation: a folder of the run's own
+
+
+@cache
+def isolation_problem() -> str:
+    """Return why bubblewrap cannot isolate a program here; "" where it can."""
+    if shutil.which(PROGRAM) is None:
+        return f"there is no program {PROGRAM}; install it, on Debian and Ubuntu with: apt-get install bubblewrap"
+    try:
+        done = subprocess.run(  # noqa: S603
+            [*_namespaces(), *_read_only(existing(SYSTEM_FOLDERS)), "--", "true"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=TRIED_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"{PROGRAM} cannot be run: {error}"
+    if done.returncode == 0:
+        return ""
+    said = done.stderr.decode(errors="replace").strip().splitlines()
+    why = said[-1] if said else f"it ended with {done.returncode}"
+    return f"this machine does not permit it ({why}); permit user namespaces, or run inside a container without it"
+
+
+def isolated(command: list[str], *, reads: Iterable[Path], out: Path, temporary: Path, gpu: bool) -> list[str]:
+    """Return a command that runs another, isolated: without network, and with processes of its own alone.
+
+    reads: files and folders that it may read beside the machine's programs. out: the folder that it may write into, and
+    runs in. temporary: the folder that is its /tmp.
+    """
+    words = [*_namespaces(), *_read_only(existing(SYSTEM_FOLDERS)), "--bind", os.fspath(temporary), TEMPORARY]
+    words += _read_only(path for path in outermost(existing(reads)) if not _inside(path, existing(SYSTEM_FOLDERS)))
+    if gpu:
+        for device in (*existing(GPU_DEVICES), *sorted(map(str, Path("/dev").glob("nvidia[0-9]*"))), "/dev/dri"):
+            words += ["--dev-bind-try", device, device]
+        words += ["--ro-bind-try", "/sys", "/sys"]
+    words += ["--bind", os.fspath(out), os.fspath(out), "--setenv", "HOME", TEMPORARY]
+    return [*words, "--chdir", os.fspath(out), "--", *command]
+
+
+def isolated_variables(variables: Mapping[str, str], own: Iterable[str]) -> dict[str, str]:
+    """Return the environment variables of an isolated system: no others of the user's. own: names of its definition."""
+    named = {*VARIABLES, *own}
+    return {name: value for name, value in variables.items() if name in named or name.startswith(VARIABLES_LIKE)}
+
+
+def program_folders(program: str) -> list[Path]:
+    """Return what has to be read so that a program can start: its file, and for a Python its installation."""
+    found = Path(shutil.which(program) or program)
+    needed = [found, found.resolve()]
+    for file in needed.copy():
+        prefix = file.parent.parent
+        if file.name.startswith("python") and ((prefix / "pyvenv.cfg").is_file() or list(prefix.glob("lib/python3*"))):
+            needed.append(prefix)
+    return needed
+
+
+def own_folders() -> list[Path]:
+    """Return the folders of the Python that runs this."""
+    return [Path(name) for name in dict.fromkeys((sys.prefix, sys.base_prefix, sys.exec_prefix))]
+
+
+def existing(paths: Iterable[str | Path]) -> list[Path]:
+    """Return those of some paths that are there."""
+    return [Path(path) for path in paths if os.path.exists(path)]  # noqa: PTH110 - of a text too
+
+
+def outermost(paths: Iterable[Path]) -> list[Path]:
+    """Return the paths that lie in none of the others, each once."""
+    found = list(dict.fromkeys(paths))
+    return [path for path in found if not _inside(path.parent, found)]
+
+
+def _inside(path: Path, folders: list[Path]) -> bool:
+    return any(path.is_relative_to(folder) for folder in folders)
+
+
+def _namespaces() -> list[str]:
+    apart = ["--unshare-user-try", "--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts"]
+    return [PROGRAM, *apart, "--die-with-parent", "--new-session", "--proc", "/proc", "--dev", "/dev"]
+
+
+def _read_only(paths: Iterable[Path]) -> list[str]:
+    return [word for path in paths for word in ("--ro-bind", os.fspath(path), os.fspath(path))]

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a system leaves is anything: only regular files of its own folder are read, no larger than its limits say."""
+
+import contextlib
+import os
+import shutil
+import stat
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from ...core.errors import InputError, one_line
+from ...core.regular_files import check_regular
+
+LONGEST_SENTENCE = 400  # characters
+LARGEST_READ_BYTES = 64 * 10**6  # of an estimate, where no definition says another limit
+
+
+class OverLimitError(InputError):
+    """What a system left is more than its limits allow to be read."""
+
+
+def found_output(folder: Path, pattern: str, *, folders: bool = False) -> Path | None:
+    """Return what a name or a pattern stands for in a system's folder; the first by name of several, None of none.
+
+    It may be anything: `check_output` tells. folders: whether a folder is meant too.
+    """
+    with contextlib.suppress(OSError):  # a name too long, or a folder that may not be listed
+        return min((path for path in folder.glob(pattern) if folders or not _is_folder(path)), default=None)
+    return None
+
+
+def check_output(path: Path, folder: Path, largest_bytes: int | None, key: str) -> None:
+    """Raise InputError where a file or folder that a system left is not to be read.
+
+    That is: a pipe, a socket, a device or a link that leads out of the system's folder, in it too; OverLimitError where
+    it has more bytes than the limit, which `key` names in the system's definition; None for any.
+    """
+    files = [path, *(Path(entry.path) for entry in _below(path))] if _is_folder(path) else [path]
+    total = 0
+    for file in files:
+        where = "" if file is path else os.fspath(file.relative_to(path))
+        if not _inside(file, folder):
+            raise InputError(path, "is a link that leads out of the folder that the system writes into", where=where)
+        if _is_folder(file):
+            continue
+        try:
+            check_regular(file)
+            total += file.stat().st_size
+        except OSError as error:
+            raise InputError(path, str(error.strerror or error), where=where) from None
+        if largest_bytes is not None and total > largest_bytes:
+            raise OverLimitError(path, f"has more than the {largest_bytes / 1e6:g} MB of {key}")
+
+
+def sentence(text: str) -> str:
+    """Return a text of a system as a line that a terminal and a file of JSON take, not longer than a sentence."""
+    line = one_line(text[: LONGEST_SENTENCE + 1])
+    return line if len(line) <= LONGEST_SENTENCE else f"{line[:LONGEST_SENTENCE]}..."
+
+
+def remove_tree(path: Path) -> bool:
+    """Remove a folder, or what stands in its place, whatever a system has done to it; tell whether it is gone."""
+
+    def permit(function: Callable[..., object], name: str, error: BaseException) -> None:
+        del error
+        with contextlib.suppress(OSError):
+            os.chmod(os.path.dirname(name), stat.S_IRWXU)  # noqa: PTH101, PTH120 - a name may be too long for a Path
+            if function in (os.rmdir, os.unlink):
+                function(name)
+
+    if path.is_symlink() or (os.path.lexists(path) and not path.is_dir()):
+        with contextlib.suppress(OSError):
+            path.unlink()
+        return not os.path.lexists(path)
+    with contextlib.suppress(RecursionError, OSError):
+        shutil.rmtree(path, onexc=permit)
+    if os.path.lexists(path):  # folders without permissions, or nested more deeply than there are open files
+        for command in (("chmod", "-R", "u+rwX"), ("rm", "-rf")):
+            subprocess.run(  # noqa: S603 - a path of ours
+                [*command, "--", os.fspath(path)], stdin=subprocess.DEVNULL, capture_output=True, check=False
+            )
+    return not os.path.lexists(path)
+
+
+def restore_folder(folder: Path, keep: tuple[str, ...]) -> None:
+    """Make a folder, which was there before a system ran, a folder again, with nothing in it but regular files to keep.
+
+    A system may have put a file or a link in the place of the folder, or of one above it. keep: names; one of a folder
+    stays as it is.
+    """
+    for above in (*reversed(folder.parents), folder):
+        if os.path.lexists(above) and (above.is_symlink() or not above.is_dir()):
+            above.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+    for item in folder.iterdir():
+        plain = not item.is_symlink() and (item.is_file() or item.is_dir())
+        if item.name not in keep or not plain:
+            remove_tree(item)
+
+
+def _below(folder: Path) -> Iterator[os.DirEntry[str]]:
+    """Yield what is in a folder and in those in it; links are not followed."""
+    waiting = [os.fspath(folder)]
+    while waiting:
+        try:
+            with os.scandir(waiting.pop()) as entries:
+                for entry in entries:
+                    yield entry
+                    if entry.is_dir(follow_symlinks=False):
+                        waiting.append(entry.path)
+        except OSError as error:
+            raise InputError(folder, f"cannot be read: {error.strerror or error}") from None
+
+
+def _is_folder(path: Path) -> bool:
+    with contextlib.suppress(OSError):
+        return path.is_dir()
+    return False
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # links in a circle
+        return False

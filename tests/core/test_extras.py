@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The command that installs an extra names what the package came from, which may be on no index."""
+
+import json
+import shlex
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from noisy_world.core import extras
+from noisy_world.core.errors import MissingDependencyError
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PIP = [sys.executable, "-m", "pip", "install"]
+
+
+def test_the_extras_are_those_of_the_package():
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
+    assert {name: list(brought) for name, brought in extras.EXTRAS.items()} == project["project"][
+        "optional-dependencies"
+    ]
+    assert project["dependency-groups"]["evaluate"] == list(extras.EXTRAS["evaluate"]), "what `make benchmark` installs"
+    assert set(project["dependency-groups"]["extras"]) >= {
+        word for brought in extras.EXTRAS.values() for word in brought
+    }
+
+
+def test_a_checkout_is_named():
+    assert shlex.split(extras.install_command("evaluate")) == [*PIP, f"{CHECKOUT}[evaluate]"]
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """A package in a folder of packages: a function that records where it came from."""
+    packages = tmp_path / "site-packages"
+    about = packages / "noisy_world-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.4\nName: noisy-world\nVersion: 1.0\n")
+    monkeypatch.setattr(extras, "_PACKAGE", packages / "noisy_world")
+    monkeypatch.syspath_prepend(packages)
+
+    def record(given):
+        (about / "direct_url.json").write_text(json.dumps(given))
+
+    return record
+
+
+def test_where_an_installed_package_came_from_is_named(installed, tmp_path):
+    def words():
+        return shlex.split(extras.install_command("cloud"))
+
+    assert words() == [*PIP, "noisy-world[cloud]"], "it came from an index"
+    folder = tmp_path / "noisy world"
+    installed({"url": folder.as_uri(), "dir_info": {}})
+    assert words() == [*PIP, *extras.EXTRAS["cloud"]], "the folder is gone"
+    folder.mkdir()
+    assert words() == [*PIP, f"{folder}[cloud]"]
+    installed({"url": "https://example.org/noisy.git", "vcs_info": {"vcs": "git", "commit_id": "abc"}})
+    assert words() == [*PIP, "noisy-world[cloud] @ git+https://example.org/noisy.git@abc"]
+    installed({"url": "https://example.org/noisy.tar.gz", "archive_info": {}, "subdirectory": "sub"})
+    assert words() == [*PIP, "noisy-world[cloud] @ https://example.org/noisy.tar.gz#subdirectory=sub"]
+
+
+def test_an_extension_of_blender_names_the_packages(installed, monkeypatch):
+    monkeypatch.setattr(extras, "DISTRIBUTION", "no-such-distribution")
+    assert shlex.split(extras.install_command("embree")) == [*PIP, *extras.EXTRAS["embree"]]
+
+
+def test_an_environment_without_pip_has_uv(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert shlex.split(extras.install_command("strict"))[:5] == ["uv", "pip", "install", "--python", sys.executable]
+
+
+def test_what_is_missing_is_one_line_with_the_command():
+    extras.need(["json"], "strict")
+    with pytest.raises(MissingDependencyError) as caught:
+        extras.need(["json", "no_such_module"], "embree", for_what="casting rays", otherwise="do without")
+    line = str(caught.value)
+    assert line.startswith("casting rays: no_such_module: missing in this Python 3.")
+    assert line.endswith(f"; run: {extras.install_command('embree')}, or do without")
