@@ -3,13 +3,13 @@
 PYTHON ?= $(shell python3.13 -c 'import sys; print(sys.executable)' 2>/dev/null || uv python find 3.13 2>/dev/null)
 # Python 3.11, for what we compare with; a shim for another version is passed over.
 PYTHON311 = $(shell for python in python3.11 /usr/bin/python3.11; do $$python -c 'import sys; print(sys.executable)' 2>/dev/null && break; done)
-# Python 3.12 or 3.11, for systems that have no packages for 3.13.
-PYTHON_SLAM = $(shell for python in python3.12 python3.11 /usr/bin/python3.12 /usr/bin/python3.11; do $$python -c 'import sys; print(sys.executable)' 2>/dev/null && exit; done; uv python find 3.12 2>/dev/null || uv python find 3.11 2>/dev/null)
 BLENDER ?= blender
 VENV := .venv
 PY := $(VENV)/bin/python
 ENVIRONMENT := @sh headless/tools/environment.sh
 PINNED := --require-hashes --only-binary :all: -r
+
+INSTALL_ORB_SLAM3 = $(PY) headless/systems.py install orb_slam3 $(if $(PYTHON_SLAM),--python "$(PYTHON_SLAM)")
 
 define NEEDS_PYTHON
 test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }; \
@@ -43,8 +43,8 @@ ice: venv ## draw the ice of frost and lens_frost anew
 rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 	$(PY) headless/tools/rooms.py docs/rooms.jpg
 
-gallery: venv ## draw docs/gallery.jpg anew: every perturbation of colour
-	$(PY) headless/tools/gallery.py docs/gallery.jpg
+gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at three strengths
+	$(PY) headless/tools/gallery.py docs/gallery
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
@@ -105,9 +105,10 @@ fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with e
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
 
 benchmark: $(VENV)/.evaluate ## evaluate SLAM systems in two rooms into out/benchmark: some minutes; ORB-SLAM3 too with Python 3.11 or 3.12
-	@if test -n "$(PYTHON_SLAM)"; then $(MAKE) slam-env || true; fi
-	@test -f .venv-slam/orb_vocabulary.txt || echo "benchmark: without ORB-SLAM3, which 'make slam-env' installs where Python 3.11 or 3.12 is"
-	$(PY) headless/evaluate.py presets/benchmark.yaml --systems rgbd_odometry,plain_odometry$$(test -f .venv-slam/orb_vocabulary.txt && echo ,orb_slam3) --repeats 1 --out out/benchmark
+	@systems=rgbd_odometry,plain_odometry; \
+	if $(INSTALL_ORB_SLAM3); then systems=$$systems,orb_slam3; \
+	else echo "benchmark: without ORB-SLAM3, for the reason above" >&2; fi; \
+	$(PY) headless/evaluate.py presets/benchmark.yaml --systems $$systems --repeats 1 --out out/benchmark
 
 bench: $(VENV)/.bench ## measure speed against error on this machine into out/bench; beside peers where they can be had
 	-$(MAKE) peer-env
@@ -145,15 +146,8 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-corruptions -r $<
 	touch $@
 
-slam-env: .venv-slam/orb_vocabulary.txt ## an environment with ORB-SLAM3, and its vocabulary; needs Python 3.11 or 3.12
-
-.venv-slam/.installed: requirements-slam.lock
-	@test -n "$(PYTHON_SLAM)" || { echo "make: orbslam3-python needs Python 3.11 or 3.12, and neither is here; get one, with 'uv python install 3.12' for instance" >&2; exit 1; }
-	$(ENVIRONMENT) "$(PYTHON_SLAM)" .venv-slam --no-deps $(PINNED) $<
-	touch $@
-
-.venv-slam/orb_vocabulary.txt: headless/tools/orb_vocabulary.py .venv-slam/.installed $(VENV)/.installed
-	$(PY) headless/tools/orb_vocabulary.py $@
+slam-env: venv ## an environment with ORB-SLAM3 and Open3D's SLAM; PYTHON_SLAM=/path/to/python where 3.11 or 3.12 is not found
+	$(INSTALL_ORB_SLAM3)
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock

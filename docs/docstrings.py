@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""For the docs' site: parameters and attributes that a docstring describes in running text become a list.
+"""For the docs' site: what a docstring says in running text of parameters and attributes becomes a list, examples code.
 
 The docstrings say `image: (H, W, 3) uint8. seed, frame: name the stream.` where a name is a parameter or an attribute.
+Examples are the paragraphs that are indented.
 """
 
 import re
+import textwrap
 from typing import Any
 
 import griffe
 
 NAMES = r"\*{0,2}[A-Za-z_]\w*(?:, \*{0,2}[A-Za-z_]\w*)*"
+EXAMPLE = re.compile(r"(?<=\n\n)    \S.*(?:\n(?:    .*|(?=\n    )))*")  # indented lines, and blank ones between them
 DESCRIPTION = re.compile(rf"(?:^|(?<=[.;] ))({NAMES}): ")
 
 
 class ListedParameters(griffe.Extension):
-    """Rewrites the docstrings of functions and classes before they are rendered."""
+    """Rewrites the docstrings of modules, functions and classes before they are rendered."""
+
+    def on_module_members(self, *, mod: griffe.Module, **_: Any) -> None:
+        """Mark a module's examples."""
+        rewrite(mod, set())
 
     def on_function_instance(self, *, func: griffe.Function, **_: Any) -> None:
         """List a function's parameters."""
@@ -28,10 +35,15 @@ class ListedParameters(griffe.Extension):
 def rewrite(item: griffe.Object, known: set[str]) -> None:
     """Rewrite an object's docstring, where it has one."""
     if item.docstring is not None:
-        item.docstring.value = "\n\n".join(
-            listed(paragraph, known)
-            for paragraph in re.sub(r"(?<=[.;])\s+Raises (?=[A-Z])", "\n\nRaises ", item.docstring.value).split("\n\n")
-        )
+        text = EXAMPLE.sub(lambda found: f"```python\n{textwrap.dedent(found[0])}\n```", item.docstring.value)
+        parts = re.split(r"(^```python\n.*?^```$)", text, flags=re.DOTALL | re.MULTILINE)
+        item.docstring.value = "".join(part if number % 2 else prose(part, known) for number, part in enumerate(parts))
+
+
+def prose(text: str, known: set[str]) -> str:
+    """Return what stands between examples, with lists of the known names that it describes."""
+    paragraphs = re.sub(r"(?<=[.;])\s+Raises (?=[A-Z])", "\n\nRaises ", text).split("\n\n")
+    return "\n\n".join(listed(paragraph, known) for paragraph in paragraphs)
 
 
 def listed(paragraph: str, known: set[str]) -> str:

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pages: links lead somewhere, the reference names modules that exist, the tutorial's files do what it says."""
 
+import ast
 import importlib.util
 import re
 import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from worlds import ROOT, generate, write_world
 
+from noisy_world.cli.command import SUBCOMMANDS
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
@@ -66,7 +69,7 @@ def test_examples_are_shown():
 
 
 def test_every_page_is_in_the_sites_contents():
-    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
+    config = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
 
     def pages(entry):
         if isinstance(entry, str):
@@ -78,22 +81,93 @@ def test_every_page_is_in_the_sites_contents():
     assert named == {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
 
 
+def test_the_home_page_leads_to_every_page():
+    linked = set(re.findall(r"\]\(([\w/]+\.md)", (ROOT / "docs/index.md").read_text(encoding="utf-8")))
+    assert linked == {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"} | {"reference/index.md"}
+
+
 def test_the_reference_names_modules_that_exist():
-    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text() for page in PAGES), re.MULTILINE)
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
     assert len(named) > 5
     assert [name for name in named if importlib.util.find_spec(name) is None] == []
 
 
+def unmarked_examples(docstring):
+    """The paragraphs of a docstring that are code, and are not indented: the site would set them as prose."""
+    for paragraph in docstring.split("\n\n"):
+        try:
+            lines = ast.parse(paragraph).body
+        except SyntaxError:
+            continue
+        if any(not isinstance(line, ast.Expr) or isinstance(line.value, ast.Call) for line in lines):
+            yield paragraph
+
+
+def test_the_references_examples_are_code():
+    named = re.findall(r"^::: (\S+)", "\n".join(page.read_text(encoding="utf-8") for page in PAGES), re.MULTILINE)
+    sources = [Path(importlib.util.find_spec(name).origin).read_text(encoding="utf-8") for name in named]
+    nodes = [node for source in sources for node in ast.walk(ast.parse(source))]
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docstrings = [text for node in nodes if isinstance(node, kinds) and (text := ast.get_docstring(node))]
+    assert [example for text in docstrings for example in unmarked_examples(text)] == []
+    assert len(re.findall(r"\n\n    \S", "\n".join(docstrings))) >= 3
+    assert list(unmarked_examples("Text.\n\nfrom a import b\n\n    b(1)")) == ["from a import b"]
+
+
+def test_the_readme_is_short_and_its_lines_even():
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 107
+    assert [line for line in lines if len(line) > 120 and not line.startswith("|")] == []
+
+
+def test_commands_and_files_on_the_pages_exist():
+    """What a reader types: subcommands, targets of Make, files of the repository. The changelog tells of older ones."""
+    pages = {
+        page: page.read_text(encoding="utf-8") for page in PAGES if page.name not in ("CHANGELOG.md", "changelog.md")
+    }
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    commands, makes, files = ([], [], [])
+    for page, text in pages.items():
+        name = page.relative_to(ROOT).as_posix()
+        code = "\n".join(re.findall(r"^    .*$|^```.*?^```|`[^`\n]+`", text, re.MULTILINE | re.DOTALL))
+        commands += [(name, word) for word in re.findall(r"\bnoisy-world ([a-z][a-z-]+)", code)]
+        makes += [(name, word) for word in re.findall(r"(?:^ *|`|; |: )make ([a-z][a-z-]+)", code, re.MULTILINE)]
+        files += [
+            (name, file)
+            for file in re.findall(r"(?<![\w/.~-])((?:headless|presets|addon|docs|tests)/[\w/.-]*\w)", code)
+            if not (ROOT / file).exists()
+        ]
+    assert len(commands) > 50
+    assert len(makes) > 30
+    assert [found for found in commands if found[1] not in SUBCOMMANDS] == []
+    assert [found for found in makes if found[1] not in targets] == []
+    assert files == []
+
+
+def test_the_workflow_publishes_what_make_docs_builds():
+    site = yaml.load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"), yaml.BaseLoader)["site_dir"]
+    steps = yaml.safe_load((ROOT / ".github/workflows/pages.yml").read_text(encoding="utf-8"))["jobs"]["build"]["steps"]
+    assert "make docs" in [step.get("run") for step in steps]
+    assert steps[-1]["with"]["path"] == site
+
+
 def test_what_other_programs_read_is_yaml():
     files = [*ROOT.glob(".github/**/*.yml"), ROOT / ".pre-commit-config.yaml"]
-    assert len(files) >= 5
-    assert all(isinstance(yaml.safe_load(file.read_text()), dict) for file in files)
+    assert len(files) >= 6
+    assert all(isinstance(yaml.safe_load(file.read_text(encoding="utf-8")), dict) for file in files)
 
 
-def test_the_citation_is_of_this_version():
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text())
+def test_the_citation_and_the_pages_are_of_this_version():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
     assert citation["version"] == manifest["version"]
+    named = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs/examples").glob("*.yaml")]
+    versions = re.findall(
+        r"noisy[_-]world[:-](\d+\.\d+\.\d+)", "\n".join(file.read_text(encoding="utf-8") for file in named)
+    )
+    assert versions
+    assert set(versions) == {manifest["version"]}
 
 
 # --- the tutorial ---

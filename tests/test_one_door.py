@@ -19,6 +19,7 @@ SHORT = {"np": "numpy", "pd": "pandas"}
 OPENED = ("file", "stream", "StringIO")  # what is open already has such a name, and has come through the door
 ELSEWHERE = {
     "core/regular_files.py": "the door",
+    "core/extras.py": "asks for the metadata of the installed package",
     "core/scratch.py": "folders that are locked",
     "blender/render.py": "a scratch file that Blender has just written",
     "blender/render_file.py": "a scratch file that Blender has just written",

@@ -4,7 +4,7 @@
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
 A perturbation is one file with a `PERTURBATION`; an installed package brings it by an entry point of the group
-`noisy_world.perturbations`. docs/perturbations.md, "Your own", has a whole example. Importing this needs no Blender.
+`noisy_world.perturbations`. docs/your_perturbation.md has a whole example. Importing this needs no Blender.
 """
 
 from .core.geometry import Intrinsics

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The perturbations as a library: for one image, or for the frames of a recording. No Blender is needed.
 
-from noisy_world.perturb import apply, frames
+    from noisy_world.perturb import apply, frames
 
-foggy = apply(rgb, "fog", severity=3, seed=7, frame=12)
-for item in frames("Replica/room0", [{"fog": {"severity": 3}}, {"desync": {"offset": 5}}], seed=7):
-    track(item.rgb, item.depth_m)
+    foggy = apply(rgb, "fog", severity=3, seed=7, frame=12)
+    for item in frames("Replica/room0", [{"fog": {"severity": 3}}, {"desync": {"offset": 5}}], seed=7):
+        track(item.rgb, item.depth_m)
+
+Equal seeds, names and frames give equal pixels, in any order and on any machine of one kind.
 """
 
 import warnings

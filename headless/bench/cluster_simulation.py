@@ -36,9 +36,9 @@ class Work:
     start_s: what each takes before its first frame: a process, Blender, a scene from the shared disk.
     """
 
-    core_s: float = 40 * 3600.0
+    core_s: float = 49.5 * 3600.0  # docs/cost.md: Cycles, reference
     files: float = 4e6
-    size_bytes: float = 0.6e12
+    size_bytes: float = 1.24e12  # docs/cost.md
     shards: int = 0
     spread: float = 0.15
     start_s: float = 8.0

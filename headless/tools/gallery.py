@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw every perturbation of colour at severities 1, 3 and 5 on a frame of the demo, as the compositor makes it.
+"""Draw every perturbation at three strengths in the demo's room: a picture for each, of three tiles, and the clean one.
 
-Those of the environment and of the front glass are shown on the whole frame, the others on a part, pixel for pixel.
+Colour is perturbed in the compositor. Weather and what is on the front glass are shown on the whole frame, the other
+perturbations of colour on a part of it, pixel for pixel; depth in false colours; motion and pairing by two frames laid
+over each other.
 
-python headless/tools/gallery.py docs/gallery.jpg
+python headless/tools/gallery.py docs/gallery
 """
 
 import argparse
+import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,38 +23,111 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import ColourPerturbation
-from tools.showcase import demo_frame, perturbed, shown_perturbations
+from noisy_world.core.datasets.overview import colour_depth
+from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
+from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturb import apply
+from noisy_world.perturbations import registry
+from noisy_world.pipeline.clean_frame import CleanFrame
+from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.planning import make_plan
+from tools.showcase import DEMO, FRAME, SEED, demo_frame, perturbed, shown_perturbations
 
-SEVERITIES = (1, 3, 5)  # as in the paper; the sizes below are chosen, for a picture 1,860 pixels wide
+type Tiles = list[NDArray[np.uint8]]
+
+SEVERITIES = (1, 3, 5)  # as in the paper, like the strengths below
+DEVIATIONS = ((1, 0.0125), (3, 0.025), (5, 0.05))  # degrees, metres
+FACTORS = (2, 4, 8)
+OFFSETS = (5, 10, 20)
+# The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
+WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
+WALK_FRAME = 5 * FRAME
 ON_THE_LENS = ("lens_drops", "lens_dirt")
-TILE_PX = (300, 170)
+TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
+SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-LABEL_PX = 24
-SHEETS_ACROSS = 2  # perturbations beside each other
-INK, GROUND = (30, 30, 30), 255
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 74, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
+EDGE = 0.05  # of depth: a jump by this share
+EDGE_RGB, GROUND = (255, 140, 0), 255
 
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(prog="gallery.py", description="Draw the perturbations of colour.")
-    parser.add_argument("out", type=Path, help="the picture to write, .jpg or .png")
-    options = parser.parse_args(arguments)
+    parser = argparse.ArgumentParser(prog="gallery.py", description="Draw every perturbation.")
+    parser.add_argument("folder", type=Path, help="the folder to write the pictures into")
+    folder = parser.parse_args(arguments).folder
+    folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
-    made = perturbed(rgb, depth_m, SEVERITIES)
-    clean = rgb_bytes(rgb)
-    blocks = [strip("Clean: whole frame, and detail", [whole(clean), detail(clean)])]
-    blocks += [
-        strip(f"{item.label}   {item.stage}", [view(item)(made[item.name, level]) for level in SEVERITIES])
-        for item in shown_perturbations()
-    ]
-    blocks += [np.full_like(blocks[0], GROUND)] * (-len(blocks) % SHEETS_ACROSS)
-    rows = [np.concatenate(blocks[k : k + SHEETS_ACROSS], axis=1) for k in range(0, len(blocks), SHEETS_ACROSS)]
-    quality = [cv2.IMWRITE_JPEG_QUALITY, 84] if options.out.suffix == ".jpg" else []
-    cv2.imwrite(str(options.out), np.concatenate(rows)[..., ::-1], quality)
-    print(f"wrote {options.out}")
+    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(depth_m), of_sequences()))
+    shown = rgb_bytes(rgb)
+    tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
+    for name, row in tiles.items():
+        save(folder / f"{name}.jpg", strip(row))
+    save(folder / "room.jpg", np.asarray(cv2.resize(shown, SAMPLE_PX, interpolation=cv2.INTER_AREA), np.uint8))
+    print(f"wrote {len(tiles) + 1} pictures into {folder}")
     return 0
+
+
+# --- what each kind of perturbation is shown by ---
+
+
+def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of colour."""
+    made = perturbed(rgb, depth_m, SEVERITIES)
+    for item in shown_perturbations():
+        yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
+
+
+def of_depth(depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of depth."""
+    far_m = float(depth_m.max())
+    for item in registry().values():
+        if isinstance(item, DepthPerturbation):
+            made = [apply(depth_m, item.name, severity=value, seed=SEED, frame=FRAME) for value in SEVERITIES]
+            yield item.name, [whole_depth(each_m, far_m) for each_m in made]
+
+
+def of_sequences() -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of motion and of pairing.
+
+    A deviating frame lies over the frame of the planned path; faster motion shows a frame and the next one; of a pair,
+    edges of the depth lie over the colour.
+    """
+    settings = {"clean": []}
+    settings |= {
+        f"motion_deviation {k}": [{"motion_deviation": {"rotation_deg": degrees, "translation_m": metres}}]
+        for k, (degrees, metres) in enumerate(DEVIATIONS)
+    }
+    settings |= {f"faster_motion {k}": [{"faster_motion": {"factor": factor}}] for k, factor in enumerate(FACTORS)}
+    settings |= {f"desync {k}": [{"desync": {"offset": offset}}] for k, offset in enumerate(OFFSETS)}
+    told = json.dumps([{"name": name.replace(" ", "_"), "perturb": steps} for name, steps in settings.items()])
+    plan = make_plan(read_preset(DEMO, [f"settings={told}", WALK]))
+    first = plan.renders[0]
+    rgbs: dict[str, list[NDArray[np.uint8]]] = {}
+    depths_m: dict[str, NDArray[np.float32]] = {}
+    with first.scene.source.prepare(first.camera, print) as prepared:
+        for render in plan.renders:
+            paths = source_paths(plan, render)
+            opened = prepared.open(paths, render_options(plan, render), print)
+            for sequence in render.sequences:
+                # Of faster motion the frames around the same place: what is shown before is factor times as far.
+                at = sequence.frame_at(WALK_FRAME)
+                seen = [sequence.shown(frame) for frame in (at, at + 1)]
+                sources = [each.rgb_source for each in seen] + [seen[0].depth_source]
+                frames = [CleanFrame(source, opened.frame(paths.moment(source))) for source in sources]
+                name = sequence.setting.name
+                rgbs[name] = [rgb_bytes(frame.float_rgb()) for frame in frames[:2]]
+                depths_m[name] = frames[2].depth_m
+    strengths = range(len(SEVERITIES))
+    clean = rgbs["clean"][0]
+    yield "motion_deviation", [whole(over(clean, rgbs[f"motion_deviation_{k}"][0])) for k in strengths]
+    yield "faster_motion", [whole(over(*rgbs[f"faster_motion_{k}"])) for k in strengths]
+    yield "desync", [edged(rgbs[f"desync_{k}"][0], depths_m[f"desync_{k}"]) for k in strengths]
+
+
+# --- tiles ---
 
 
 def view(item: ColourPerturbation) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:
@@ -69,15 +146,42 @@ def detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return image[top : top + TILE_PX[1], left : left + TILE_PX[0]]
 
 
-def strip(label: str, tiles: list[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Return the tiles beside each other under their name; all strips are equally wide."""
-    width = len(SEVERITIES) * (TILE_PX[0] + GAP_PX) + 2 * GAP_PX
-    canvas = np.full((LABEL_PX + TILE_PX[1] + GAP_PX, width, 3), GROUND, dtype=np.uint8)
-    cv2.putText(canvas, label, (GAP_PX, LABEL_PX - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
-    for column, tile in enumerate(tiles):
-        left = GAP_PX + column * (TILE_PX[0] + GAP_PX)
-        canvas[LABEL_PX : LABEL_PX + TILE_PX[1], left : left + TILE_PX[0]] = tile
-    return canvas
+def whole_depth(depth_m: NDArray[np.floating], far_m: float) -> NDArray[np.uint8]:
+    """Return the whole of a depth (H, W) as a tile: warm is near, blue far_m away, grey is void."""
+    return colour_depth(small(depth_m), 0.0, far_m)
+
+
+def small(depth_m: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return depth in the size of a tile, by nearest pixels: averages would lie where there is nothing."""
+    return np.asarray(cv2.resize(depth_m, TILE_PX, interpolation=cv2.INTER_NEAREST), np.float32)
+
+
+def over(image: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return two images laid over each other."""
+    return np.asarray(cv2.addWeighted(image, 0.5, other, 0.5, 0), np.uint8)
+
+
+def edged(rgb: NDArray[np.uint8], depth_m: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return colour as a tile, with the edges of a depth drawn over it."""
+    tile, depth_m = whole(rgb).copy(), small(depth_m)
+    across = np.zeros(depth_m.shape, bool)
+    for axis in (0, 1):
+        step_m = np.abs(np.diff(depth_m, axis=axis, append=np.take(depth_m, [-1], axis=axis)))
+        across |= step_m > EDGE * depth_m
+    tile[across] = EDGE_RGB
+    return tile
+
+
+def strip(tiles: Tiles) -> NDArray[np.uint8]:
+    """Return the tiles beside each other."""
+    gap = np.full((TILE_PX[1], GAP_PX, 3), GROUND, np.uint8)
+    return np.concatenate([tiles[0], *chain.from_iterable((gap, tile) for tile in tiles[1:])], axis=1)
+
+
+def save(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write a JPEG. Raises OSError where it cannot be written."""
+    if not cv2.imwrite(str(path), picture[..., ::-1], JPEG):
+        raise OSError(f"{path} cannot be written")
 
 
 if __name__ == "__main__":

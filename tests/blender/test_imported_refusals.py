@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is wrong with a mesh file is one line that names it and says what to do."""
 
+import base64
+import json
 import os
 import struct
 
@@ -14,7 +16,7 @@ from cases import cases
 from importing import import_here
 
 from noisy_world.core.errors import InputError, MissingDependencyError
-from noisy_world.blender.importing import program, usd_layers
+from noisy_world.blender.importing import images, program, usd_layers
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
 
@@ -74,29 +76,177 @@ def test_gltf_that_is_damaged(tmp_path):
     assert refusal(path) == "GLB of version 1; export it as glTF 2.0"
     assert refusal(changed(tmp_path, asset={"version": "1.0"})) == "glTF of version 1.0; export it as glTF 2.0"
     assert refusal(changed(tmp_path, nodes=[{"name": "nothing"}])).startswith("holds no faces")
-    assert refusal(changed(tmp_path, bufferViews=3 * [{"buffer": 3, "byteLength": 4}])).startswith(
-        "Blender's importer fails on it: "
+    assert refusal(changed(tmp_path, bufferViews=3 * [{"buffer": 3, "byteLength": 4}])) == (
+        "bufferView 0: buffer 3 is not there; the file is damaged: export it again"
     )
+    document, blob = rooms.gltf(rooms.room_attributes())
+    document["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 1  # which are texture coordinates
+    path.write_bytes(rooms.glb(document, blob))
+    assert refusal(path).startswith("Blender's importer fails on it: ")
 
 
 def test_values_that_are_not_finite(tmp_path):
-    damaged = "a coordinate is NaN or infinite; the file is damaged: export it again"
     for value in (np.nan, -np.inf):
         attributes = rooms.room_attributes()
         attributes["POSITION"][7, 1] = value
-        document, blob = rooms.gltf(attributes)
-        for accessor in document["accessors"]:  # NaN is no JSON
-            accessor.pop("min", None), accessor.pop("max", None)
-        (tmp_path / "nan.glb").write_bytes(rooms.glb(document, blob))
-        assert refusal(tmp_path / "nan.glb") == damaged
+        for path in documents(tmp_path, *rooms.gltf(attributes)):
+            assert refusal(path) == DAMAGED
+    attributes = rooms.room_attributes()
+    attributes["TEXCOORD_0"][7, 1] = np.inf
+    for path in documents(tmp_path, *rooms.gltf(attributes)):
+        assert refusal(path) == DAMAGED.replace("coordinate", "texture coordinate")
+    document, blob = rooms.gltf(rooms.room_attributes())
+    blob += struct.pack("<H2x3f", 3, np.inf, 0, 0)
+    document["bufferViews"] += [{"buffer": 0, "byteOffset": len(blob) - back, "byteLength": 12} for back in (16, 12)]
+    document["buffers"][0]["byteLength"] = len(blob)
+    document["accessors"][0]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": 2, "componentType": 5123},
+        "values": {"bufferView": 3},
+    }
+    for path in documents(tmp_path, document, blob):
+        assert refusal(path) == DAMAGED
     room = rooms.write_stl(tmp_path)
     data = bytearray(room.read_bytes())
     struct.pack_into("<f", data, 84 + 50 + 12, np.inf)
-    room.write_bytes(data)
-    assert refusal(room) == damaged
+    room.write_bytes(b"solid of facets".ljust(80) + data[80:])  # as some programs begin binary files
+    assert refusal(room) == DAMAGED
     room = rooms.write_obj(tmp_path)
-    room.write_text(room.read_text().replace("v -2.0 ", "v nan ", 1))
-    assert refusal(room) == damaged
+    room.write_text(room.read_text().replace("v -2.0 ", "v 1e999 ", 1))
+    assert refusal(room) == "line 4: '1e999' is too large for float32; the file is damaged: export it again"
+
+
+DAMAGED = "a coordinate is NaN or infinite; the file is damaged: export it again"
+
+
+def documents(folder, document, blob):
+    """Write a document with its buffer behind it, and within it."""
+    for accessor in document["accessors"]:  # NaN is no JSON
+        accessor.pop("min", None), accessor.pop("max", None)
+    (folder / "a.glb").write_bytes(rooms.glb(document, blob))
+    uri = "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
+    buffers = [{"uri": uri, "byteLength": len(blob)}]
+    (folder / "a.gltf").write_text(json.dumps({**document, "buffers": buffers}))
+    return folder / "a.glb", folder / "a.gltf"
+
+
+@cases("word", ["nan", "-inf", "1e999", "1e39"])
+def test_usd_that_is_not_finite(tmp_path, word):
+    room = rooms.write_usda(tmp_path)
+    room.write_text(room.read_text().replace("points = [(-2.0,", f"points = [({word},"))
+    assert refusal(room) == f"line 8: {DAMAGED}"
+    images.add_library_folders()
+    from pxr import Sdf
+
+    assert Sdf.Layer.FindOrOpen(str(room)).Export(str(tmp_path / "binary.usdc"))
+    assert refusal(tmp_path / "binary.usdc") == DAMAGED
+
+
+FBX = """; FBX 7.4.0 project file
+FBXHeaderExtension: {
+  FBXVersion: 7400
+}
+Objects: {
+  Geometry: 1, "Geometry::m", "Mesh" {
+    Vertices: *9 {
+      a: 0,0,0,1,0,0,
+        0,WORD,0
+    }
+    PolygonVertexIndex: *3 {
+      a: 0,1,-3
+    }
+    GeometryVersion: 124
+  }
+  Model: 2, "Model::m", "Mesh" {
+    Version: 232
+  }
+}
+Connections: {
+  C: "OO",2,0
+  C: "OO",1,2
+}
+"""
+
+
+def test_fbx_that_is_not_finite(tmp_path):
+    room = tmp_path / "a.fbx"
+    for word in ("nan", "inf", "1e999", "1e39"):
+        room.write_text(FBX.replace("WORD", word))
+        assert refusal(room) == f"line 9: {DAMAGED}"
+    room.write_text(FBX.replace("WORD", "abc"))
+    assert refusal(room) == "line 9: 'abc' is not a number; the file is damaged: export it again"
+    room.write_text(FBX.replace("WORD", "1"))
+    assert len(read_mesh(room).face_starts) == 1
+
+
+@cases("write", [rooms.write_obj, rooms.write_usda, rooms.write_gltf, rooms.write_ply])
+def test_pictures_outside_the_meshs_folder(tmp_path, write):
+    folder = tmp_path / write.__name__
+    room = write(folder)
+    whole = {path: path.read_text() for path in (room, folder / "room.mtl") if path.is_file()}
+    (folder / "walls.png").rename(tmp_path / "walls.png")
+    for name in ("../walls.png", str(tmp_path / "walls.png")):
+        for path, text in whole.items():
+            path.write_text(text.replace("walls.png", name))
+        forget_meshes()
+        said = refusal(room)
+        assert "leads out of the mesh's folder; put it beside the mesh" in said or "; put it there, beside" in said
+    if write is rooms.write_gltf:  # whose names are relative, so one that leads away is nobody's accident
+        return
+    (tmp_path / "walls.png").rename(folder / "walls.png")
+    (tmp_path / "walls.png").write_bytes(b"another picture")
+    forget_meshes()
+    mesh = read_mesh(room)
+    np.testing.assert_array_equal(mesh.texture.pictures[0], rooms.PICTURE)
+    assert any("walls.png beside the mesh was taken" in note for note in mesh.notes)
+    assert folder / "walls.png" in files_of_mesh(room)
+    assert tmp_path / "walls.png" not in files_of_mesh(room)
+
+
+def test_usd_layers_outside_its_folder(tmp_path):
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    rooms.write_usda(tmp_path)
+    for kind in ("subLayers = [@{}@]", "references = @{}@", "payload = @{}@"):
+        for name in ("../room.usda", str(tmp_path / "room.usda"), f"file:{tmp_path}/room.usda", "a.usda"):
+            text = kind.format(name)
+            root = f"( {text} )" if "sub" in kind else f'def "W" ( prepend {text} ) {{}}'
+            (inner / "whole.usda").write_text(f"#usda 1.0\n{root}\n")
+            (inner / "a.usda").write_text("#usda 1.0\n( subLayers = [@../room.usda@] )\n")
+            said = refusal(inner / "whole.usda")
+            shown = "../room.usda" if name == "a.usda" else name
+            assert said == f"its layer {shown!r} leads out of the mesh's folder; put it beside the mesh, and name it so"
+    os.mkfifo(inner / "pipe.usda")
+    (inner / "whole.usda").write_text("#usda 1.0\n( subLayers = [@./pipe.usda@] )\n")
+    assert refusal(inner / "whole.usda").startswith("its layer 'pipe.usda': it is a pipe, not a file; ")
+    (inner / "link.usda").symlink_to(tmp_path / "room.usda")
+    (inner / "walls.png").symlink_to(tmp_path / "walls.png")
+    (inner / "whole.usda").write_text("#usda 1.0\n( subLayers = [@./link.usda@] )\n")
+    forget_meshes()
+    (note,) = read_mesh(inner / "whole.usda").notes
+    assert note.startswith("its file 'link.usda' is a link out of the mesh's folder, to ")
+    assert {path.name for path in files_of_mesh(inner / "whole.usda")} >= {"link.usda"}
+
+
+@cases("write", [rooms.write_obj, rooms.write_usda, rooms.write_gltf])
+def test_pictures_of_too_many_pixels_are_not_decoded(tmp_path, write):
+    room = write(tmp_path)
+    (tmp_path / "walls.png").write_bytes(rooms.black_png(32_000, 32_000))
+    assert "walls.png" in (said := refusal(room))
+    assert "says that it is 32000 x 32000 pixels; at most 268435456 pixels (16384 x 16384) are read" in said
+    resource = pytest.importorskip("resource")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss < 2**21  # kB; the pixels alone take 3 GB
+
+
+def test_kinds_of_pictures_that_blender_alone_reads(tmp_path):
+    room = rooms.write_obj(tmp_path)
+    (tmp_path / "room.mtl").write_text("newmtl walls\nmap_Kd walls.tga\n")
+    header = struct.pack("<BBBHHBHHHHBB", 0, 0, 2, 0, 0, 0, 0, 0, 24, 16, 24, 32)
+    (tmp_path / "walls.tga").write_bytes(header + rooms.PICTURE[..., ::-1].tobytes())
+    np.testing.assert_array_equal(read_mesh(room).texture.pictures[0], rooms.PICTURE)
+    large = struct.pack("<BBBHHBHHHHBB", 0, 0, 10, 0, 0, 0, 0, 0, 32_000, 32_000, 24, 32)
+    (tmp_path / "walls.tga").write_bytes(large + b"\xff\0\0\0" * 100)
+    assert "its texture 'walls.tga' says that it is 32000 x 32000 pixels; " in refusal(room)
 
 
 def test_files_beside_it_that_are_missing_or_damaged(tmp_path):

@@ -221,3 +221,21 @@ def test_a_dataset_made_in_shards(world, tmp_path, capsys):
     run(world, out)
     code, found = as_json(capsys, out, "--check")
     assert (code, found["whole"], found["shards"]) == (0, True, {"merged": [], "finished": [], "unfinished": {}})
+
+
+def test_a_manifest_that_somebody_changed_is_damaged(world, tmp_path, capsys):
+    out = tmp_path / "out"
+    run(world, out)
+    manifest = out / "manifest.json"
+    text = manifest.read_text()
+    for old, new in (('"seed": 3', '"seed": 4'), ("sRGB-encoded", "linear"), ("\n}\n", "\n}\n\n")):
+        assert old in text
+        manifest.write_text(text.replace(old, new, 1))
+        code, found = as_json(capsys, out, "--check")
+        assert (code, found["whole"], found["damaged"]) == (1, False, ["manifest.json"])
+    # What still says the same is written again by the next run, which says so.
+    assert "manifest.json is not as it was written; it is written again" in run(world, out).notes
+    assert manifest.read_text() == text
+    (out / "run.json").write_text("{}")
+    code, found = as_json(capsys, out, "--check")
+    assert (code, found["notes"]) == (0, ["run.json does not tell the SHA-256 of manifest.json, which is not checked"])

@@ -38,7 +38,7 @@ def installed(tmp_path, monkeypatch):
     about = packages / "noisy_world-1.0.dist-info"
     about.mkdir(parents=True)
     (about / "METADATA").write_text("Metadata-Version: 2.4\nName: noisy-world\nVersion: 1.0\n")
-    monkeypatch.setattr(extras, "_PACKAGE", packages / "noisy_world")
+    monkeypatch.setattr(extras, "checkout", lambda: None)
     monkeypatch.syspath_prepend(packages)
 
     def record(given):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""docs/perturbations.md says what the registry has, and its example works as it stands there."""
+"""docs/perturbations.md and docs/gallery.md have what the registry has; the example of one's own works as it stands."""
 
 import os
 import re
@@ -14,13 +14,15 @@ from worlds import ROOT, generate, write_world
 
 from noisy_world.perturbations import registry
 
-PAGE = (ROOT / "docs" / "perturbations.md").read_text()
+PAGE = (ROOT / "docs" / "perturbations.md").read_text(encoding="utf-8")
+GALLERY = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+YOURS = (ROOT / "docs" / "your_perturbation.md").read_text(encoding="utf-8")
 OWN = [item for item in registry().values() if item.distribution is None]
 
 
 def block(language):
-    """The first block of code in a language under "Your own"."""
-    return re.search(rf"```{language}\n(.*?)```", PAGE.split("## Your own")[1], re.DOTALL)[1]
+    """The first block of code in a language on the page about one's own."""
+    return re.search(rf"```{language}\n(.*?)```", YOURS, re.DOTALL)[1]
 
 
 def test_the_table_has_every_perturbation_in_its_place():
@@ -33,6 +35,22 @@ def test_the_table_has_every_perturbation_in_its_place():
         patterns = re.findall(r"`([^`]+)`", told)
         assert all(any(fnmatch(field, pattern) for field in known) for pattern in patterns), name
         assert all(any(fnmatch(field, pattern) for pattern in patterns) for field in item.severities), name
+
+
+def test_the_gallery_shows_every_perturbation():
+    shown = re.findall(r"^### (.+)\n\n`(\w+)`(, ours)?[^!]*!\[.+\]\(gallery/(\w+)\.jpg\)$", GALLERY, re.MULTILINE)
+    assert [(label, name, name, bool(ours)) for label, name, ours, _ in shown] == [
+        (item.label, item.name, picture, item.source.startswith("our own"))
+        for item, (*_, picture) in zip(OWN, shown, strict=True)
+    ]
+    files = {file.stem for file in (ROOT / "docs/gallery").iterdir()}
+    assert files == {item.name for item in OWN} | {"clean", "room"}
+    heads = re.findall(r"^## (.+)$", GALLERY, re.MULTILINE)[:-1]
+    assert [head.lower().removesuffix("-processing") for head in heads] == list(dict.fromkeys(i.stage for i in OWN))
+
+
+def test_the_gallery_is_light():
+    assert sum(file.stat().st_size for file in (ROOT / "docs/gallery").iterdir()) < 1_000_000
 
 
 def test_the_example_works_as_it_stands(tmp_path):

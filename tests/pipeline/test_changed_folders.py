@@ -4,7 +4,9 @@
 import hashlib
 import json
 import os
+import re
 import shutil
+import sys
 
 import pytest
 from cases import cases
@@ -13,6 +15,11 @@ from worlds import content
 from written import run
 
 from noisy_world.core.errors import StorageError
+from noisy_world.core.progress import PlainProgress
+from noisy_world.perturbations import registry
+from noisy_world.pipeline.status import read_status
+from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.storage.content import read_content
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -104,7 +111,7 @@ def test_links_in_place_of_folders_are_not_followed(finished, tmp_path, place):
         refused(
             preset,
             out,
-            f"{place}: is a link, but the dataset's folders have to be its own; remove it",
+            f"{place}: is a link, but what is in a dataset has to be its own; remove it, or put what it leads to",
             overwrite=overwrite,
         )
         there = {name: mark for name, mark in marks(tmp_path).items() if name.startswith("elsewhere")}
@@ -112,6 +119,36 @@ def test_links_in_place_of_folders_are_not_followed(finished, tmp_path, place):
     (out / place).unlink()
     run(preset, out)
     assert content(out) == whole(preset, tmp_path)
+
+
+def test_nothing_is_written_or_believed_through_a_link(tmp_path):
+    """Every file and folder of a dataset in each layout, one after another, is a link to what it was."""
+    for layout in ("replica", "tum", "euroc", "vslamlab"):
+        preset = world(tmp_path / layout, settings=[CLEAN], output={"layout": layout})
+        out, theirs = tmp_path / f"out_{layout}", tmp_path / f"theirs_{layout}"
+        run(preset, out)
+        names = [path.relative_to(out) for path in out.rglob("*") if not re.search("[1-9][^/]*[.]png$", path.name)]
+        assert len(names) > 8
+        for name in names:
+            (out / name).rename(theirs)
+            (out / name).symlink_to(theirs)
+            before = marks(tmp_path) | {"theirs": theirs.stat().st_mtime_ns}
+            refused(preset, out, f"{name}:? is a link, but what is in a dataset has to be its own")
+            if name.name != "manifest.json":
+                for act in (
+                    read_content,
+                    lambda out: recipe_of(out, PlainProgress(sys.stderr)),
+                    lambda out: read_status(out, registry(), PlainProgress(sys.stderr)),
+                ):
+                    with pytest.raises(StorageError, match=f"{name}: is a link"):
+                        act(out)
+            assert marks(tmp_path) | {"theirs": theirs.stat().st_mtime_ns} == before
+            (out / name).unlink()
+            theirs.rename(out / name)
+        (out / "clean/box/mine.txt").symlink_to(preset)  # what is not the dataset's may be a link
+        out.rename(theirs)
+        out.symlink_to(theirs)  # and so may the dataset's folder
+        assert run(preset, out).frames_rendered == 0
 
 
 def test_a_manifest_of_something_else_is_left_alone(finished, tmp_path):
@@ -141,18 +178,24 @@ def pipe(path):
     os.mkfifo(path)
 
 
-@cases("replacement", [folder, dangling, loop, pipe])
+def elsewhere(path):
+    """A link to a copy, as data managers leave it."""
+    path.symlink_to(path.with_name(f"{path.name}.kept"))
+
+
+@cases("replacement", [folder, dangling, loop, elsewhere, pipe])
 def test_what_is_no_file_is_said(finished, tmp_path, replacement):
     preset, out = finished
     expected = whole(preset, tmp_path)
     for name in ("manifest.json", "clean/box/frames.jsonl", "clean/box/traj.txt", "fog/box/results/depth000002.png"):
-        (out / name).unlink()
+        kept = (out / name).rename(out / f"{name}.kept")
         replacement(out / name)
-        if replacement is folder or name == "manifest.json":
-            refused(preset, out, f"{out}.*{name}")
+        if replacement is not pipe or name == "manifest.json":
+            refused(preset, out, f"{out}.*{name}.*" + "is a link, but what is in" * (out / name).is_symlink())
         else:
             run(preset, out)
-            assert content(out) == expected
+        assert kept.exists()
+        kept.unlink()
         if replacement is folder:
             assert (out / name).is_dir()
             (out / name).rmdir()
@@ -205,10 +248,52 @@ def test_records_that_nobody_wrote_are_no_records(finished, tmp_path, change):
     first, *rest = good.splitlines(keepends=True)
     path.write_text(json.dumps(json.loads(first) | change) + "\n" + "".join(rest))
     report = run(preset, out)
-    assert report.frames_rendered == 1
-    changed = "clean/box/frames.jsonl is not as it was written"
-    assert report.notes == [f"{changed}; frames that it does not describe are made again"]
+    assert report.frames_rendered == 6  # what else was changed in the file nobody can tell
+    assert report.notes == [CHANGED]
     assert path.read_text() == good
+
+
+CHANGED = "clean/box/frames.jsonl is not as it was written; its frames are made again"
+
+
+def test_changed_records_are_not_believed_though_they_could_be(finished, tmp_path):
+    preset, out = finished
+    expected = whole(preset, tmp_path)
+    edits = (
+        (FOG["name"], '"severity": 3', '"severity": 5'),
+        (FOG["name"], '"name": "fog"', '"name": "frost"'),
+        (FOG["name"], '"perturbed"', '"was"'),
+        ("clean", "}}\n", '}, "depth_out_of_range": {"pixels": 3, "farthest_m": 70.5, "beyond": "void"}}\n'),
+    )
+    for setting, old, new in edits:
+        path = out / setting / "box/frames.jsonl"
+        text = path.read_text()
+        assert old in text
+        path.write_text(text.replace(old, new, 1))
+        report = run(preset, out)
+        assert report.notes == [CHANGED.replace("clean", setting)]
+        assert content(out) == expected
+    # An image that was changed, with its hash.
+    image, path = out / "clean/box/results/frame000002.png", out / "clean/box/frames.jsonl"
+    old, new = (hashlib.sha256((out / f"clean/box/results/frame00000{n}.png").read_bytes()).hexdigest() for n in (2, 3))
+    image.unlink()
+    shutil.copy(out / "clean/box/results/frame000003.png", image)
+    path.write_text(path.read_text().replace(old, new))
+    assert run(preset, out).notes == [CHANGED]
+    assert content(out) == expected
+
+
+def test_a_journal_that_says_what_is_not_planned_is_not_believed(unfinished, tmp_path):
+    preset, out = unfinished
+    path = out / ".noisy_world/fog/box/journal-0.jsonl"
+    text = path.read_text()
+    assert '"severity": 3' in text
+    path.write_text(text.replace('"severity": 3', '"severity": 5', 1))
+    report = run(preset, out)
+    (note,) = report.notes
+    assert re.match("fog/box: 1 records of its journals, of frame . the first, do not say what is planned; what", note)
+    assert report.frames_rendered == 3
+    assert content(out) == whole(preset, tmp_path)
 
 
 def test_without_its_identity_a_run_is_not_taken_up(unfinished, tmp_path):

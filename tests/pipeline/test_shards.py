@@ -260,7 +260,7 @@ def test_a_crash_at_every_step_costs_nothing(tmp_path, step):
     command = [sys.executable, script, world, tmp_path / "whole", tmp_path, tmp_path / "shards", step]
     result = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
     assert result.returncode == 0, result.stderr
-    assert int(result.stdout) > 50, "the steps were not counted"
+    assert int(result.stdout) > 30, "the steps were not counted"
 
 
 def test_a_merge_says_what_is_missing(world, tmp_path):

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
-from recipes_made import COUNT, SETTINGS, make, progress, refused
+from recipes_made import COUNT, SETTINGS, frames_from_arithmetic, make, progress, refused
 from worlds import ROOT
 from written import RIG, stored
 
@@ -136,6 +136,22 @@ def test_a_recordings_frames_are_made_of_the_recording(made, tmp_path_factory, i
     )
     for one, other in zip(frames, opened["fog_dynamic/box"], strict=True):
         assert np.array_equal(one.rgb, other.rgb_uncompressed)
+
+
+def test_clean_frames_leave_recordings_out(made, tmp_path):
+    world, out, clean = tmp_path / "world", tmp_path / "out", tmp_path / "clean"
+    shutil.copytree(made.out / "fast", world / "fast")
+    scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": "traj.txt"}, {"name": "walk", "sequence": "fast/box"}]
+    with frames_from_arithmetic():
+        settings = [item for item in SETTINGS if item.get("name") in ("clean", "mixed")]
+        both = make(tmp_path, settings=settings, scenes=scenes, output={"layout": "replica", "image": "jpg"})
+    assert (both.out, both.clean) == (out, clean)
+    assert sorted(path.name for path in clean.iterdir() if path.name[0] != ".") == ["box", "clean.json"]
+    opened = noisy_world.open(both.recipe, clean)
+    for name in ("clean/box", "mixed/box", "clean/walk", "mixed/walk"):
+        known = records(out, name)
+        for frame in opened[name]:
+            check(frame, out, known[frame.index])
 
 
 def test_another_recording_is_refused(made, tmp_path):

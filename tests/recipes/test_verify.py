@@ -65,6 +65,8 @@ def test_a_recipe_is_the_same_each_time_and_is_read_as_it_was(made, tmp_path, ca
         (r'"frames":\[\[0,9\]\]', '"frames":[[0,900]]', "is damaged: it lacks what a recipe holds"),
         (r'"texts":\{"frames.jsonl"', '"text":{"frames.jsonl"', "is damaged"),
         ('"clean/box":', '"clean/hall":', "does not say what all its sequences are made from|identity"),
+        (r'"features":\[', '"features":[{},', "identity: lacks what an identity holds, or holds something else"),
+        (r'"features":\[', '"feature":[', "identity: lacks what an identity holds, or holds something else"),
         (r"\{\n", "[\n", "cannot be read at line"),
     ],
 )

@@ -4,6 +4,7 @@
 import base64
 import json
 import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -174,6 +175,17 @@ def glb(document, blob):
 
 def png(picture):
     return cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]))[1].tobytes()
+
+
+def black_png(width_px, height_px):
+    """A whole PNG of black pixels, one bit each, of a few bytes."""
+    packer = zlib.compressobj(9)
+    row = bytes(1 + (width_px + 7) // 8)
+    data = b"".join(packer.compress(row) for _ in range(height_px)) + packer.flush()
+    parts = [(b"IHDR", struct.pack(">IIBBBBB", width_px, height_px, 1, 0, 0, 0, 0)), (b"IDAT", data), (b"IEND", b"")]
+    written = [struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+               for name, body in parts]  # fmt: skip
+    return b"\x89PNG\r\n\x1a\n" + b"".join(written)
 
 
 def write_glb(folder):

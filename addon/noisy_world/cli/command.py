@@ -54,6 +54,7 @@ GROUPS = {
         ),
         "report": Subcommand("report_command", "write the report of a study anew"),
         "run-odometry": Subcommand("run_odometry", "follow the camera through a dataset with rgbd_odometry"),
+        "systems": Subcommand("systems_command", "list the systems and whether they can be run here; install one"),
         "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
         "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
     },

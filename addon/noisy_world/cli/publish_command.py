@@ -41,7 +41,8 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser = Parser(
         prog=entry.name,
         description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
-        epilog="The same command again goes on where it was stopped. Packing needs the extra 'cloud', into a folder too.",
+        epilog="The same command again goes on where it was stopped. Packing needs the extra 'cloud', into a folder "
+        "too.",
     )
     parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder that generate wrote")
     parser.add_argument(

@@ -33,7 +33,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 def render(options: argparse.Namespace, entry: Entry) -> int:
     """Render the frames, and print how many."""
     from ..core.errors import InputError
-    from ..recipes.clean_making import make_store
+    from ..recipes.clean_making import make_store, rendered
     from ..recipes.recipe import read_recipe
     from .running import listener
 
@@ -44,5 +44,5 @@ def render(options: argparse.Namespace, entry: Entry) -> int:
     need_blender(plan, entry)
     progress, stop = listener("text")
     made = make_store(plan, options.out, progress, stop)
-    print(f"{options.out}: {made} frames rendered, {plan.frame_count - made} kept")
+    print(f"{options.out}: {made} frames rendered, {rendered(plan).frame_count - made} kept")
     return 0

@@ -14,6 +14,7 @@ from urllib.request import url2pathname
 
 from .errors import MissingDependencyError
 from .requirements import missing_packages, missing_sentence
+from .shipped import checkout
 
 DISTRIBUTION = "noisy-world"
 
@@ -33,8 +34,6 @@ EXTRAS = {
     ),
 }
 """What each extra brings, as pyproject.toml has it."""
-
-_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def need(modules: Iterable[str], extra: str, *, for_what: str = "", otherwise: str = "") -> None:
@@ -67,9 +66,8 @@ def pip_command(words: Iterable[str]) -> str:
 
 def _source(extra: str) -> list[str] | None:
     """Return the words that name the extra of where the package came from; None where that is unknown or gone."""
-    checkout = _PACKAGE.parents[1]
-    if (checkout / "pyproject.toml").is_file() and (checkout / "blender_manifest.toml").is_file():
-        return [f"{checkout}[{extra}]"]
+    if (top := checkout()) is not None:
+        return [f"{top}[{extra}]"]
     try:
         record = importlib.metadata.distribution(DISTRIBUTION).read_text("direct_url.json")
     except importlib.metadata.PackageNotFoundError:

@@ -18,6 +18,9 @@ from .near import did_you_mean
 
 type InIdentity = Literal["value", "meaning", "nothing"]
 
+_TRUTH = {"on": True, "yes": True, "true": True, "off": False, "no": False, "false": False}
+"""Words that YAML 1.1 reads as truth values, where they are not in quotes; as choices they are meant as words."""
+
 LONGEST_SHOWN = 60  # characters of a user's text that a message repeats
 
 
@@ -185,6 +188,8 @@ def _parse_choice(choices: tuple[str, ...], value: object, place: Place) -> str:
         return value
     if isinstance(value, str):
         raise unknown_name(place, "value", value, choices)
+    if isinstance(value, bool) and len(meant := [word for word in choices if _TRUTH.get(word) is value]) == 1:
+        return meant[0]
     raise place.error(f"is {describe(value)}, but has to be one of {', '.join(choices)}")
 
 

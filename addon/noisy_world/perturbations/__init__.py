@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The perturbations, one file each. To add one, add a file with a `PERTURBATION`, here or in an installed package.
 
-docs/perturbations.md, "Your own", says how a package brings its own.
+docs/your_perturbation.md says how a package brings its own.
 """
 
 import importlib

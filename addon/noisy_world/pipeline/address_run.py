@@ -18,7 +18,7 @@ from ..core.datasets.provenance import plain_identity
 from ..core.datasets.removal import remove_journals
 from ..core.datasets.shard_merging import remove_shard
 from ..core.datasets.shard_record import read_shard, shard_folder, shard_folders
-from ..core.datasets.standing import RUN, WORK_FOLDER, journal_folders, read_standing
+from ..core.datasets.standing import MANIFEST_SHA256, RUN, WORK_FOLDER, journal_folders, read_standing
 from ..core.datasets.storage import FolderLock, storage_errors
 from ..core.errors import BusyError, StorageError
 from ..core.machine import peak_memory_bytes
@@ -320,13 +320,13 @@ class AddressRun:
         paths = FrameMaker(self._plan, progress=self._progress, stop=self._stop)
         if self._plan.preset.spec.output.overview:
             self._fetch_pictured()
-        Completion(self._plan, self._dataset, paths.paths_of, self._note).write()
+        manifest_sha256 = Completion(self._plan, self._dataset, paths.paths_of, self._note).write()
 
         def run_text() -> dict[str, bytes]:
             self.report.processors = processors_of(self._shards)
             self.report.total_s = time.perf_counter() - start_s
             self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
-            return {RUN: canonical(self.report.content()).encode()}
+            return {RUN: canonical({**self.report.content(), MANIFEST_SHA256: manifest_sha256}).encode()}
 
         pack(read_written(self.folder), self._images, self._address, self._progress, self._stop, beside=run_text)
 

@@ -33,8 +33,8 @@ class Completion:
         self._paths_of = paths_of
         self._note = note
 
-    def write(self) -> None:
-        """Write the text files beside the images, and the manifest."""
+    def write(self) -> str:
+        """Write the text files beside the images, and the manifest; return the manifest's SHA-256."""
         files: dict[str, object] = {}
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
@@ -72,8 +72,9 @@ class Completion:
             stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
             picture = draw_overview(self._dataset.out, format_, pictured, stamps_of)
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
-        self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts, losses))
+        digest = self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts, losses))
         self._note_losses(losses, counts)
+        return digest
 
     def _note_losses(self, losses: dict[str, RangeLoss], counts: dict[str, int]) -> None:
         """Say in a note for each scene how much of its depth is lost, and what keeps it."""

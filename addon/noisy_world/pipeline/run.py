@@ -14,7 +14,7 @@ from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
-from ..core.datasets.standing import RUN
+from ..core.datasets.standing import MANIFEST_SHA256, RUN
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import image_bytes, size_text
@@ -140,13 +140,15 @@ class Run:
         if self._dataset.holds_frames():
             self._progress.note("checking the frames that are there")
         work: Work = {}
-        needed_bytes = 0
+        needed_bytes, told = 0, len(self._dataset.notes)
         for render in self._plan.renders:
             lacking = take_stock(self._dataset, self._plan, render)
             needed_bytes += lacking.bytes_to_write
             self.report.frames_kept += len(render.frames) - len(lacking.sources)
             if lacking.sources:
                 work[render.name] = lacking.sources
+        for text in self._dataset.notes[told:]:
+            self._note(text)
         return work, needed_bytes
 
     def _check_space(self, needed_bytes: int) -> None:
@@ -195,11 +197,11 @@ class Run:
 
     def _complete(self, start_s: float) -> None:
         """Write the text files beside the images, and seal the dataset."""
-        Completion(self._plan, self._dataset, self._frames.paths_of, self._note).write()
+        manifest_sha256 = Completion(self._plan, self._dataset, self._frames.paths_of, self._note).write()
         self.report.processors = processors_of(merged_shards(self._dataset.out))
         self.report.total_s = time.perf_counter() - start_s
         self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
-        self._dataset.write_text(RUN, canonical(self.report.content()))
+        self._dataset.write_text(RUN, canonical({**self.report.content(), MANIFEST_SHA256: manifest_sha256}))
         self._dataset.seal()
 
 

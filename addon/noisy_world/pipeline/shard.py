@@ -22,7 +22,7 @@ from ..core.planning.shards import Shard, render_of
 from ..core.progress import Progress
 from .frame_maker import FrameMaker
 from .report import Report
-from .stock import Finished, Holding
+from .stock import Finished, Holding, stock_of
 from .versions import versions_of
 
 __all__ = ["ShardMaker", "make_shard", "merge_shard", "shard_folder"]
@@ -157,7 +157,7 @@ class ShardMaker:
     def _make_missing(self, made: Dataset, render: Render, shard: Shard, there: Holding | None) -> None:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
-            made.take_stock(sequence.folder, names, len(sequence.source_frames))
+            stock_of(made, sequence, names)
         finished = Finished([Holding(made, render), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
         lacking = finished.lacking(render, self._plan.format.modalities, wanted)

@@ -11,7 +11,17 @@ from typing import Any
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.merging import merged_identity
-from ..core.datasets.standing import IDENTITY, RUN, WORK_FOLDER, Standing, read_standing
+from ..core.datasets.place import check_no_links
+from ..core.datasets.standing import (
+    IDENTITY,
+    MANIFEST,
+    RUN,
+    UNCHECKED,
+    WORK_FOLDER,
+    Standing,
+    manifest_is_changed,
+    read_standing,
+)
 from ..core.datasets.tally import Digests, Place, Tally, counted, journals_of, tally
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
@@ -88,6 +98,7 @@ def read_status(
     shards = read_shards(out)
     standing = _standing(out, shards)
     assert standing.identity is not None
+    check_no_links(out, standing.sequences)
     described = described_sequences(standing.identity, registry, chosen)
     begun = (out / WORK_FOLDER / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
     ended = standing.manifest is not None and not begun
@@ -99,6 +110,11 @@ def read_status(
         progress.advance(len(item.frames or ()))
     progress.finish()
     lost, damaged = reader.texts()
+    notes = [standing.note] if standing.note else []
+    if check and ended:
+        changed = manifest_is_changed(out)
+        damaged += [MANIFEST] if changed else []
+        notes += [UNCHECKED] if changed is None else []
     for item in found:
         folder = f"{item.setting}/{item.scene}"
         lost += [f"{folder}/{name}" for name in item.tally.lost]
@@ -117,7 +133,7 @@ def read_status(
         pace_of(written, costs, left if known else None, time.time()),
         total_s_of(_run(out)) if ended else None,
         shards,
-        (*((standing.note,) if standing.note else ()), *shards.notes),
+        (*notes, *shards.notes),
     )
 
 

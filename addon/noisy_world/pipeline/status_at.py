@@ -11,7 +11,8 @@ from functools import cached_property
 from typing import Any
 
 from ..core.datasets.json_text import parse_json
-from ..core.datasets.standing import RUN, identity_problem
+from ..core.datasets.standing import MANIFEST, RUN, UNCHECKED, identity_problem, manifest_sha256_in
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.datasets.tally import Tally, Written
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
@@ -86,6 +87,10 @@ class _Finished:
             found = {name: self._looked_at(name, asked.get(name)) for name in there}
         progress.finish()
         sequences = [self._sequence(item, found.get(item.folder)) for item in described]
+        run = _json(self._packed.address.read(RUN))
+        known = manifest_sha256_in(run)
+        if self._check and known not in (None, sha256_of_bytes(self._packed.address.read(MANIFEST) or b"")):
+            self._damaged.append(MANIFEST)
         return Status(
             self._packed.address.text,
             ended=True,
@@ -94,9 +99,9 @@ class _Finished:
             lost=tuple(dict.fromkeys(self._lost)),
             damaged=tuple(dict.fromkeys(self._damaged)),
             pace=Pace(),
-            total_s=total_s_of(_json(self._packed.address.read(RUN))),
+            total_s=total_s_of(run),
             shards=Shards(),
-            notes=(),
+            notes=(UNCHECKED,) if self._check and known is None else (),
         )
 
     def _sequence(self, item: Described, found: Tally | None) -> SequenceStatus:

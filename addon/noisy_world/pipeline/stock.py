@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is finished of a render's sequences: what has to be rendered again, and what is not to be written again."""
 
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +17,9 @@ from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import FrameNames, Modality
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import Hasher, sha256_of_regular_file
+from ..core.node_graphs.chain import socket_values
+from ..core.perturbing.execution import ColourWork, DepthWork, Notes
+from ..core.perturbing.kinds import FrameContext
 from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence
@@ -33,10 +40,7 @@ def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
     names = dataset.format.names(render.scene.source.frame_stamps)
     needed: set[int] = set()
     size = 0
-    there = {
-        sequence.folder: dataset.take_stock(sequence.folder, names, len(sequence.source_frames))
-        for sequence in render.sequences
-    }
+    there = {sequence.folder: stock_of(dataset, sequence, names) for sequence in render.sequences}
     for modality in dataset.format.modalities:
         missing, shared, held = dict[str, int](), set[int](), set[int]()
         for sequence in render.sequences:
@@ -54,6 +58,40 @@ def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
         alone = sum(part * missing[folder] for folder, part in made.items())
         size += int(image_bytes(plan, render, modality) * (alone + len(shared - held)))
     return Lacking(sorted(needed), size)
+
+
+def stock_of(dataset: Dataset, sequence: Sequence, names: FrameNames) -> dict[int, set[str]]:
+    """Return by frame the files of a sequence that exist as they were written."""
+    return dataset.take_stock(
+        sequence.folder, names, len(sequence.source_frames), partial(is_as_planned, sequence, names)
+    )
+
+
+def is_as_planned(sequence: Sequence, names: FrameNames, record: FrameRecord) -> bool:
+    """Tell whether a record says that to its images was done what the sequence does to them.
+
+    That is known without the images: severities are drawn from the frame's own streams.
+    """
+    if not 0 <= record.frame < len(sequence.source_frames) or sequence.leaves_out(record.frame):
+        return False
+    done: dict[str, Any] = {}
+    if names.rgb(record.frame) in record.files and sequence.setting.rgb:
+        done["rgb"] = colour_notes(sequence, record.frame)
+    if names.depth(record.frame) in record.files:
+        taken = sequence.shown(record.frame).depth_frame
+        if sequence.setting.depth:
+            done["depth"] = DepthWork.of(sequence.setting.depth, FrameContext(taken, sequence.identifiers)).notes
+        if sequence.paired:
+            done["pairing"] = {"depth_of_frame": taken}
+    told = {name: part for name, part in record.perturbed.items() if name != "motion"}  # which is told at the end
+    return told == json.loads(json.dumps(done))  # tuples are lists there
+
+
+def colour_notes(sequence: Sequence, frame: int) -> Notes:
+    """Return what is done to the colour of a frame, for frames.jsonl."""
+    if sequence.setting.composited:
+        return [socket_values(step, frame, sequence.identifiers)[1] for step in sequence.setting.rgb]
+    return ColourWork.of(sequence.setting.rgb, FrameContext(frame, sequence.identifiers)).notes
 
 
 def _image(sequence: Sequence, names: FrameNames, modality: Modality, frame: int) -> tuple[str, int]:
@@ -85,12 +123,11 @@ class Holding:
         self._flags: Flags = {folder: self._flags_of(sequence) for folder, sequence in self._sequences.items()}
 
     def _flags_of(self, sequence: Sequence) -> dict[Modality, NDArray[np.bool_]]:
-        count, dataset = len(sequence.source_frames), self._dataset
+        count = len(sequence.source_frames)
         flags: dict[Modality, NDArray[np.bool_]] = {
-            modality: np.zeros(count, dtype=np.bool_) for modality in dataset.format.modalities
+            modality: np.zeros(count, dtype=np.bool_) for modality in self._dataset.format.modalities
         }
-        trusted = self._checked is None
-        for record in (dataset.journal_records if trusted else dataset.recorded)(sequence.folder):
+        for record in self._records(sequence):
             if not 0 <= record.frame < count or sequence.leaves_out(record.frame):
                 continue
             for modality, finished in flags.items():
@@ -99,6 +136,13 @@ class Holding:
             if record.out_of_range is not None and not sequence.setting.depth:
                 self._lost[sequence.shown(record.frame).depth_source] = record.out_of_range
         return flags
+
+    def _records(self, sequence: Sequence) -> Iterator[FrameRecord]:
+        journals = self._dataset.journal_records(sequence.folder)
+        if self._checked is None:
+            return journals
+        begun = (record for record in journals if is_as_planned(sequence, self._names, record))
+        return chain(self._dataset.finished_records(sequence.folder), begun)
 
     def _counts(self, sequence: Sequence, name: str, source: int, record: FrameRecord) -> bool:
         if self._checked is None or source in self._first:

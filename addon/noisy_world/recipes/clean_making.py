@@ -6,6 +6,7 @@ import json
 import shutil
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,8 @@ ANOTHER = "choose another folder with --out"
 def make_store(plan: Plan, out: Path, progress: Progress, stop: threading.Event) -> int:
     """Render the frames of a plan into a store; what is there already stays. Return how many were rendered.
 
+    Scenes that are recordings are left out: they are their own clean frames.
+
     stop: when set, InterruptedRunError is raised after the current frame. Raises StorageError where the folder holds
     something else, or there is no space.
     """
@@ -54,7 +57,7 @@ class _Making:
     """One execution of a plan into a store."""
 
     def __init__(self, plan: Plan, out: Path, progress: Progress, stop: threading.Event) -> None:
-        self._plan = plan
+        self._plan = rendered(plan)
         self._out = out
         self._progress = progress
         self._stop = stop
@@ -187,6 +190,11 @@ class _Making:
                 path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, data, self._scratch)
         return digest
+
+
+def rendered(plan: Plan) -> Plan:
+    """Return the part of a plan whose scenes are rendered."""
+    return replace(plan, renders=tuple(item for item in plan.renders if item.scene.source.gives.rendered))
 
 
 def _npy(values: NDArray[Any]) -> bytes:

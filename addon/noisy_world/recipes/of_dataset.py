@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..core.datasets.place import check_no_links
 from ..core.datasets.records import FRAMES
 from ..core.datasets.standing import MANIFEST, OVERVIEW, WORK_FOLDER, journal_folders, read_standing
 from ..core.datasets.storage import sha256_of_bytes
@@ -42,6 +43,7 @@ def _recipe_of_folder(folder: Path, progress: Progress) -> Recipe:
         raise InputError(folder, standing.problem)
     if standing.manifest is None or journal_folders(folder / WORK_FOLDER):
         raise InputError(folder, "its run has not come to its end", remedy="run the same command again; it goes on")
+    check_no_links(folder, standing.sequences)
     progress.start("reading records", sum(standing.manifest["frames"].values()))
     sequences: dict[str, SequenceDigests] = {}
     for name in sorted(standing.finished):

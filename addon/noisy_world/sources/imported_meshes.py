@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +20,24 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError, MissingDependencyError
 from ..core.regular_files import read_text
+from ..core.scenes.beside import link_notes
 from ..core.scenes.gltf_file import read_gltf_header
-from ..core.scenes.imported import ImportedScene, read_imported
+from ..core.scenes.imported import FACES_LEFT_OUT, ImportedScene, read_imported
 from ..core.scenes.joining import joined
 from ..core.scenes.mesh import Mesh
-from ..core.scenes.mesh_files import check_mesh, imported_format
+from ..core.scenes.mesh_files import (
+    check_mesh,
+    check_numbers,
+    declared_faces,
+    files_beside,
+    imported_format,
+    odd_number,
+)
 from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
 
-REFUSED, REFUSAL = 4, "refused.txt"  # as blender.importing.program ends, and where it says why
+REFUSED, NOT_FINITE, REFUSAL = 4, 5, "refused.txt"  # as blender.importing.program ends, and where it says why
 _ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
 
 
@@ -59,9 +67,20 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
             return pictures[number]
 
         mesh = joined(path, scene, picture)
-        return Imported(mesh if up is None else _turned(path, mesh, scene, up), tuple(map(Path, scene.beside)))
+        beside = tuple(map(Path, scene.beside))
+        told = [*link_notes(path, [*files_beside(path), *beside]), *_left_out(path, mesh)]
+        mesh = replace(mesh, notes=(*mesh.notes, *told))
+        return Imported(mesh if up is None else _turned(path, mesh, scene, up), beside)
     finally:
         scratch.remove()
+
+
+def _left_out(path: Path, mesh: Mesh) -> list[str]:
+    """Return a note where Blender left faces of a file out."""
+    listed = declared_faces(path)
+    if listed is None or listed <= len(mesh.face_starts):
+        return []
+    return [f"{listed - len(mesh.face_starts)} of {listed} {FACES_LEFT_OUT}"]
 
 
 def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[str, ...]:
@@ -77,6 +96,7 @@ def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
     found = imported_format(path)
     assert found is not None, "we read PLY"
     check_mesh(path)
+    check_numbers(path)
     header = read_gltf_header(path) if found.name == "glTF" else None
     order = {
         "path": str(path.absolute()),
@@ -101,6 +121,8 @@ def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> Impor
     """Have another process import the file; return what it wrote. Raises InputError where it did not."""
     asked = _asked(order)
     said = folder / REFUSAL
+    if asked.returncode == NOT_FINITE and said.is_file():
+        raise odd_number(path, read_text(said))
     if asked.returncode == REFUSED and said.is_file():
         raise InputError(path, _one_sentence(read_text(said)))
     scene = read_imported(folder)

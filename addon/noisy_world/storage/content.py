@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import LAYOUTS, Layout, Modality
+from ..core.datasets.place import check_no_links
 from ..core.datasets.provenance import cameras_of
 from ..core.datasets.records import FRAMES, FrameRecord, read_records
 from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_standing
@@ -170,6 +171,7 @@ def read_content(folder: Path) -> Content:
         raise StorageError(f"{folder}: holds no dataset of Noisy World; name the folder that generate wrote")
     if standing.problem:
         raise StorageError(f"{folder}: {standing.problem}")
+    check_no_links(folder, standing.sequences)
     if standing.manifest is None or (folder / WORK_FOLDER / IDENTITY).exists():
         raise StorageError(f"{folder}: is not finished; run generate again, which goes on where it ended")
     return Content(folder, standing.manifest)

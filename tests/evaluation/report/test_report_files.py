@@ -3,6 +3,7 @@
 
 import csv
 import html.parser
+import json
 import shutil
 
 import pytest
@@ -13,11 +14,13 @@ pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
 from noisy_world.cli import command
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, StorageError
 from noisy_world.evaluation.analysis import tables as analysis_tables
 from noisy_world.evaluation.report import write_report
 from noisy_world.evaluation.report.per_setting import settings_table
 from noisy_world.evaluation.report.reading import read_results
+from noisy_world.evaluation.study.results import Results as StudyResults
+from noisy_world.evaluation.study.tables import write_tables
 
 # A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
 HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"
@@ -166,6 +169,7 @@ def test_what_is_missing_is_said(tmp_path, quick):
     [
         (lambda text: text.replace("outcome", "ending", 1), "has no column 'outcome'"),
         (lambda text: text.replace(",40,", ",forty,", 1), "line 2, column 'frames': 'forty' is no number"),
+        (lambda text: text.replace("odometry,1,", "odometry,,", 1), "line 2, column 'repeat': is no whole number"),
         (lambda text: text.splitlines(keepends=True)[0], "holds no run yet"),
         (lambda text: "", "cannot be read"),
     ],
@@ -207,6 +211,39 @@ def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
     path.write_text(path.read_text().replace("error_m", "mistake", 1))
     with pytest.raises(InputError, match=r"errors.csv: has no column 'error_m'"):
         write_report(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("study.json", {"kind": 1}, "is not of this version of Noisy World; choose another folder with --out"),
+        ("study.json", {"study": [1]}, "study: is no mapping, so it is not as it was written; copy it again, or"),
+        ("study.json", {"study": {"protocol": "loose"}}, "study: protocol: is none of strict, paper"),
+        ("study.json", {"study": {"subject": {"settings": True}}}, "study: subject.settings: is no mapping"),
+        ("study.json", {"study": {"subject": {"settings": {"a": "x"}}}}, "subject.settings.a: has no list of steps"),
+        (
+            "study.json",
+            {"study": {"subject": {"settings": {"a": {"steps": [{"name": "fog"}]}}}}},
+            "subject.settings.a: has a step without its name, severity, levels or parameters",
+        ),
+        ("study.json", {"study": {"systems": None}}, "study: systems: is no mapping"),
+        ("study.json", {"study": {"seeds": [1.5]}}, "study: seeds: is no list of whole numbers"),
+        ("study.json", {"study": {"repeats": True}}, "study: repeats: is no whole number"),
+        ("scores.json", {"failure": None}, "is not as it was written; remove its folder and run the same command"),
+        ("scores.json", {"strict": {"ate_rmse_m": "1"}}, "is not as it was written; remove its folder and run"),
+        ("indicators.json", {"orb_tracked_mean": [1]}, "is not as it was written; remove its folder and run"),
+    ],
+)
+def test_damaged_records_of_a_study_are_one_line(tmp_path, name, change, said):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:1]})
+    path = next(folder.rglob(name))
+    document = json.loads(path.read_text())
+    inside = {**document["study"], **change["study"]} if isinstance(change.get("study"), dict) else change.get("study")
+    path.write_text(json.dumps({**document, **change, **({"study": inside} if "study" in change else {})}))
+    with pytest.raises(StorageError) as error:
+        write_tables(StudyResults(folder))
+    assert str(error.value).startswith(f"{path}: ")
+    assert said in str(error.value)
 
 
 def test_numbers_of_protocol_paper_come_under_their_names(tmp_path):

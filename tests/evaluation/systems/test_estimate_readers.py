@@ -2,6 +2,7 @@
 """Estimates that systems wrote, read: files written by hand, and what is wrong with others."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -211,6 +212,8 @@ def test_arrays(tmp_path):
         ({"a": np.zeros((5, 4, 4)), "b": np.zeros((5, 4, 4))}, "holds 2 arrays of N x 4 x 4; name the poses"),
         ({"poses": np.zeros(6)}, "its poses are an array of 6, but have to be N x 4 x 4"),
         ({"poses": np.zeros((5, 4, 4))}, "has 5 poses for 6 frames"),
+        ({"poses": np.eye(4), "frames": 3.0}, "frames: is one number, but has to have one entry for each pose"),
+        ({"poses": np.float64(1.0), "frames": [3]}, "poses: is one number, but has to have one entry for each pose"),
         ({"poses": np.array([["a"]])}, "poses: holds <U1, but has to be numbers"),
         ({"poses": np.array([None])}, "is no array of numbers as numpy writes it"),
         ({"poses": np.stack([2 * np.eye(4)] * 6)}, "frame 0: the last row of its pose is not 0 0 0 1"),
@@ -247,6 +250,15 @@ def test_splatam(tmp_path):
     np.savez(path, cam_trans=w2c)
     with pytest.raises(InputError, match="holds no cam_unnorm_rots"):
         read_estimate("splatam", path, INDEX)
+
+
+def test_an_archive_of_what_is_no_array_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "params.npz", "w") as archive:
+        for name in ("poses", "cam_unnorm_rots", "cam_trans"):
+            archive.writestr(f"{name}.npy", b"[1.0, 2.0]")
+    for reader in ("array", "splatam"):
+        with pytest.raises(InputError, match=r"params\.npz: is no array of numbers as numpy writes it"):
+            read_estimate(reader, tmp_path / "params.npz", INDEX)
 
 
 # --- nothing, and no numbers ---

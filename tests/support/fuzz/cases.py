@@ -11,6 +11,8 @@ from typing import Literal
 
 import numpy as np
 from fuzz.areas import AREAS
+from fuzz.limits import Meter, watched
+from fuzz.structure import is_sound
 
 from noisy_world.core.errors import NoisyWorldError
 
@@ -41,7 +43,8 @@ def run_case(area, seed, number, folder, peer=None):
     """Write an input into a folder, read it and judge what came of it.
 
     peer: independent readers in another process, or None. It has to be accepted with the meaning that an independent
-    reader finds, or refused by a NoisyWorldError of one line that names a file of the folder; without warnings.
+    reader finds, or refused by a NoisyWorldError of one line that names a file of the folder; without warnings, within
+    the limits of time and memory, and without a change outside of its folder. What was not changed is accepted.
     """
     write_case(area, seed, number, folder)
     return judge(area, folder, peer)
@@ -49,7 +52,8 @@ def run_case(area, seed, number, folder, peer=None):
 
 def judge(area, folder, peer=None):
     """Read the input in a folder and judge what came of it."""
-    with warnings.catch_warnings(record=True) as warned:
+    meter = Meter()
+    with warnings.catch_warnings(record=True) as warned, watched(folder) as outside:
         warnings.simplefilter("always")
         try:
             meaning = AREAS[area].read(folder)
@@ -59,6 +63,12 @@ def judge(area, folder, peer=None):
             outcome = Outcome("finding", f"traceback: {_told_traceback()}")
         else:
             outcome = Outcome("accepted")
+    if outcome.kind == "refused" and is_sound(folder):
+        return Outcome("finding", f"a sound input is refused: {outcome.told}")
+    if outcome.kind != "finding" and outside:
+        return Outcome("finding", f"outside of its folder: {', '.join(outside[:3])}")
+    if outcome.kind != "finding" and (told := meter.told()):
+        return Outcome("finding", told)
     if outcome.kind != "finding" and warned:
         first = warned[0]
         return Outcome(

@@ -67,7 +67,7 @@ def read(folder):
     task = json.loads((folder / "task.json").read_text())
     before = _others(folder)
     try:
-        _make(folder / "out", grown=task["grown"], overwrite=task["overwrite"])
+        make(folder / "out", grown=task["grown"], overwrite=task["overwrite"])
     finally:
         after = _others(folder)
         touched = sorted({name for name, _ in set(after.items()) ^ set(before.items())})
@@ -118,7 +118,7 @@ def _others(folder):
     return found
 
 
-class _Silent:
+class Silent:
     """Hears how a run goes on, and says nothing."""
 
     def start(self, label, total, done=0):
@@ -141,21 +141,21 @@ class _CutRun(Run):
         raise InterruptedRunError("stopped")
 
 
-def _make(out, *, grown=False, overwrite=False, frames=None, kind=Run):
+def make(out, *, grown=False, overwrite=False, frames=None, kind=Run, layout="replica"):
     settings = [{"name": "dim", "perturb": [{"brightness": None}]}, *SETTINGS] if grown else SETTINGS
     document = {
         "scenes": [{"name": "box", "sequence": "recording"}],
         "camera": {"width": SIZE[0], "height": SIZE[1], "fx": 16.0, "fy": 16.0, "cx": 15.5, "cy": 11.5},
         "render": {"backend": "reference"},
         "settings": settings,
-        "output": {"layout": "replica", "image": "png", "overview": True},
+        "output": {"layout": layout, "image": "png", "overview": True},
     }
-    plan = make_plan(check_document(document, _recording() / "preset.yaml"), frames)
-    kind(plan, out, progress=_Silent(), stop=threading.Event(), overwrite=overwrite).make_dataset()
+    plan = make_plan(check_document(document, recording() / "preset.yaml"), frames)
+    kind(plan, out, progress=Silent(), stop=threading.Event(), overwrite=overwrite).make_dataset()
 
 
 @functools.cache
-def _recording():
+def recording():
     """A folder with a recording of a few pixels; it lasts as long as the process."""
     keeper = tempfile.TemporaryDirectory(prefix="dataset-folders-")
     _KEPT.append(keeper)
@@ -175,18 +175,18 @@ def _recording():
 @functools.cache
 def _bases():
     """The datasets that are changed, made once in a process, by the names of their stages."""
-    folder = _recording() / "bases"
+    folder = recording() / "bases"
     for stage, grown in (("finished", False), ("grown", True)):
-        _make(folder / stage, grown=grown)
-    _cut(folder / "unfinished", frames=slice(0, 2))
-    _make(folder / "growing")
-    _cut(folder / "growing", grown=True, frames=slice(0, 2))
+        make(folder / stage, grown=grown)
+    cut(folder / "unfinished", frames=slice(0, 2))
+    make(folder / "growing")
+    cut(folder / "growing", grown=True, frames=slice(0, 2))
     return folder
 
 
-def _cut(out, **options):
+def cut(out, **options):
     with contextlib.suppress(InterruptedRunError):
-        _make(out, kind=_CutRun, **options)
+        make(out, kind=_CutRun, **options)
 
 
 _KEPT = []

@@ -9,25 +9,28 @@ import mathutils
 
 from ...core.scenes.turning import Up
 from ..typed import cycles, get_value, inputs, node_tree
+from .images import check_image, located
 
 
-def save_lit(blend: Path, stands: Up | None, asked: Up | None) -> str:
+def save_lit(blend: Path, stands: Up | None, asked: Up | None, mesh_folder: Path) -> str:
     """Save the open file, ready to be rendered lit; return why that cannot be, empty where it was.
 
-    stands: the axis that was taken for up. asked: the one that should be, None for no other. Colours are encoded for
+    stands: the axis that was taken for up. asked: the one that should be, None for no other.
+    mesh_folder: where its textures have to lie. Raises UnfitImageError. Colours are encoded for
     the display alone, without a look, and what no light reaches is black.
     """
-    if missing := sorted(image.name for image in bpy.data.images if not _is_there(image)):
-        return f"its texture {missing[0][:200]!r} is missing"
+    for image in sorted(bpy.data.images, key=lambda each: each.name):
+        if image.source == "FILE":
+            check_image(mesh_folder, image, blend.parent / "image")
+            if image.packed_file is None:
+                image.filepath = str(located(mesh_folder, image))
+                image.pack()  # what lies beside the mesh may change
     if not _shines():
         return "holds no lights and nothing that shines, so it is black with light: scene; leave light out"
     if asked is not None and stands is None:
         return "states its own axes, and is turned by them, so up cannot be said of it; leave up out"
     if asked not in (None, stands):
         _turn(90.0 if asked == "y" else -90.0)
-    for image in bpy.data.images:
-        if image.packed_file is None and image.source == "FILE":
-            image.pack()  # textures that an importer has unpacked go with its process
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     cycles(scene).use_denoising = False
@@ -35,11 +38,6 @@ def save_lit(blend: Path, stands: Up | None, asked: Up | None) -> str:
     scene.view_settings.view_transform = "Standard"
     bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
     return ""
-
-
-def _is_there(image: bpy.types.Image) -> bool:
-    inside = image.packed_file is not None or image.source != "FILE"
-    return inside or Path(bpy.path.abspath(image.filepath)).is_file()
 
 
 def _turn(angle_deg: float) -> None:

@@ -5,24 +5,34 @@ It runs in a process of its own: the importers put all they make into the file t
 where a file is damaged.
 """
 
+import contextlib
 import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import bpy
 
-from ...core.scenes.imported import ImportedScene, write_imported
+from ...core.errors import InputError
+from ...core.scenes.beside import is_inside
+from ...core.scenes.imported import FACES_LEFT_OUT, ImportedScene, write_imported
 from ...core.scenes.turning import Up
 from .base_colour import surface_of
 from .compressed import compression_problem
-from .images import ImageFiles, MissingImageError
+from .finite import NotFiniteError, check_finite, finite_gltf
+from .images import ImageFiles, UnfitImageError, located
 from .lit import save_lit
 from .parts import imported_parts
-from .usd_layers import look_at
+from .usd_layers import UsdLook, look_at
 
 REFUSED = 4  # the exit status where the importer refuses
+NOT_FINITE = 5  # where a coordinate is not finite
 REFUSAL = "refused.txt"  # then says why, in the folder
+
+
+class _RefusedError(Exception):
+    """The file is refused; the message says why."""
 
 
 def main(order: str) -> int:
@@ -32,54 +42,81 @@ def main(order: str) -> int:
     then asked, the axis that points up or null.
     """
     wanted = json.loads(order)
-    path, folder = Path(wanted["path"]), Path(wanted["folder"])
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    for world in list(bpy.data.worlds):
-        bpy.data.worlds.remove(world)  # of which only the file's own is to shine
-    beside: tuple[str, ...] = ()
-    up, look = _UP[wanted["format"]], None
-    module, operator = _OPERATORS[wanted["format"]]
-    if operator not in dir(getattr(bpy.ops, module)):
-        return _refused(
-            folder, f"this Blender is built without an importer of {wanted['format']}; export the mesh as PLY or glTF"
-        )
+    folder = Path(wanted["folder"])
     try:
-        if wanted["format"] == "USD":
-            look = look_at(path)
-            if look.missing:
-                return _refused(folder, f"refers to {look.missing[0][:200]!r}, which is not there")
-            up, beside = look.up, look.beside
-        if problem := compression_problem(wanted["compression"]):
-            return _refused(folder, problem)
-        _IMPORTERS[wanted["format"]](str(path), wanted["webp"], wanted["blend"] is not None)
-        notes = _still()
-        if wanted["blend"] is not None:
-            if problem := save_lit(Path(wanted["blend"]), up, wanted["asked"]):
-                return _refused(folder, problem)
-            write_imported(folder, ImportedScene((), (), (), up, beside, notes))
-            return 0
-        images = ImageFiles(folder)
-        materials = sorted(bpy.data.materials, key=lambda each: each.name)
-        parts = imported_parts({material.name: number for number, material in enumerate(materials)})
-        used = {number for part in parts for number in part.face_surfaces.tolist()}
-        surfaces = [
-            surface_of(material, images.number_of if number in used else lambda _: 0)
-            for number, material in enumerate(materials)
-        ]
-        if look is not None and look.unknown:
-            beside, notes = images.read, (*notes, look.unknown)
-    except MissingImageError as error:
-        return _refused(folder, f"its texture {str(error)[:200]!r} is missing")
-    except RuntimeError as error:  # so Blender says that an operator failed
+        write_imported(folder, _imported(wanted, Path(wanted["path"]), folder))
+    except NotFiniteError as error:
+        return _refused(folder, str(error), NOT_FINITE)
+    except InputError as error:
+        return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
+    except (_RefusedError, UnfitImageError, RuntimeError) as error:  # the last is how Blender says that it failed
         return _refused(folder, str(error))
-    write_imported(folder, ImportedScene(parts, tuple(surfaces), tuple(images.images), up, beside, notes))
     return 0
 
 
-def _refused(folder: Path, why: str) -> int:
+def _beside(mesh_folder: Path, look: UsdLook) -> tuple[str, ...]:
+    """Return the files that a USD file reads, sorted: layers, and pictures where they are taken from."""
+    found = {name for name in look.beside if is_inside(mesh_folder, Path(name))}
+    for image in bpy.data.images:
+        if image.source == "FILE" and image.packed_file is None:
+            with contextlib.suppress(UnfitImageError):  # which is said where it is shown
+                found.add(str(located(mesh_folder, image)))
+    return tuple(sorted(found))
+
+
+def _refused(folder: Path, why: str, status: int = REFUSED) -> int:
     # Not on standard output, where Blender leaves lines unended.
-    (folder / REFUSAL).write_text(why, encoding="utf-8")
-    return REFUSED
+    (folder / REFUSAL).write_text(why, encoding="utf-8", errors="backslashreplace")
+    return status
+
+
+def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene:
+    """Return what Blender made of a file, without its parts where it was saved with its lights."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    for world in list(bpy.data.worlds):
+        bpy.data.worlds.remove(world)  # of which only the file's own is to shine
+    form = wanted["format"]
+    module, operator = _OPERATORS[form]
+    if operator not in dir(getattr(bpy.ops, module)):
+        raise _RefusedError(f"this Blender is built without an importer of {form}; export the mesh as PLY or glTF")
+    look = look_at(path) if form == "USD" else UsdLook(_UP[form], (), ())
+    if look.missing:
+        raise _RefusedError(f"refers to {look.missing[0][:200]!r}, which is not there")
+    if problem := compression_problem(wanted["compression"]):
+        raise _RefusedError(problem)
+    _IMPORTERS[form](str(path), wanted["webp"], wanted["blend"] is not None)
+    left_out = _validate_meshes()
+    notes = _still()
+    if left_out and form in ("USD", "FBX"):  # of other formats, the file says how many faces there are
+        notes += (f"{left_out} {FACES_LEFT_OUT}",)
+    beside = _beside(path.parent, look) if form == "USD" else ()
+    if wanted["blend"] is not None:
+        if problem := save_lit(Path(wanted["blend"]), look.up, wanted["asked"], path.parent):
+            raise _RefusedError(problem)
+        return ImportedScene((), (), (), look.up, beside, notes)
+    images = ImageFiles(folder, path.parent)
+    materials = sorted(bpy.data.materials, key=lambda each: each.name)
+    parts = imported_parts({material.name: number for number, material in enumerate(materials)})
+    used = {number for part in parts for number in part.face_surfaces.tolist()}
+    surfaces = tuple(
+        surface_of(material, images.number_of if number in used else lambda _: 0)
+        for number, material in enumerate(materials)
+    )
+    told = (*notes, *images.notes, *([look.unknown] if look.unknown else []))
+    return ImportedScene(parts, surfaces, tuple(images.images), look.up, beside, told)
+
+
+def _validate_meshes() -> int:
+    """Repair the meshes as the importers would, once it is sure that they are finite: a repair puts 0 for what is not.
+
+    Returns how many faces went. glTF's importer validates each mesh itself, and is watched while it does.
+    """
+    for mesh in bpy.data.meshes:
+        check_finite(mesh)
+    count = sum(len(mesh.polygons) for mesh in bpy.data.meshes)
+    for mesh in bpy.data.meshes:
+        mesh.validate(clean_customdata=False)
+    return count - sum(len(mesh.polygons) for mesh in bpy.data.meshes)
 
 
 def _still() -> tuple[str, ...]:
@@ -91,25 +128,26 @@ def _still() -> tuple[str, ...]:
 
 
 def _gltf(path: str, webp: bool, _lit: bool) -> None:
-    bpy.ops.import_scene.gltf(
-        filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
-    )
+    with finite_gltf():
+        bpy.ops.import_scene.gltf(
+            filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
+        )
 
 
 def _obj(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z")  # as stored
+    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z", validate_meshes=False)  # as stored
 
 
 def _stl(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.stl_import(filepath=path)  # as stored
+    bpy.ops.wm.stl_import(filepath=path, use_mesh_validate=False)  # as stored
 
 
 def _fbx(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.fbx_import(filepath=path, use_anim=False)
+    bpy.ops.wm.fbx_import(filepath=path, use_anim=False, validate_meshes=False)
 
 
 def _usd(path: str, _webp: bool, lit: bool) -> None:
-    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=True)
+    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=False)
 
 
 _IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {

@@ -2,13 +2,13 @@
 """The files that a USD file is made of, told by Pixar's library, which comes with Blender."""
 
 import importlib.util
-import sys
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import bpy
-
+from ...core.scenes.beside import check_no_pipe, is_inside, leads_out
 from ...core.scenes.turning import Up
+from .images import add_library_folders
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,8 @@ class UsdLook:
 
 
 def look_at(path: Path) -> UsdLook:
-    """Look at a USD file. Raises RuntimeError where it cannot be opened."""
-    root = Path(bpy.utils.system_resource("PYTHON"))  # pyright: ignore[reportAttributeAccessIssue]  the stubs lack it
-    sys.path += [
-        str(folder) for folder in sorted(root.glob("[lL]ib/**/site-packages"))
-    ]  # the bpy package leaves it out
+    """Look at a USD file. Raises RuntimeError where it cannot be opened, InputError where layers lie elsewhere."""
+    add_library_folders()
     if importlib.util.find_spec("pxr") is None:
         unknown = (
             "this Blender lacks the module pxr: of what the file refers to, only pictures are told apart by content"
@@ -39,6 +36,7 @@ def look_at(path: Path) -> UsdLook:
     from pxr import Tf, Usd, UsdGeom, UsdUtils  # pyright: ignore[reportMissingImports]  # noqa: PLC0415 - found only now
 
     try:
+        _check_layers(path)
         stage = Usd.Stage.Open(str(path))
         layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
     except Tf.ErrorException as error:
@@ -48,3 +46,28 @@ def look_at(path: Path) -> UsdLook:
     beside = {name for name in files if Path(name).is_file() and not path.samefile(name)}
     up: Up = "y" if UsdGeom.GetStageUpAxis(stage) == "Y" else "z"
     return UsdLook(up, tuple(sorted(beside)), tuple(sorted(missing)))
+
+
+def _check_layers(path: Path) -> None:
+    """Raise InputError where a layer lies outside the folder of the first, or anything named is a pipe.
+
+    Pictures that lie outside are left to their reader, who looks for them beside the mesh.
+    """
+    from pxr import Ar, Sdf, UsdUtils  # pyright: ignore[reportMissingImports]  # noqa: PLC0415 - found only now
+
+    waiting, seen = [str(path)], set[str]()
+    while waiting:
+        layer = waiting.pop()
+        if layer in seen:
+            continue
+        seen.add(layer)
+        sublayers, others, payloads = UsdUtils.ExtractExternalReferences(layer)
+        for name in (*sublayers, *others, *payloads):
+            outer = Ar.SplitPackageRelativePathOuter(name)[0]
+            place = Path(os.path.normpath(Path(layer).parent / outer.removeprefix("file://").removeprefix("file:")))
+            is_layer = name in sublayers or name in payloads or Sdf.FileFormat.FindByExtension(place.suffix) is not None
+            if is_layer and not is_inside(path.parent, place):
+                raise leads_out(path, "layer", name)
+            check_no_pipe(path, "layer" if is_layer else "texture", place)
+            if is_layer and place.is_file():
+                waiting.append(str(place))

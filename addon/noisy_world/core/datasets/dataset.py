@@ -12,18 +12,20 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from ..errors import CannotJoinError, StorageError
 from ..presets.preset import canonical
 from .agreement import disagreement
-from .differences import ANOTHER_FOLDER
+from .differences import with_remedy
 from .journal import Journal
 from .layouts import FrameNames, OutputFormat
 from .merging import kept_notes, merged_identity, merged_manifest
-from .place import check_folders, check_place
-from .plausible import plausible_records
+from .place import check_no_links, check_place
+from .plausible import AsPlanned, planned_records, plausible_records
 from .records import FRAMES, FrameRecord, joined_records, read_records
 from .removal import empty_scratch, remove_dataset, remove_journals, remove_work_folder
 from .shard_merging import (
@@ -39,10 +41,12 @@ from .standing import (
     IDENTITY,
     JOURNALS,
     MANIFEST,
+    NOTHING,
     OVERVIEW,
     WORK_FOLDER,
     Standing,
     journal_folders,
+    manifest_is_changed,
     read_standing,
 )
 from .storage import (
@@ -54,8 +58,6 @@ from .storage import (
     storage_errors,
     write_atomic,
 )
-
-NOTHING = Standing(None, None, frozenset(), holds_frames=False)
 
 
 class Dataset:
@@ -113,9 +115,10 @@ class Dataset:
         """
         check_place(self.out)
         there = read_standing(self.out) or NOTHING
+        check_no_links(self.out, there.sequences)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
         if problem and there.holds_frames:
-            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
+            raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")
 
     def _begin(
         self,
@@ -125,13 +128,11 @@ class Dataset:
         *,
         overwrite: bool,
     ) -> None:
-        check_folders(self.out, identity["sequences"], self.format.folders)
         there = read_standing(self.out) or NOTHING
-        problem = there.problem
-        if not problem and there.identity is not None:
-            problem = why_not(there.identity) or ""
+        check_no_links(self.out, {*there.sequences, *identity["sequences"]}, folders_alone=overwrite)
+        problem = there.problem or (why_not(there.identity) if there.identity is not None else "") or ""
         if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
-            raise StorageError(f"{self.out}: holds another dataset: {_with_remedy(problem)}")
+            raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")
         if problem or overwrite:
             remove_dataset(self.out, self._work, {*there.sequences, *identity["sequences"]})
             remove_shards(self.out)
@@ -144,8 +145,9 @@ class Dataset:
         if there.note:
             self.notes.append(there.note)
             self._forget_undescribed()
-        elif not (self._work / IDENTITY).exists():
-            self._note_changed_records(sorted(there.finished & named))
+        if there.ended and manifest_is_changed(self.out):
+            self.notes.append(f"{MANIFEST} is not as it was written; it is written again")
+        self._note_changed_records(sorted(there.finished & named))
         self._forget_finished(journal_folders(self._work) - named)
         begun = journal_folders(self._work) - named
         self._kept = sorted((there.finished | begun) - named)
@@ -180,17 +182,27 @@ class Dataset:
         for folder in journal_folders(self._work):
             remove_journals(self._work, folder)
         for folder in self._there.finished:
-            path = self.out / folder / FRAMES
-            if sha256_of_regular_file(path) != self._there.files[folder].get(FRAMES):
-                with storage_errors(path):
+            if not self._stand(folder):
+                with storage_errors(path := self.out / folder / FRAMES):
                     path.unlink(missing_ok=True)
 
     def _note_changed_records(self, folders: Iterable[str]) -> None:
-        """Say which records of finished sequences somebody changed. What they say of the files is checked, no more."""
+        """Say which finished sequences have records that somebody changed: nothing in them is believed."""
         for folder in folders:
-            name = f"{folder}/{FRAMES}"
-            if sha256_of_regular_file(self.out / name) != self._there.files[folder].get(FRAMES):
-                self.notes.append(f"{name} is not as it was written; frames that it does not describe are made again")
+            # Where a run was killed when it ended, they are newer than the manifest, and its journals are there.
+            if not (self._stand(folder) or self._journals(folder)):
+                self.notes.append(f"{folder}/{FRAMES} is not as it was written; its frames are made again")
+
+    def _stand(self, folder: str) -> bool:
+        """Tell whether the records of a finished sequence are as the manifest says."""
+        there = self._seen if self._lock is None else self._there
+        known = there.files[folder].get(FRAMES) if folder in there.finished else None
+        return known is not None and sha256_of_regular_file(self.out / folder / FRAMES) == known
+
+    @cached_property
+    def _seen(self) -> Standing:
+        """What the folder holds, for a process that does not open it."""
+        return read_standing(self.out) or NOTHING
 
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
@@ -250,20 +262,25 @@ class Dataset:
         """The files of the finished sequences that stay as they are, SHA-256 by name, by the sequence's folder."""
         return {folder: self._there.files[folder] for folder in self._kept if folder in self._there.finished}
 
-    def take_stock(self, folder: str, names: FrameNames, count: int) -> dict[int, set[str]]:
+    def take_stock(self, folder: str, names: FrameNames, count: int, as_planned: AsPlanned) -> dict[int, set[str]]:
         """Return by frame the files of a sequence that exist as they were written.
 
-        names: of the frames' files. count: of the sequence's frames. Records of lost or damaged files are dropped, and
-        those of frames that the sequence does not have; so from then on the journals alone say what is finished. What
-        this process has merged was hashed then.
+        names: of the frames' files. count: of the sequence's frames. as_planned: of records in journals, whose own
+        hash nothing tells. Records of lost or damaged files are dropped, those of frames that the sequence does not
+        have, and those of what is not planned; so from then on the journals alone say what is finished. What this
+        process has merged was hashed then.
         """
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
             raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
         fresh = self._journal_path(folder, self._fresh)
-        found = plausible_records(self.recorded(folder, but=fresh), names, count)
+        written = plausible_records(self.finished_records(folder), names, count)
+        journals = chain.from_iterable(read_records(path) for path in self._journals(folder) if path != fresh)
+        begun, note = planned_records(journals, names, count, as_planned)
+        self.notes += [f"{folder}: {note}"] if note else []
+        found = joined_records((*written.values(), *begun.values()))
         checked = (self._intact(folder, record) for record in found.values())
-        merged = plausible_records(read_records(fresh), names, count).values()
+        merged = plausible_records(read_records(fresh), names, count).values()  # whose own hash was checked
         intact = joined_records((*(record for record in checked if record.files), *merged))
         kept = self._work / folder / "journal-kept.jsonl"
         with storage_errors(kept):
@@ -286,11 +303,10 @@ class Dataset:
     def _journals(self, folder: str) -> list[Path]:
         return sorted((self._work / folder).glob(JOURNALS))
 
-    def recorded(self, folder: str, *, but: Path | None = None) -> Iterator[FrameRecord]:
-        """Yield the records of a sequence in its frames.jsonl and its journals, `but` one of these."""
-        for path in (self.out / folder / FRAMES, *self._journals(folder)):
-            if path != but:
-                yield from read_records(path)
+    def finished_records(self, folder: str) -> Iterator[FrameRecord]:
+        """Yield the records of a finished sequence, where they are as they were written."""
+        if self._stand(folder):
+            yield from read_records(self.out / folder / FRAMES)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
         """Return the record without the files whose hashes are others."""
@@ -351,11 +367,11 @@ class Dataset:
         write_atomic(self.out / name, data, self.scratch)
         return sha256_of_bytes(data)
 
-    def write_manifest(self, content: dict[str, Any]) -> None:
-        """Write the manifest, with what stays beside the run's part of the dataset."""
+    def write_manifest(self, content: dict[str, Any]) -> str:
+        """Write the manifest, with what stays beside the run's part of the dataset; return its SHA-256."""
         drawn = self._there.files.get(OVERVIEW)
         merged = merged_manifest(self._there, content, self._kept)
-        self.write_text(MANIFEST, canonical(merged))
+        written = self.write_text(MANIFEST, canonical(merged))
         settings = {folder.split("/")[0] for folder in self._there.finished}
         for name in (f"{setting}/{file}" for setting in settings for file in self.format.layout.setting_files):
             digest = self._there.files.get(name)  # of a setting whose sequences have files of their own now
@@ -366,6 +382,7 @@ class Dataset:
         if OVERVIEW not in content["files"] and drawn is not None and sha256_of_regular_file(path) == drawn:
             with storage_errors(path):
                 path.unlink()
+        return written
 
     def seal(self) -> None:
         """End a run that has finished everything: remove the working folder, unless other sequences are unfinished."""
@@ -381,7 +398,3 @@ class Dataset:
         finish_shard(self.out, record)
         self._opened = {}  # what is here is no dataset, and stays
         self.close()
-
-
-def _with_remedy(problem: str) -> str:
-    return problem if "--overwrite" in problem else f"{problem}; {ANOTHER_FOLDER}"

@@ -257,3 +257,8 @@ def _made_with(there: dict[str, Any], here: dict[str, Any], *, any_processor: bo
     if not any_processor and (found := first_difference(there["processor"], here["processor"])):
         return f"made on another processor: {found}; {PROCESSORS}, or {ANOTHER_FOLDER}"
     return None
+
+
+def with_remedy(problem: str) -> str:
+    """Return why a folder cannot take a dataset in, with what to do about it."""
+    return problem if "--overwrite" in problem else f"{problem}; {ANOTHER_FOLDER}"

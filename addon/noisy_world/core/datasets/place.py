@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a folder can be a dataset's: nobody's but ours, and without links where its own folders have to be."""
+"""Whether a folder can be a dataset's: nobody's but ours, and nothing of the dataset lies behind a link."""
 
-from collections.abc import Collection
-from pathlib import Path
+import os
+from collections.abc import Collection, Iterator
+from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
-from .standing import WORK_FOLDER, read_standing
-from .storage import link_on_the_way
+from .layouts import LAYOUTS
+from .records import FRAMES
+from .standing import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_standing
 
 
 def check_place(out: Path) -> None:
@@ -21,12 +23,49 @@ def check_place(out: Path) -> None:
         raise StorageError(f"{out}: is not empty and holds no dataset of Noisy World; choose another folder with --out")
 
 
-def check_folders(out: Path, sequences: Collection[str], images: Collection[str]) -> None:
-    """Refuse links in place of folders: what is written or removed has to be the dataset's own.
+def check_no_links(out: Path, sequences: Collection[str], *, folders_alone: bool = False) -> None:
+    """Refuse a link in place of any folder or file of a dataset: what is read, written or removed is the dataset's own.
 
-    sequences: the sequences' folders. images: the folders in each that hold its images.
+    The folder itself may be reached through links, and other things in it may be links. sequences: the sequences'
+    folders. folders_alone: links in place of files are to be removed, so they do not matter. Raises StorageError.
     """
+    for link in _links(out, sequences):
+        if not folders_alone or link.is_dir():
+            remedy = "remove it, or put what it leads to in its place"
+            raise StorageError(f"{link}: is a link, but what is in a dataset has to be its own; {remedy}")
+
+
+def _links(out: Path, sequences: Collection[str]) -> Iterator[Path]:
+    """Yield the links that stand for folders or files of a dataset, a folder before what is in it."""
+    top = (WORK_FOLDER, MANIFEST, RUN, OVERVIEW, *sorted({folder.split("/")[0] for folder in sequences}))
+    yield from (path for path in (out / name for name in top) if path.is_symlink())
+    yield from _links_below(out / WORK_FOLDER)
+    beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
     for folder in sequences:
-        for place in (out / WORK_FOLDER / folder, *(out / folder / name for name in images)):
-            if link := link_on_the_way(out, place):
-                raise StorageError(f"{link}: is a link, but the dataset's folders have to be its own; remove it")
+        yield from (
+            path for path in (out / folder, *((out / folder).parent / name for name in beside)) if path.is_symlink()
+        )
+        yield from (path for path in _links_below(out / folder) if _is_ours(path.relative_to(out / folder)))
+
+
+def _links_below(folder: Path | str) -> Iterator[Path]:
+    """Yield the links in a folder and in those below it. What kind an entry is comes with its name, without asking."""
+    try:
+        with os.scandir(folder) as entries:
+            inside: list[str] = []
+            for entry in entries:
+                if entry.is_symlink():
+                    yield Path(entry.path)
+                elif entry.is_dir(follow_symlinks=False):
+                    inside.append(entry.path)
+    except OSError:  # there is no such folder, or a run that goes on has just removed it
+        return
+    for path in inside:
+        yield from _links_below(path)
+
+
+def _is_ours(name: Path) -> bool:
+    """Tell whether a sequence may have a file or a folder of this name, in any layout."""
+    inside = PurePosixPath(name.as_posix())
+    patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.patterns)]
+    return any(inside.full_match(pattern) or inside in PurePosixPath(pattern).parents for pattern in patterns)

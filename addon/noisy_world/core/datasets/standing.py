@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a folder holds of a dataset: its manifest, and the working folder of a run that did not come to its end."""
 
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,12 +11,15 @@ from typing import Any
 from .json_text import read_json
 from .provenance import FORMAT, cameras_of
 from .records import FRAMES, OUT_OF_RANGE, read_records
+from .storage import sha256_of_regular_file
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
 MERGED = "merged.jsonl"  # in the working folder: a line for each shard that was merged
 MANIFEST = "manifest.json"
 RUN = "run.json"
+MANIFEST_SHA256 = "manifest_sha256"  # in run.json
+UNCHECKED = f"{RUN} does not tell the SHA-256 of {MANIFEST}, which is not checked"
 OVERVIEW = "overview.png"
 JOURNALS = "journal-*.jsonl"
 
@@ -27,6 +31,7 @@ class Standing:
     identity: what it was made from, with all that a run which did not end was to make; None where that is unknown.
     manifest: None where no run has ended, or where it cannot be read. sequences: the folders of all its sequences.
     holds_frames: whether a frame is finished. problem: why nothing can be added. note: what the user should know.
+    ended: whether the last run has come to its end.
     """
 
     identity: dict[str, Any] | None
@@ -35,6 +40,7 @@ class Standing:
     holds_frames: bool
     problem: str = ""
     note: str = ""
+    ended: bool = False
 
     @property
     def files(self) -> dict[str, Any]:
@@ -45,6 +51,9 @@ class Standing:
     def finished(self) -> frozenset[str]:
         """The sequences in the manifest."""
         return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
+
+
+NOTHING = Standing(None, None, frozenset(), holds_frames=False)
 
 
 def read_standing(out: Path) -> Standing | None:
@@ -67,7 +76,26 @@ def read_standing(out: Path) -> Standing | None:
         ""
         if not why_not_opened
         else f"{WORK_FOLDER}/{IDENTITY} {why_not_opened}; frames that only it describes are made again",
+        manifest is not None and not os.path.lexists(out / WORK_FOLDER / IDENTITY),
     )
+
+
+def manifest_is_changed(out: Path) -> bool | None:
+    """Tell whether the manifest of a dataset whose run has ended is another than the run wrote.
+
+    None where run.json does not tell its SHA-256: it is not there, is damaged itself, or an earlier version wrote it.
+    """
+    try:
+        known = manifest_sha256_in(read_json(out / RUN))
+    except (FileNotFoundError, ValueError):
+        return None
+    return None if known is None else known != sha256_of_regular_file(out / MANIFEST)
+
+
+def manifest_sha256_in(run: Any) -> str | None:
+    """Return the SHA-256 of the manifest that the content of run.json tells; None where it tells none."""
+    known = run.get(MANIFEST_SHA256) if isinstance(run, dict) else None
+    return known if isinstance(known, str) else None
 
 
 def version_problem(identity: dict[str, Any]) -> str:
@@ -113,6 +141,8 @@ def _is_sequence(name: Any) -> bool:
 
 def _read(path: Path, problem: Callable[[Any], str]) -> tuple[dict[str, Any] | None, str]:
     """Return the content of a file, or why it cannot be used; (None, "") where there is none."""
+    if path.is_symlink() or (path.parent.is_symlink() and path.parent.name == WORK_FOLDER):
+        return None, "is a link, but what is in a dataset has to be its own"
     try:
         value = read_json(path)
     except FileNotFoundError:
@@ -139,7 +169,8 @@ _STEP = {"name": str, "severity": NUMBER, "levels": (list, type(None)), "tempora
 _SETTING = {"backend": TEXT, "steps": _Each(list, _STEP)}
 _SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
 _COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": dict}
-_MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": dict}
+_PROCESSOR = {"machine": str, "byte_order": str, "features": _Each(list, str)}
+_MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": _PROCESSOR}
 _LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, _SETTING)}
 _IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
 _MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}

@@ -11,15 +11,16 @@ from ..datasets.layouts import Modality
 from .plan import Plan, Render
 from .sharing import parts_made
 
-# Measured on two cores at 1200 x 680, and rounded.
-SECONDS_PER_SAMPLE = 3.5e-7  # a ray in Cycles: 0.29 s for a frame of one sample
-SECONDS_PER_PIXEL = 1.0e-7  # reading a frame, encoding and writing: 0.08 s a frame
-SECONDS_PER_RAY = 1.7e-7  # engine embree, encoding and writing included: 0.14 s a frame
+# Measured on two idle cores at 1200 x 680 (docs/cost.md), and rounded.
+SECONDS_PER_SAMPLE = 3.3e-7  # a ray in Cycles: 0.27 s for a frame of one sample
+SECONDS_PER_PIXEL = 3e-8  # reading or encoding and writing a frame's two images: 0.02 s
+SECONDS_PER_RAY = 1.5e-7  # engine embree: 0.12 s a frame
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
-SECONDS_PER_PERTURBED_PIXEL = 6e-8  # perturbing and encoding: 0.05 s a frame
-SECONDS_PER_COMPOSITED_PIXEL = 1.6e-7  # in Blender's compositor, in addition: 0.13 s a frame
-BYTES_PER_PIXEL = {"jpg": 0.8, "png": 1.2, "depth": 0.5}
+SECONDS_PER_PERTURBED_PIXEL = 1.8e-8  # perturbing, encoding and writing an image: 0.015 s, the mean of the benchmark's
+SECONDS_PER_COMPOSITED_PIXEL = 1.4e-7  # in Blender's compositor, in addition: 0.11 s an image
+BYTES_PER_PIXEL = {"jpg": 0.85, "png": 1.5, "depth": 0.5}
+PERTURBED_BYTES_PER_PIXEL = {"jpg": 1.2, "png": 1.6, "depth": 0.5}  # the mean of the benchmark's: noise is large
 
 
 @dataclass(frozen=True)
@@ -89,5 +90,5 @@ def _bytes_of(plan: Plan, render: Render) -> float:
     for modality, kind in kinds.items():
         made = parts_made(render.sequences, modality)
         images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
-        perturbed += BYTES_PER_PIXEL[kind] * images
+        perturbed += PERTURBED_BYTES_PER_PIXEL[kind] * images
     return pixels * (clean + perturbed)

@@ -15,6 +15,7 @@ from .turning import Up
 type Wrap = Literal["repeat", "clamp", "mirror", "black"]
 """What a picture shows beyond its edge: itself again, its last texel, itself mirrored, or nothing."""
 
+FACES_LEFT_OUT = "faces are left out: they have vertices that are not there, fewer than three, or those of another face"
 _SCENE = "imported.json"
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The files of textures: where they lie, and reading them."""
 
-import os
-import re
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -11,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..regular_files import read_bytes
-
-_LARGEST_PX = 32768  # a side: more is beyond any renderer's textures, and OpenCV refuses not much more
+from .beside import is_file, place_inside
+from .picture_size import KINDS, check_size_px, header_size_px
 
 
 @dataclass(frozen=True)
@@ -26,7 +24,7 @@ class TextureFile:
     @property
     def found(self) -> bool:
         """Whether there is such a file."""
-        return _is_file(self.path)
+        return is_file(self.path)
 
 
 def locate_texture(mesh_path: Path, name: str) -> TextureFile:
@@ -36,11 +34,24 @@ def locate_texture(mesh_path: Path, name: str) -> TextureFile:
     """
     posix = PurePosixPath(name.replace("\\", "/"))
     beside = mesh_path.parent / (posix.name or name)
-    leads_away = posix.is_absolute() or ".." in posix.parts or re.match("[A-Za-z]:", name) is not None
-    inside = mesh_path.parent / posix
-    if leads_away or (len(posix.parts) > 1 and not _is_file(inside) and _is_file(beside)):
+    inside = place_inside(mesh_path.parent, name)
+    if inside is None or (len(posix.parts) > 1 and not is_file(inside) and is_file(beside)):
         return TextureFile(name, beside, moved=True)
     return TextureFile(name, inside, moved=False)
+
+
+def check_picture(file: object, data: bytes) -> None:
+    """Raise InputError for what is none of the kinds of pictures that are read, or larger than they may be.
+
+    file: for messages. data: from its beginning, at least as far as the header.
+    """
+    try:
+        size_px = header_size_px(data)
+    except ValueError as error:
+        raise InputError(str(file), f"cannot be decoded: {error}", remedy=_REMEDY) from error
+    if size_px is None:
+        raise InputError(str(file), f"is no image of a kind that is read: {KINDS}", remedy=_REMEDY)
+    check_size_px(file, size_px)
 
 
 def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
@@ -55,6 +66,7 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
         data = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    check_picture(path, data)
     if _is_cut_short(data):
         raise InputError(path, "cut short: the image has no end", remedy="export it again")
     try:
@@ -63,8 +75,6 @@ def read_picture(path: Path) -> tuple[NDArray[np.uint8], bool]:
         raise InputError(path, f"cannot be decoded: {error.err or error.msg}"[:200], remedy=_REMEDY) from error
     if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
         raise InputError(path, "is no image of 8 or 16 bits a channel", remedy=_REMEDY)
-    if max(decoded.shape[:2]) > _LARGEST_PX:
-        raise InputError(path, f"is {decoded.shape[1]} x {decoded.shape[0]}, more than {_LARGEST_PX} a side")
     whole = decoded if decoded.dtype == np.uint8 else decoded // 257 + (decoded % 257 > 128)  # 65535 = 257 x 255
     pixels = whole.astype(np.uint8, copy=False)
     pixels = pixels.reshape(*pixels.shape[:2], -1)
@@ -82,7 +92,3 @@ def _is_cut_short(data: bytes) -> bool:
         return b"IEND" not in data[-64:] and b"IEND" not in data
     # Within a scan 0xff is followed by 0, so the last start of a scan and the end of the image are told for sure.
     return data.startswith(b"\xff\xd8") and data.rfind(b"\xff\xd9") < data.rfind(b"\xff\xda")
-
-
-def _is_file(path: Path) -> bool:
-    return os.path.isfile(path)  # noqa: PTH113 - for a name that no file can have, Path.is_file raises

@@ -62,6 +62,9 @@ def read_results(folder: Path) -> Results:
     runs = read_table(path, RUN_COLUMNS)
     if runs.empty:
         raise InputError(path, "holds no run yet", remedy="let 'noisy-world evaluate' finish a run first")
+    for line, repeat in enumerate(runs["repeat"].tolist(), start=2):
+        if not float(repeat).is_integer():
+            raise InputError(path, "is no whole number", where=f"line {line}, column 'repeat'", remedy=REMEDY)
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
     runs = _strict_first(runs)
     runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")

@@ -6,14 +6,12 @@ from typing import Any
 from ...core.datasets.differences import first_difference
 from ...core.errors import StorageError
 from .results import STUDY, Results
+from .written import ANOTHER, FORMAT, KIND, read_study
 
-FORMAT = 1
-KIND = "study of Noisy World"
 BY_NAME = ("scenes", "settings", "sequences", "found")
 """Parts of what the sequences are made from that hold something for each name: others are added."""
 FOR_PEOPLE = ("preset", "preset_sha256")
 """Parts that decide nothing which other parts do not tell."""
-ANOTHER = "choose another folder with --out"
 
 
 def opened(results: Results, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
@@ -24,10 +22,7 @@ def opened(results: Results, identity: dict[str, Any], *, seeds: list[int], repe
     path = results.folder / STUDY
     here = {**identity, "seeds": sorted(seeds), "repeats": repeats}
     if path.is_file():
-        content = results.read_json(path)
-        if not isinstance(content, dict) or content.get("kind") != KIND or content.get("format") != FORMAT:
-            raise StorageError(f"{path}: is not of this version of Noisy World; {ANOTHER}")
-        there = content["study"]
+        there = read_study(results)
         if problem := why_not(there, here):
             raise StorageError(f"{results.folder}: holds another study: {problem}; {ANOTHER}")
         here = merged(there, here)
@@ -42,8 +37,8 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
         if name in there["systems"] and name in here["systems"] and there["systems"][name] != here["systems"][name]:
             return f"the definition of {name} is another"
     for key in ("protocol", "maps"):
-        if there[key] != here[key]:
-            return first_difference(there[key], here[key], key) or ""
+        if there.get(key) != here[key]:
+            return first_difference(there.get(key), here[key], key) or ""
     before, now = there["subject"], here["subject"]
     for key in sorted({*before, *now} - set(FOR_PEOPLE)):
         left, right = before.get(key), now.get(key)

@@ -10,9 +10,10 @@ from ...perturbations import registry
 from ..metrics.names import METRICS, PAPER_METRICS
 from .cases import Case, Condition, SystemRun
 from .found_origin import CLEAN, RECORDED
-from .results import INDICATORS, SCORES, STUDY, Results
+from .results import Results
 from .run_files import read_run_record
 from .scoring import MAP, PAPER, STRICT
+from .written import read_indicators, read_scores, read_study
 
 RUNS, SEQUENCES = "runs.csv", "sequences.csv"
 type Row = dict[str, Any]
@@ -20,7 +21,7 @@ type Row = dict[str, Any]
 
 def write_tables(results: Results) -> None:
     """Write runs.csv and sequences.csv. Raises StorageError where a file in the folder is damaged."""
-    study = results.read_json(results.folder / STUDY)["study"]
+    study = read_study(results)
     conditions = _Conditions(study["subject"]["settings"])
     rows = [_run_row(results, run, conditions, study["protocol"]) for run in results.runs()]
     results.write(results.tables / RUNS, csv_text(rows, run_columns(rows, study["protocol"])))
@@ -54,7 +55,7 @@ class _Conditions:
 def _run_row(results: Results, run: SystemRun, conditions: _Conditions, protocol: str) -> Row:
     folder = results.of_run(run)
     record = read_run_record(folder)
-    scores = results.read_json(folder / SCORES)
+    scores = read_scores(results, run)
     row: Row = conditions.columns(run.case)
     row |= {"system": run.system, "repeat": run.repeat, "failure": scores["failure"]}
     if record is not None:
@@ -79,7 +80,7 @@ def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
 
 
 def _sequence_row(results: Results, case: Case, conditions: _Conditions) -> Row:
-    found = results.read_json(results.of_case(case) / INDICATORS)
+    found = read_indicators(results, case)
     return {**conditions.columns(case), **found}
 
 

@@ -1,26 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Python environments beside the project, which systems that need other packages are run in."""
+"""Python environments that systems which need other packages are run in: where they lie."""
 
 import os
+import sys
 from pathlib import Path
 
+from ...core.shipped import checkout
+
 FOLDER_VARIABLE = "NOISY_WORLD_ENVIRONMENTS"
-_CHECKOUT = Path(__file__).resolve().parents[4]
+
+
+def environments_folder() -> Path:
+    """Return the folder that environments are made in: $NOISY_WORLD_ENVIRONMENTS, the checkout, or the user's data."""
+    if beside := os.environ.get(FOLDER_VARIABLE):
+        return Path(beside).expanduser().resolve()
+    return checkout() or _data_folder()
 
 
 def environment_folder(name: str) -> Path:
-    """Return where an environment lies: slam is .venv-slam in the checkout, or in $NOISY_WORLD_ENVIRONMENTS.
+    """Return where an environment lies: slam is .venv-slam in the folder of environments.
 
-    An installed package has no checkout, so there it is the working folder that has to hold it.
+    Without $NOISY_WORLD_ENVIRONMENTS, one in the working folder is taken too: an installed package may be used in a
+    checkout.
     """
-    beside = os.environ.get(FOLDER_VARIABLE)
-    if beside:
-        root = Path(beside).expanduser().resolve()
-    else:
-        root = _CHECKOUT if (_CHECKOUT / "Makefile").is_file() else Path.cwd()
-    return root / f".venv-{name}"
+    named = f".venv-{name}"
+    folder = environments_folder() / named
+    if not os.environ.get(FOLDER_VARIABLE) and not folder.exists() and Path(named).exists():
+        return Path(named).resolve()
+    return folder
 
 
 def environment_python(name: str) -> Path:
     """Return the Python of an environment, whether it is there or not."""
     return environment_folder(name) / "bin" / "python"
+
+
+def _data_folder() -> Path:
+    """Return the folder of this user's data, as the system has it."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "noisy-world"
+    given = os.environ.get("XDG_DATA_HOME", "")
+    # The XDG specification has relative paths ignored.
+    root = Path(given) if Path(given).is_absolute() else Path.home() / ".local" / "share"
+    return root / "noisy-world"

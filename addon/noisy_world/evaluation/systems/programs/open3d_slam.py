@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Open3D's dense SLAM on a sequence, frame to model; a program of its own, in the environment of `make slam-env`.
+"""Open3D's dense SLAM on a sequence, frame to model; a program of its own, in an environment of systems.
 
     .venv-slam/bin/python open3d_slam.py FRAMES OUT [--map]
     .venv-slam/bin/python open3d_slam.py --versions

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in the environment that `make slam-env` makes.
+"""ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in an environment of systems.
 
     .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono]
     .venv-slam/bin/python orb_slam3.py --versions VOCABULARY

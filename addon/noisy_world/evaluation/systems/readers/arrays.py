@@ -141,6 +141,8 @@ def _poses_name(path: Path, arrays: dict[str, NDArray]) -> str:
 def _numbers(path: Path, name: str, array: NDArray) -> NDArray[np.float64]:
     if array.dtype.kind not in "fiu":
         raise InputError(path, f"holds {array.dtype}, but has to be numbers", where=name)
+    if not array.ndim:
+        raise InputError(path, "is one number, but has to have one entry for each pose", where=name)
     return array.astype(np.float64)
 
 

@@ -1,59 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Train the vocabulary of ORB-SLAM3 on pictures of an embedded room; part of `make slam-env`.
-
-python headless/tools/orb_vocabulary.py .venv-slam/orb_vocabulary.txt
+"""Training the vocabulary of ORB-SLAM3 on pictures of an embedded room.
 
 ORB-SLAM3 finds places again by words of its own descriptors. What its authors give away is 145 MB of words of
 photographs; this one is a tree of the same format (DBoW2's text, as ORB-SLAM2 reads and writes it), trained on frames
 of a room that belongs to no study. Its tree is made by k-means with medians of bits, from a fixed seed.
 """
 
-import argparse
-import sys
-from pathlib import Path
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.scenes.embedded import room_mesh
-from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.frame_maker import render_options
-from noisy_world.planning import make_plan
+from ...core.planning.source_paths import source_paths
+from ...core.presets.preset import read_preset
+from ...core.scenes.embedded import room_mesh
+from ...core.shipped import shipped
+from ...pipeline.clean_frame import CleanFrame
+from ...pipeline.frame_maker import render_options
+from ...planning import make_plan
 
 type Bits = NDArray[np.uint8]
 """(N, 256): descriptors, a bit in each."""
 
-DEMO = ROOT / "presets" / "demo.yaml"
 ROOM = 7
 FRAMES, RATE_HZ = 60, 1
 FEATURES = 1500  # of a frame
-BRANCHES, DEPTH = (
-    10,
-    6,
-)  # of the tree, as the authors' has them; ORB-SLAM looks four levels above its words
+BRANCHES, DEPTH = 10, 6  # of the tree, as the authors' has them; ORB-SLAM looks four levels above its words
 WORD = 8  # chosen: descriptors of a word, about; words of single ones would match nothing again
 ROUNDS = 8
 TF_IDF_L1 = "0 0"  # weighting and score of DBoW2
 
 
-def main(arguments: list[str]) -> int:
-    """Run the command line and return the exit status."""
-    parser = argparse.ArgumentParser(prog="orb_vocabulary.py", description="Train the vocabulary of ORB-SLAM3.")
-    parser.add_argument("out", type=Path, help="the file to write")
-    parser.add_argument("--frames", type=int, default=FRAMES, help=f"pictures that it is trained on; {FRAMES}")
-    options = parser.parse_args(arguments)
+def train(frames: int = FRAMES) -> str:
+    """Return the vocabulary, trained on so many pictures, as DBoW2's text. It is the same each time."""
+    import cv2
+
+    threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
-    text = vocabulary_text([descriptors(frame) for frame in rendered(options.frames)])
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(text)
-    print(f"wrote {options.out}: {text.count(chr(10))} nodes")
-    return 0
+    try:
+        return vocabulary_text([descriptors(frame) for frame in rendered(frames)])
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def rendered(frames: int) -> list[NDArray[np.uint8]]:
@@ -64,7 +49,7 @@ def rendered(frames: int) -> list[NDArray[np.uint8]]:
         f"scenes.0.trajectory={{handheld: {{frames: {frames}, rate_hz: {RATE_HZ}}}}}",
         "camera={width: 640, height: 480, fx: 600, fy: 600, cx: 319.5, cy: 239.5}",
     ]
-    plan = make_plan(read_preset(DEMO, overrides))
+    plan = make_plan(read_preset(shipped("presets/demo.yaml"), overrides))
     render = plan.renders[0]
     paths = source_paths(plan, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
@@ -75,6 +60,8 @@ def rendered(frames: int) -> list[NDArray[np.uint8]]:
 
 def descriptors(rgb: NDArray[np.uint8]) -> Bits:
     """Return the ORB descriptors of a picture (H, W, 3)."""
+    import cv2
+
     detector = cv2.ORB.create(nfeatures=FEATURES)
     _, found = detector.detectAndCompute(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), None)
     return np.unpackbits(np.asarray(found, np.uint8), axis=1)
@@ -144,7 +131,3 @@ class Tree:
                 break
             chosen.append(signs[np.searchsorted(total, self._random.random() * total[-1], side="right")])
         return np.stack(chosen)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

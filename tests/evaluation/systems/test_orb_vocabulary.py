@@ -1,14 +1,9 @@
 """The vocabulary of ORB-SLAM3: DBoW2's text format, read here by its description."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "headless" / "tools"))
-
-from orb_vocabulary import vocabulary_text
+from noisy_world.evaluation.systems.orb_vocabulary import vocabulary_text
 
 PICTURES = 6
 

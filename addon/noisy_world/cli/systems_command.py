@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`systems`: list the SLAM systems that come with Noisy World and whether they can be run here; install one."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from .ending import ended
+from .entry import Entry, say
+from .parser import Parser
+from .places import folder
+
+if TYPE_CHECKING:
+    from ..evaluation.systems.definition import System
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    options = _parse(arguments, entry)
+    work = install if options.install else list_systems
+    return ended(lambda: work(options, entry), entry, stopped="the same command again begins anew")
+
+
+def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
+    """Print each system, what it needs, and whether it can be run here."""
+    from ..evaluation.systems.registry import find_system, shipped_names
+
+    for name in shipped_names():
+        system = find_system(name)
+        problem = _problem(system)
+        print(f"{name}: {f'cannot be run here: {problem}' if problem else 'can be run here'}")
+        print(f"    {system.about}")
+        print(f"    needs {_needs(system)}")
+    return 0
+
+
+def install(options: argparse.Namespace, entry: Entry) -> int:
+    """Make what a system needs, and say that it can be run."""
+    from ..core.errors import InputError, MissingDependencyError
+    from ..evaluation.systems.checking import check_system, system_versions
+    from ..evaluation.systems.environments import FOLDER_VARIABLE, environment_folder
+    from ..evaluation.systems.installing import ENVIRONMENT
+    from ..evaluation.systems.installing import install as make
+    from ..evaluation.systems.registry import find_system
+    from .missing import blender_problem, missing_package
+
+    system = find_system(options.install)
+    if system.environment != ENVIRONMENT:
+        if system.remedy:
+            raise InputError(system.name, "is not installed by this command", remedy=system.remedy)
+        check_system(system)
+        print(f"{system.name} needs no installation")
+        return 0
+    if problem := missing_package(["bpy"], entry) or blender_problem():  # the vocabulary's pictures are rendered
+        raise MissingDependencyError(problem)
+    found = environment_folder(ENVIRONMENT)
+    into = found if options.into is None else options.into.resolve() / found.name
+    made = make(into, options.python, say)
+    print(f"{'installed' if made else 'is there already:'} {into}")
+    if into == found:
+        system_versions.cache_clear()
+        check_system(system)
+    else:
+        print(f"to use it, set {FOLDER_VARIABLE}: export {FOLDER_VARIABLE}={into.parent}")
+    return 0
+
+
+def _problem(system: "System") -> str:
+    """Return why a system cannot be run here; "" where it can."""
+    from ..core.errors import MissingDependencyError
+    from ..evaluation.systems.checking import check_system
+
+    try:
+        check_system(system)
+    except MissingDependencyError as error:
+        return str(error).removeprefix(f"system {system.name} cannot be run here: ").removesuffix(f"; {system.remedy}")
+    return ""
+
+
+def _needs(system: "System") -> str:
+    if system.environment:
+        return f"an environment of its own, made from a Python 3.12 or 3.11; {system.remedy}"
+    parts = [*(["an NVIDIA GPU"] if system.gpu else []), *(["its own code"] if system.remedy else [])]
+    return " and ".join(parts) + f"; {system.remedy}" if parts else "nothing more"
+
+
+def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
+    parser = Parser(
+        prog=entry.name,
+        description="List the SLAM systems that come with Noisy World, what each needs, and whether it can run here.",
+    )
+    parser.set_defaults(install=None)
+    actions = parser.add_subparsers(metavar="install", title="to install one")
+    installing = actions.add_parser(
+        "install",
+        help="install a system: 'install orb_slam3'",
+        description="Install a system that needs an environment of its own: ORB-SLAM3 or Open3D's dense SLAM, with "
+        "packages pinned by hashes (630 MB) in .venv-slam.",
+    )
+    installing.add_argument("install", metavar="SYSTEM", help="its name, orb_slam3 for instance")
+    installing.add_argument(
+        "--into",
+        metavar="DIR",
+        type=folder,
+        help="the folder that .venv-slam is made in (default: $NOISY_WORLD_ENVIRONMENTS, a checkout, or the user's "
+        "data folder)",
+    )
+    installing.add_argument("--python", metavar="PATH", help="a Python 3.12 or 3.11 (default: one that is found)")
+    return parser.parse_args(arguments)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""study.json, scores.json and indicators.json read back, as a study writes them: a disk, a tool or a person may have
+changed them."""
+
+from pathlib import Path
+from typing import Any
+
+from ...core.datasets.json_text import finite_number
+from ...core.errors import StorageError
+from .cases import Case, SystemRun
+from .results import INDICATORS, SCORES, STUDY, Results
+from .scoring import MAP, PAPER, PROTOCOL_NAMES, STRICT
+
+KIND = "study of Noisy World"
+FORMAT = 1  # version of study.json; raised when its keys change
+ANOTHER = "choose another folder with --out"
+
+
+def read_study(results: Results) -> dict[str, Any]:
+    """Return what was evaluated. Raises StorageError where study.json is damaged, or of another version."""
+    path = results.folder / STUDY
+    content = results.read_json(path)
+    if not isinstance(content, dict) or content.get("kind") != KIND or content.get("format") != FORMAT:
+        raise StorageError(f"{path}: is not of this version of Noisy World; {ANOTHER}")
+    study: Any = content.get("study")
+    if problem := _problem(study):
+        raise StorageError(f"{path}: study: {problem}, so it is not as it was written; copy it again, or {ANOTHER}")
+    return study
+
+
+def read_scores(results: Results, run: SystemRun) -> dict[str, Any]:
+    """Return the scores of a run: `failure`, and the values of each protocol by name. Raises StorageError."""
+    path = results.of_run(run) / SCORES
+    scores = results.read_json(path)
+    if not isinstance(scores, dict) or not isinstance(scores.get("failure"), str):
+        raise _not_as_written(path)
+    for kind in (STRICT, PAPER, MAP):
+        if not _is_values(scores.get(kind, {})):
+            raise _not_as_written(path)
+    return scores
+
+
+def read_indicators(results: Results, case: Case) -> dict[str, Any]:
+    """Return what the frames of a case are like, numbers by name. Raises StorageError."""
+    path = results.of_case(case) / INDICATORS
+    found = results.read_json(path)
+    if not _is_values(found):
+        raise _not_as_written(path)
+    return found
+
+
+def _not_as_written(path: Path) -> StorageError:
+    return StorageError(f"{path}: is not as it was written; remove its folder and run the same command again")
+
+
+def _is_values(value: Any) -> bool:
+    """Tell whether this is a mapping of numbers, or null where there is none."""
+    return isinstance(value, dict) and all(map(_is_number, value.values()))
+
+
+def _is_number(value: Any) -> bool:
+    """Tell whether this is a finite number, or null."""
+    return value is None or finite_number(value) is not None
+
+
+def _problem(study: Any) -> str:
+    """Return what of a study is not as it is written: its key and what is wrong, or ""."""
+    if not isinstance(study, dict):
+        return "is no mapping"
+    protocol, subject = study.get("protocol"), study.get("subject")
+    if protocol not in PROTOCOL_NAMES:
+        return f"protocol: is none of {', '.join(PROTOCOL_NAMES)}"
+    settings = subject.get("settings") if isinstance(subject, dict) else None
+    if not isinstance(settings, dict):
+        return "subject.settings: is no mapping"
+    if not isinstance(study.get("systems"), dict):
+        return "systems: is no mapping"
+    if not isinstance(study.get("seeds"), list) or not all(type(seed) is int for seed in study["seeds"]):
+        return "seeds: is no list of whole numbers"
+    if type(study.get("repeats")) is not int:
+        return "repeats: is no whole number"
+    return next((f"subject.settings.{name}: {told}" for name, each in settings.items() if (told := _steps(each))), "")
+
+
+def _steps(setting: Any) -> str:
+    """Return what is wrong with the steps of a setting, or ""."""
+    steps = setting.get("steps") if isinstance(setting, dict) else None
+    if not isinstance(steps, list):
+        return "has no list of steps"
+    return "" if all(map(_is_step, steps)) else "has a step without its name, severity, levels or parameters"
+
+
+def _is_step(step: Any) -> bool:
+    match step:
+        case {"name": str(), "severity": severity, "levels": None | list(), "parameters": None | dict()}:
+            return _is_number(severity)
+    return False

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""List SLAM systems, and install them: `noisy-world systems` as a script, which needs no installation.
+
+python headless/systems.py
+python headless/systems.py install orb_slam3
+"""
+
+import sys
+from pathlib import Path
+
+SCRIPT = Path(__file__).resolve()
+# A Blender program does not import modules from the script's folder by itself.
+sys.path.insert(0, str(SCRIPT.parent))
+
+from installation import end_with, entry
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    from noisy_world.cli import systems_command  # noqa: PLC0415 - importable only now
+
+    return systems_command.main(arguments, entry(SCRIPT))
+
+
+if __name__ == "__main__":
+    end_with(main)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Choices that YAML 1.1 reads as truth values, where they stand without quotes."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import pytest
+from cases import cases
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.scene_keys import SceneSpec
+from noisy_world.core.schema import Choice, Place, key, parse
+from noisy_world.core.yaml_reading import read_yaml
+
+
+@dataclass(frozen=True)
+class Switches:
+    lamp: Literal["on", "off", "dim"] = key("a lamp", default="dim")
+    fan: str = key("a fan", default="slow", choices={name: Choice(name, "") for name in ("yes", "slow")})
+    both: Literal["off", "no"] = key("both words are false", default="no")
+
+
+def parsed(text, cls=Switches):
+    return parse(cls, read_yaml(text, "p.yaml"), Place("p.yaml"))
+
+
+def test_words_without_quotes():
+    assert parsed("lamp: on").lamp == parsed("lamp: 'on'").lamp == "on"
+    assert parsed("lamp: Off").lamp == "off"
+    assert parsed("fan: yes").fan == "yes"
+    assert parsed("{name: hall, blend: hall.blend, compositor: off}", SceneSpec).compositor == "off"
+
+
+@cases("text", ["both: off", "fan: no", "lamp: 0", "{name: a, blend: a, compositor: on}"])
+def test_what_no_choice_is_meant_by_is_refused(text):
+    with pytest.raises(InputError, match=r"but has to be one of "):
+        parsed(text, SceneSpec if "name" in text else Switches)
