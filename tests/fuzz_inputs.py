@@ -22,7 +22,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "addon"), str(HERE / "support")]
 
-from fuzz.areas import AREAS
+from fuzz.areas import AREAS, OF_BLENDER
 from fuzz.cases import write_case
 from fuzz.pool import run_cases
 
@@ -33,8 +33,8 @@ def main():
     parser.add_argument("--cases", type=int, default=20_000, help="how many, over all areas")
     parser.add_argument("--case", type=int, help="only the case of this number, in each area")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="+", choices=tuple(AREAS), default=tuple(AREAS), metavar="AREA",
-                        help=f"of {', '.join(AREAS)}")  # fmt: skip
+    parser.add_argument("--only", nargs="+", choices=(*AREAS, *OF_BLENDER), default=tuple(AREAS), metavar="AREA",
+                        help=f"of {', '.join(AREAS | OF_BLENDER)}")  # fmt: skip
     parser.add_argument("--keep", type=Path, default=Path("out/found"), help="where inputs are kept")
     parser.add_argument("--peer", help="the Python that has the independent readers")
     parser.add_argument("--processes", type=int, default=2)

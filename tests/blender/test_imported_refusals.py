@@ -16,10 +16,11 @@ from cases import cases
 from importing import import_here
 
 from noisy_world.core.errors import InputError, MissingDependencyError
-from noisy_world.blender.importing import images, program, usd_layers
+from noisy_world.blender.importing import images, parts, program, usd_layers
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
 
+BUSY = "while :; do :; done"
 REAL = imported_meshes._asked
 
 
@@ -203,6 +204,17 @@ def test_pictures_outside_the_meshs_folder(tmp_path, write):
     assert tmp_path / "walls.png" not in files_of_mesh(room)
 
 
+@cases(("limit", "most"), [("MOST_COPIES", 2), ("MOST_CORNERS", 107)])
+def test_copies_beyond_measure(tmp_path, monkeypatch, limit, most):
+    room = changed(tmp_path, scenes=[{"nodes": [0, 1, 2]}], nodes=[{"mesh": 0}] * 3)  # of 36 corners each
+    forget_meshes()
+    assert len(read_mesh(room).corner_vertices) == 108
+    with monkeypatch.context() as patched:
+        patched.setattr(parts, limit, most)
+        forget_meshes()
+        assert refusal(room).startswith("holds more than ")
+
+
 def test_usd_layers_outside_its_folder(tmp_path):
     inner = tmp_path / "inner"
     inner.mkdir()
@@ -288,9 +300,15 @@ def test_an_import_in_a_process_of_its_own_that_is_killed(tmp_path, monkeypatch)
     room = rooms.write_glb(tmp_path)
     assert len(read_mesh(room).face_starts) == 12
     forget_meshes()
-    monkeypatch.setattr(imported_meshes, "_command", lambda _: ["/bin/sh", "-c", "kill -SEGV $$"])
+    monkeypatch.setattr(imported_meshes, "_command", lambda *_: ["/bin/sh", "-c", "kill -SEGV $$"])
     expected = "Blender's importer of glTF was ended by SIGSEGV; the file is damaged: export it again"
     assert refusal(room) == expected
+    monkeypatch.setattr(
+        imported_meshes, "_command", lambda _, limit_s: ["/bin/sh", "-c", f"ulimit -S -t {limit_s}; {BUSY}"]
+    )
+    monkeypatch.setattr(imported_meshes, "LIMIT_S", 1)
+    forget_meshes()
+    assert refusal(room).startswith("Blender's importer of glTF takes more than 1 s of a processor for it; ")
 
 
 def test_a_python_without_blender(tmp_path, monkeypatch):

@@ -37,6 +37,13 @@ if kind == "hang":
     time.sleep(60)
 if kind == "nothing":
     sys.exit(0)
+if kind == "disc":
+    with open(os.path.join(out, "map.ply"), "w") as file:
+        file.write("ply\\nformat ascii 1.0\\nelement vertex 300\\n")
+        file.writelines(f"property float {axis}\\n" for axis in "xyz")
+        file.write("element face 1\\nproperty list int int vertex_indices\\nend_header\\n")
+        file.writelines(f"{k % 7} {k % 5} {k % 3}\\n" for k in range(300))
+        print(300, *range(300), file=file)
 with open(os.path.join(out, "poses.txt"), "w") as file:
     for frame in index[:3] if kind == "three" else index[::2] if kind == "half" else index:
         pose = list(rows[frame["index"]])

@@ -107,8 +107,9 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for line in render_lines(plan):
         print(f"  {line}")
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
-    size = f"{guess.bytes_written / 1e6:.0f} MB" if guess.bytes_written < 1e10 else size_text(guess.bytes_written)
-    print(f"estimate   {size}, {duration_text(guess.seconds)} on two cores (rough)")
+    between = f"{size_text(guess.least_bytes)} to {size_text(guess.most_bytes)}, by what the images show"
+    took = duration_text(guess.seconds)
+    print(f"estimate   {size_text(guess.bytes_written)} ({between}), {took} on two cores (rough)")
 
 
 def counted(things: Sequence[object], name: str) -> str:

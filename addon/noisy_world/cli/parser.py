@@ -18,7 +18,9 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: error: {message}{more}\n")
 
     @override
-    def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
+    def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  its overloads tell types of namespaces
+        self, args: Iterable[str] | None = None, namespace: Any = None
+    ) -> Any:
         """Parse the words; end with a line where one has no place, and say which option is near it."""
         options, others = self.parse_known_args(None if args is None else list(args), namespace)
         if others:

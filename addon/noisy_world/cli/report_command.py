@@ -34,10 +34,13 @@ def report(options: argparse.Namespace) -> int:
 
 
 def tell_report(results: Path) -> None:
-    """Write the report of a folder of results, and print where it is and what it has to do without."""
+    """Write the report of a folder of results, and print what it found, what it has to do without and where it is."""
     from ..evaluation.report import write_report
 
-    for line in write_report(results).missing:
+    written = write_report(results)
+    for line in written.findings:
+        print(line)
+    for line in written.missing:
         print(f"missing: {line}")
     print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")
 

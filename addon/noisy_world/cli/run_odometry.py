@@ -84,7 +84,7 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
     given = given_sequence(sequence)
     with storage_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    given.write_index(out / INDEX)
+    given.write_index(out / INDEX, None)
     result = run(read_index(out / INDEX), progress=progress, stopped=stop.is_set)
     if result.stopped:
         raise InterruptedRunError("stopped")

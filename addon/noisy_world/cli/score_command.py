@@ -4,6 +4,7 @@
 import argparse
 import json
 import math
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .ending import ended
@@ -13,11 +14,13 @@ from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
+    from ..core.trajectories.trajectory import Trajectory
     from ..evaluation.metrics import Score
 
 # Known before packages are: what `evaluation.metrics` has, which a test holds against it.
 PROTOCOLS = ("strict", "paper", "paper_go_slam", "paper_mean")
 ALIGNMENTS = ("none", "first_pose", "se3", "sim3")
+PLOTS = ("png", "svg", "pdf")
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -59,16 +62,25 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     parser.add_argument("--rate-hz", metavar="HZ", type=_positive, help="frames a second, of files without time stamps")
     parser.add_argument("--errors", metavar="FILE", type=path, help="write the errors of each frame there, as CSV")
+    parser.add_argument(
+        "--plot",
+        metavar="FILE",
+        type=_picture,
+        help="draw the path with its errors there, as .png, .svg or .pdf; needs matplotlib",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     return parser.parse_args(arguments)
 
 
 def score(options: argparse.Namespace) -> int:
     """Score, print and write what is asked for."""
-    from ..core.datasets.storage import storage_errors
+    from ..core.datasets.storage import storage_errors, write_atomic
+    from ..core.extras import need
     from ..evaluation.metrics import Alignment, frame_errors_text, score_trajectory
     from ..evaluation.metrics.reading import read_poses_to_compare
 
+    if options.plot is not None:
+        need(("matplotlib",), "evaluate")
     poses = read_poses_to_compare(
         options.estimate,
         options.truth,
@@ -91,6 +103,8 @@ def score(options: argparse.Namespace) -> int:
     if options.errors is not None:
         with storage_errors(options.errors):
             options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
+    if options.plot is not None:
+        write_atomic(options.plot, picture(found, poses.truth, options.plot.suffix[1:].lower()), options.plot.parent)
     print(json.dumps(content(found), indent=1, allow_nan=False) if options.json else told(found))
     return 0
 
@@ -131,6 +145,29 @@ def told(score: "Score") -> str:
         lines.append(f"FAILED ({score.failure}): {FAILURES[score.failure]}")
     table = metric_lines((name, metric, score.values[name]) for name, metric in metrics_of(protocol).items())
     return "\n".join([*lines, "", *table])
+
+
+def picture(score: "Score", truth: "Trajectory", ending: str) -> bytes:
+    """Return a figure of a score's path and errors as a file. ending: of PLOTS."""
+    from ..evaluation.metrics import FAILURES
+    from ..evaluation.report.figures.scored_path import ScoredPath, scored_path_bytes
+
+    errors_m = score.frame_errors.error_m
+    known_m = errors_m[errors_m == errors_m]  # noqa: PLR0124 - a frame without a pose has NaN
+    said = f"{score.matched:,} of {score.frames:,} frames tracked, {_SPOKEN[score.alignment]}"
+    if score.failure:
+        title = f"failed: {FAILURES[score.failure]}"
+    else:
+        rmse_m = math.sqrt(float((known_m**2).mean()))
+        title = f"ATE RMSE {rmse_m:.3g} m, largest error {float(known_m.max()):.3g} m"
+    return scored_path_bytes(ScoredPath(truth.c2w[:, :3, 3], score.frame_errors, f"{title}\n{said}"), ending)
+
+
+def _picture(text: str) -> Path:
+    found = path(text)
+    if found.suffix[1:].lower() not in PLOTS:
+        raise argparse.ArgumentTypeError(f"{text!r} has to end in {', '.join(f'.{name}' for name in PLOTS)}")
+    return found
 
 
 def _positive(text: str) -> float:

@@ -3,6 +3,7 @@
 
 from .maps.names import MAP_METRICS, MAP_PREFIX
 from .metrics import METRICS, PAPER_METRICS, PAPER_PREFIX, Metric
+from .metrics.over_clean import OVER_CLEAN_METRICS
 
 OF_PREFIX = {PAPER_PREFIX: PAPER_METRICS, MAP_PREFIX: MAP_METRICS}
 
@@ -12,4 +13,4 @@ def metric_of(column: str) -> Metric | None:
     for prefix, metrics in OF_PREFIX.items():
         if column.startswith(prefix):
             return metrics.get(column.removeprefix(prefix))
-    return METRICS.get(column)
+    return METRICS.get(column) or OVER_CLEAN_METRICS.get(column)

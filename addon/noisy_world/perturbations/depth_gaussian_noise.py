@@ -54,4 +54,5 @@ PERTURBATION = DepthPerturbation(
     source='paper, table "Specific configurations of the depth imaging perturbations"',
     apply=apply,
     temporals=("fresh", "fixed"),
+    grain=True,
 )

@@ -77,4 +77,5 @@ PERTURBATION = ColourPerturbation(
     build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
+    grain=True,
 )

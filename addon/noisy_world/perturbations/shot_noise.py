@@ -193,4 +193,5 @@ PERTURBATION = ColourPerturbation(
     build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
+    grain=True,
 )

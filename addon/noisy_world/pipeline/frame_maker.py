@@ -192,7 +192,7 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
     spec = plan.preset.spec
     told = OwnRendering(spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m)
     rendering = render.scene.source.gives.own or told
-    looked_at = render.frames[:FIRST_FRAMES] if judging and not spec.render.allow_empty else ()
+    looked_at = tuple(render.frames[:FIRST_FRAMES]) if judging and not spec.render.allow_empty else ()
     return RenderOptions(
         near_m=rendering.near_m,
         far_m=rendering.far_m,

@@ -4,7 +4,7 @@
 import re
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -114,7 +114,7 @@ class _Finished:
             found = Tally(0, lost=(tar_name(item.folder),))
         return SequenceStatus(item.setting, item.scene, count, found or Tally(0))
 
-    def _looked_at(self, name: str, asked: tuple[int, ...] | None) -> Tally:
+    def _looked_at(self, name: str, asked: Sequence[int] | None) -> Tally:
         """Return what a tar's size tells."""
         tar = tar_name(name)
         told = self._packed.described.get(tar)
@@ -130,7 +130,7 @@ class _Finished:
     def _table(self) -> PackedTable:
         return PackedTable(self._packed.address)
 
-    def _read(self, name: str, content: TarContent, asked: tuple[int, ...] | None) -> Tally:
+    def _read(self, name: str, content: TarContent, asked: Sequence[int] | None) -> Tally:
         """Return what a tar holds."""
         files, there = self._packed.standing.files, content.digests
         named = {f"{name}/{text}": digest for text, digest in files[name].items()}

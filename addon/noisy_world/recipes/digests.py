@@ -33,7 +33,11 @@ def short_of_hex(sha256: str) -> str:
 
 def series_of(name: str) -> str:
     """Return the series of an image, with * for its number or stamp: "results/frame*.jpg"."""
-    return re.sub(r"[0-9][0-9.]*(?=\.[a-z]+$)", "*", name)
+    stem, _, suffix = name.rpartition(".")
+    number = stem[len(stem.rstrip("0123456789.")) :].lstrip(".")
+    if not number or not re.fullmatch("[a-z]+", suffix):
+        return name
+    return f"{stem.removesuffix(number)}*.{suffix}"
 
 
 def block_digests(files: Mapping[int, tuple[str, str]]) -> dict[int, str]:

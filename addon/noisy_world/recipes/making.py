@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.datasets.provenance import told_entry
 from ..core.errors import InputError
-from ..core.planning.plan import Plan, Render, read_settings
+from ..core.planning.plan import Plan, Render, needed_sources, read_settings
 from ..core.presets.preset import Preset, check_document
 from ..core.presets.selection import chosen_part
 from ..perturbations import registry
@@ -64,8 +64,7 @@ def _within(recipe: Recipe, plan: Plan, render: Render) -> Render | None:
     sequences = tuple(item for item in render.sequences if item.folder in recipe.sequences)
     if sequences == render.sequences or not sequences:
         return render if sequences else None
-    needed = set[int]().union(*(item.sources(plan.format.modalities) for item in sequences))
-    return replace(render, sequences=sequences, frames=tuple(sorted(needed)))
+    return replace(render, sequences=sequences, frames=needed_sources(sequences, plan.format.modalities))
 
 
 def unnamed_sequences(recipe: Recipe) -> str:

@@ -38,6 +38,8 @@ from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
 
 REFUSED, NOT_FINITE, REFUSAL = 4, 5, "refused.txt"  # as blender.importing.program ends, and where it says why
+# Chosen: twenty times what a file of a million triangles takes.
+LIMIT_S, _LIMIT_FOR_EACH_MB_S = 120, 5
 _ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
 
 
@@ -105,6 +107,8 @@ def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
         "compression": "" if header is None else header.compression,
         "webp": header is not None and header.webp,
         "blend": None,
+        "limit_s": LIMIT_S
+        + _LIMIT_FOR_EACH_MB_S * sum(each.stat().st_size for each in (path, *files_beside(path))) // 10**6,
         **more,
     }
     return _run(path, found.name, order, folder)
@@ -120,6 +124,9 @@ def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:
 def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> ImportedScene:
     """Have another process import the file; return what it wrote. Raises InputError where it did not."""
     asked = _asked(order)
+    if hasattr(signal, "SIGXCPU") and asked.returncode == -signal.SIGXCPU:
+        problem = f"Blender's importer of {name} takes more than {order['limit_s']} s of a processor for it"
+        raise InputError(path, problem, remedy="its copies may be too many: export it as one mesh")
     said = folder / REFUSAL
     if asked.returncode == NOT_FINITE and said.is_file():
         raise odd_number(path, read_text(said))
@@ -136,7 +143,7 @@ def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> Impor
 
 def _asked(order: dict[str, object]) -> subprocess.CompletedProcess[str]:
     return subprocess.run(  # noqa: S603 - this program
-        _command(json.dumps(order)),
+        _command(json.dumps(order), int(str(order["limit_s"]))),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -153,12 +160,13 @@ def _one_sentence(text: str) -> str:
     return lines[0].removeprefix("Error: ")[:400]
 
 
-def _command(order: str) -> list[str]:
+def _command(order: str, limit_s: int) -> list[str]:
     """Return the command of the process that imports. Raises MissingDependencyError where there is no Blender."""
     package = Path(__file__).resolve().parents[1]
     program = (
         f"import sys; sys.path.append({str(package.parent)!r})\n"
-        f"from {package.name}.blender.importing.program import main\n"
+        f"from {package.name}.blender.importing.program import limit_processor, main\n"
+        f"limit_processor({limit_s})\n"
         f"sys.exit(main({order!r}))"
     )
     binary = sys.modules["bpy"].app.binary_path if sys.modules.get("bpy") is not None else ""

@@ -7,6 +7,8 @@ from pathlib import Path
 
 _PIECE = re.compile(r"\*+|\[!?+\]?+[^\]]*\]|.", re.DOTALL)  # stars, a set of letters in brackets, or one letter
 
+_PLAIN = re.compile(r"\*+|.", re.DOTALL)
+
 
 def matched_parts(pattern: str, path: str) -> tuple[str, ...]:
     """Return what each wildcard of a glob pattern matched in a path that it matches; the stem where ** is in it."""
@@ -25,7 +27,8 @@ def _parts_of_name(pattern: str, name: str) -> list[str] | None:
 
     Only the latest star is ever tried again, one letter longer, so the time is at most pattern times name.
     """
-    pieces = _PIECE.findall(pattern)
+    sets_end = pattern.rfind("]") + 1  # behind it, every [ is a letter, and need not look for its end
+    pieces = _PIECE.findall(pattern[:sets_end]) + _PLAIN.findall(pattern[sets_end:])
     taken: list[int] = []  # how many letters each piece has matched so far
     star = -1
     while True:

@@ -236,10 +236,6 @@ def test_limits_before_memory(tmp_path):
     os.mkfifo(tmp_path / "pipe.png")
     with pytest.raises(InputError, match="it is a pipe, not a file"):
         read_header(tmp_path / "pipe.png")
-    scans = cv2.imencode(".jpg", PIXELS, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
-    last = scans[scans.rindex(b"\xff\xda") : -2]
-    with pytest.raises(InputError, match="has more than 100 scans"):
-        read(tmp_path, scans[:-2] + last * 100 + b"\xff\xd9")
 
 
 WRONG = {
@@ -293,7 +289,7 @@ def test_a_scan_that_is_damaged_is_refused_with_the_package(tmp_path):
     data = cv2.imencode(".jpg", pixels.astype(np.uint8))[1].tobytes()
     start, size = data.index(b"\xff\xda") + 20, (WIDE * 4, HIGH * 4)
     for at in range(start, len(data) - 200, (len(data) - start) // 20):
-        with pytest.raises(InputError, match="is damaged: its decoder says"):
+        with pytest.raises(InputError, match=r"is damaged: (its decoder says|a scan has too few)"):
             read(tmp_path, data[:at] + b"\xff\xd9", size)
 
 

@@ -4,6 +4,7 @@
 import csv
 import html.parser
 import json
+import re
 import shutil
 
 import pytest
@@ -29,7 +30,7 @@ HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"
 class Page(html.parser.HTMLParser):
     """What a browser would fetch, and how elements nest."""
 
-    VOID = {"meta", "img", "br", "link", "input"}
+    VOID = {"meta", "img", "br", "link", "input", "source"}
 
     def __init__(self, text):
         super().__init__()
@@ -38,7 +39,7 @@ class Page(html.parser.HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         values = dict(attributes)
-        self.fetched += [values[name] for name in ("src", "href", "data", "poster") if name in values]
+        self.fetched += [values[name] for name in ("src", "srcset", "href", "data", "poster") if name in values]
         self.ids += [values["id"]] if "id" in values else []
         self.images += tag == "img"
         if tag not in self.VOID:
@@ -73,6 +74,11 @@ def test_page_opens_offline_and_is_well_formed(made):
     assert page.images >= 6
     for part in ("Systems", "Over severity", "Beside the paper", "Tests against clean", "study.json"):
         assert part in text
+    headings = [line for line in text.splitlines() if line.startswith("<h2")]
+    assert [re.sub("<.*?>", "", line) for line in headings[-2:]] == ["What was evaluated", "How to get it again"]
+    assert text.index('class="finding"') < text.index('id="figure-ranking"') < text.index("<h2")
+    assert text.count("<source media") >= 3  # figures have another shape on a phone
+    assert all('<div class="scroll"><table' in part for part in text.split("<h3")[1:])
     assert "@import" not in text
     assert "url(" not in text
 
@@ -190,7 +196,8 @@ def test_command_makes_the_tables_anew_too(tmp_path, capsys, quick):
         before = list(csv.DictReader(file))
     shutil.rmtree(folder / "tables")
     assert command.main(["report", str(folder)]) == 0
-    assert f"wrote {folder / 'report.html'}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"wrote {folder / 'report.html'}" in said
     with (folder / "tables" / "runs.csv").open() as file:
         after = sorted(csv.DictReader(file), key=lambda row: (row["setting"], row["system"]))
     for row, known in zip(after, sorted(before, key=lambda row: (row["setting"], row["system"])), strict=True):

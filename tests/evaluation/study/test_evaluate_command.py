@@ -174,12 +174,13 @@ def test_what_is_wrong_is_a_line(tmp_path, capfd):
 
 
 def test_maps(tmp_path):
-    """Frames without noise, fused along the true path, lie on the room's walls."""
+    """Frames without noise, fused along the true path, lie on the room's walls; a system's own map is held as it is."""
     preset = small_world(tmp_path / "world", size=(64, 48), settings=SETTINGS[:1])
-    systems = write_systems(tmp_path / "systems", "fine", "crash")
+    systems = write_systems(tmp_path / "systems", "fine", "crash", "disc")
     out = tmp_path / "out"
     assert evaluate(preset, "--systems", systems, "--out", out, "--jobs", 1, "--maps") == 0
-    fine, crash = sorted(rows_of(out), key=lambda row: row["system"], reverse=True)
+    fine, disc, crash = sorted(rows_of(out), key=lambda row: row["system"], reverse=True)
+    assert (disc["outcome"], disc["map.accuracy_m"], disc["map.f_score_5cm"]) == ("finished", "", "0.0")
     assert float(fine["map.accuracy_m"]) < 0.01
     assert float(fine["map.completion_ratio_5cm"]) > 0.9
     assert crash["map.accuracy_m"] == ""

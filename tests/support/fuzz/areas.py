@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from fuzz import (
-    dataset_folders, dataset_records, definitions, estimates, mesh_headers, meshes, presets, recording_files,
-    recordings,
-    results, shaped_presets, trajectories, videos,
+    dataset_folders, dataset_records, definitions, estimates, imported_meshes, jpegs, mesh_headers, meshes,
+    presets,
+    recording_files, recordings, results, shaped_presets, trajectories, videos,
 )  # fmt: skip
 
 
@@ -46,4 +46,8 @@ AREAS = {
     "estimates": _area(estimates),
     "definitions": _area(definitions),
     "results": _area(results),
+    "jpegs": _area(jpegs),
 }
+
+OF_BLENDER = {"imported_meshes": _area(imported_meshes)}
+"""Areas that take Blender."""

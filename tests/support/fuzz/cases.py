@@ -10,13 +10,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from fuzz.areas import AREAS
+from fuzz.areas import AREAS, OF_BLENDER
 from fuzz.limits import Meter, watched
 from fuzz.structure import is_sound
 
 from noisy_world.core.errors import NoisyWorldError
 
 Kind = Literal["accepted", "refused", "finding"]
+
+
+_ALL = AREAS | OF_BLENDER
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ def write_case(area, seed, number, folder):
     """Write the input of a case into a folder, which is emptied first."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    AREAS[area].write(folder, generator(area, seed, number))
+    _ALL[area].write(folder, generator(area, seed, number))
 
 
 def run_case(area, seed, number, folder, peer=None):
@@ -56,7 +59,7 @@ def judge(area, folder, peer=None):
     with warnings.catch_warnings(record=True) as warned, watched(folder) as outside:
         warnings.simplefilter("always")
         try:
-            meaning = AREAS[area].read(folder)
+            meaning = _ALL[area].read(folder)
         except NoisyWorldError as error:
             outcome = _judge_refusal(str(error), folder)
         except Exception:  # noqa: BLE001 - what is looked for
@@ -78,7 +81,7 @@ def judge(area, folder, peer=None):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
-                told = AREAS[area].differs(folder, meaning, peer)
+                told = _ALL[area].differs(folder, meaning, peer)
             except Exception:  # noqa: BLE001 - the independent reader refuses what was accepted
                 told = _told_traceback()
         if told:

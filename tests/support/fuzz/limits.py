@@ -16,7 +16,8 @@ _CHANGES = {
     "os.remove": (0,), "os.rename": (0, 1), "os.link": (1,), "os.symlink": (1,), "os.mkdir": (0,), "os.rmdir": (0,),
     "os.truncate": (0,), "os.chmod": (0,), "os.chown": (0,), "os.utime": (0,), "os.setxattr": (0,),
 }  # fmt: skip
-_SHARED = ("/dev/null", "/dev/shm/sem.")  # what multiprocessing and others open everywhere
+# What multiprocessing and others open everywhere; folders of dead processes are swept away.
+_SHARED = ("/dev/null", "/dev/shm/sem.", "/dev/shm/noisy-world-scratch-")
 
 
 class _Watch:

@@ -13,7 +13,7 @@ from fuzz.structure import RAWS, as_yaml, changed, note
 from worlds import write_box_ply, write_replica, path_poses
 
 from noisy_world.core.datasets.layouts import LAYOUTS
-from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS
+from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS, PairingPerturbation
 from noisy_world.core.presets.preset import WORKBENCH_SAMPLES, CameraSpec, RenderSpec
 from noisy_world.core.presets.scene_keys import HandheldSpec
 from noisy_world.core.trajectories.pose_text import FORMATS
@@ -92,6 +92,8 @@ def _scene(rng, number):
 def _step(rng, known):
     """Return a perturbation with values that its own schema allows."""
     found = known[pick(rng, tuple(known))]
+    if isinstance(found, PairingPerturbation):  # whose values may leave no frame of a short path
+        return {found.name: {"offset": 1} if found.name == "desync" else None}
     inside = _of_schema(found.parameters, rng, 0.3) if rng.integers(2) else {}
     if found.temporals and rng.integers(3) == 0:
         inside["temporal"] = pick(rng, found.temporals)

@@ -7,14 +7,23 @@ from numpy.typing import NDArray
 
 from ...core.scenes.imported import ImportedPart
 
+# Chosen: a hundred times what is rendered here in one piece. Files multiply: copies of copies take a line each.
+MOST_COPIES, MOST_CORNERS = 2**20, 2**28
+
+
+class TooManyError(Exception):
+    """A file holds more with all its copies than is read; the message says what."""
+
+
 type _Colours = bpy.types.FloatColorAttribute | bpy.types.ByteColorAttribute
 
 
 def imported_parts(materials: dict[str, int]) -> tuple[ImportedPart, ...]:
     """Return the meshes that a render shows, each once, in the order of their names, with all their copies.
 
-    materials: the numbers of materials by their names.
+    materials: the numbers of materials by their names. Raises TooManyError.
     """
+    copies = corners = 0
     graph = bpy.context.evaluated_depsgraph_get()
     placements: dict[int, list[NDArray[np.float64]]] = {}
     shown: dict[int, tuple[str, bpy.types.Object]] = {}
@@ -23,6 +32,10 @@ def imported_parts(materials: dict[str, int]) -> tuple[ImportedPart, ...]:
         if item is None or item.type != "MESH" or item.hide_render or not copy.show_self:
             continue
         assert isinstance(item.data, bpy.types.Mesh)
+        copies, corners = copies + 1, corners + len(item.data.loops)
+        if copies > MOST_COPIES or corners > MOST_CORNERS:
+            most = f"{MOST_COPIES} copies of meshes or {MOST_CORNERS} corners of faces"
+            raise TooManyError(f"holds more than {most}, which are the most that is read; split it")
         key = hash((item.data.as_pointer(), tuple(slot.name for slot in item.material_slots)))
         shown.setdefault(key, (item.name_full, item))
         placements.setdefault(key, []).append(np.array(copy.matrix_world, dtype=np.float64))

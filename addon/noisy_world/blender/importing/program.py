@@ -23,7 +23,7 @@ from .compressed import compression_problem
 from .finite import NotFiniteError, check_finite, finite_gltf
 from .images import ImageFiles, UnfitImageError, located
 from .lit import save_lit
-from .parts import imported_parts
+from .parts import TooManyError, imported_parts
 from .usd_layers import UsdLook, look_at
 
 REFUSED = 4  # the exit status where the importer refuses
@@ -49,7 +49,7 @@ def main(order: str) -> int:
         return _refused(folder, str(error), NOT_FINITE)
     except InputError as error:
         return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
-    except (_RefusedError, UnfitImageError, RuntimeError) as error:  # the last is how Blender says that it failed
+    except (_RefusedError, TooManyError, UnfitImageError, RuntimeError) as error:  # the last is Blender's own
         return _refused(folder, str(error))
     return 0
 
@@ -62,6 +62,17 @@ def _beside(mesh_folder: Path, look: UsdLook) -> tuple[str, ...]:
             with contextlib.suppress(UnfitImageError):  # which is said where it is shown
                 found.add(str(located(mesh_folder, image)))
     return tuple(sorted(found))
+
+
+def limit_processor(limit_s: int) -> None:
+    """End this process after so many seconds of a processor, where the system can.
+
+    A few lines of USD may mean millions of copies, and its library makes them all.
+    """
+    with contextlib.suppress(ImportError):
+        import resource  # noqa: PLC0415 - not on Windows
+
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
 def _refused(folder: Path, why: str, status: int = REFUSED) -> int:

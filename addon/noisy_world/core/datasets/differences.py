@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.sequence import Sequence, lay_out
 from ..planning.source import Scene
@@ -239,7 +240,7 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
     for frame in shorter.frames:
         if sequence.leaves_out(frame) or shorter.shown(frame) != sequence.shown(frame):
             return False
-    rows = sorted(shorter.sources(("rgb", "depth")))
+    rows = array_of(shorter.sources(("rgb", "depth")))
     return all(
         np.array_equal(left.c2w[rows], right.c2w[rows])
         for left, right in zip(before.named().values(), after.named().values(), strict=True)

@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..regular_files import NotRegularError, TooLargeError, open_regular
 from . import jpeg_files, png_files
 from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError
+from .jpeg_structure import check_structure
 from .storage import sha256_of_bytes
 
 LARGEST_FILE_BYTES = 2**30  # chosen: an image within the limits of its size that cannot be compressed has half of it
@@ -32,8 +33,8 @@ class WholeFile:
 def damage(data: bytes) -> str:
     """Return what shows that a PNG or JPEG is damaged, "" where nothing does, and for files of other kinds.
 
-    PNG: every part lies in the file and has its checksum, up to the end. JPEG: segments follow one another up to the
-    scans, and there is an end; the scans themselves have no checksum.
+    PNG: every part lies in the file and has its checksum, up to the end. JPEG: segments, tables, scans and restarts
+    are as the standard has them and fit one another, up to the end; the scans themselves have no checksum.
     """
     try:
         if _kind(data) is not None:
@@ -53,7 +54,7 @@ def whole_image(data: bytes, *, sums: bool = True) -> tuple[ImageHeader, bytes]:
     """
     if _kind(data) != "png":
         header = _header(io.BytesIO(data))
-        jpeg_files.check_jpeg(data, header)
+        check_structure(data)
         return header, data
     whole = png_files.whole_png(data, sums=sums)  # before the header is believed
     header = _header(io.BytesIO(data))

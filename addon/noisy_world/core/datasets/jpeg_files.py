@@ -14,9 +14,6 @@ from .image_header import (
 )
 
 SIGNATURE = b"\xff\xd8"
-# Chosen: libjpeg's own progressive files have 10, and each takes as long as the size in the header asks for.
-MOST_SCANS = 100
-
 _START_OF_SCAN, _END_OF_IMAGE, _APP1 = 0xDA, 0xD9, 0xE1
 _TABLES = (0xC4, 0xC8, 0xCC)  # Huffman tables, reserved, arithmetic conditioning: among the numbers of frames' starts
 _PROGRESSIVE = 0xC2
@@ -83,14 +80,3 @@ def _header(marker: int, content: bytes, orientation: int, scanned: int, at: int
         sampling=tuple((content[row + 1] >> 4, content[row + 1] & 15) for row in range(6, len(content), 3)),
         content_at=at,
     )
-
-
-def check_jpeg(data: bytes, header: ImageHeader) -> None:
-    """Raise DamagedImageError where a JPEG has no end behind its first scan, UnfitImageError where it has many scans.
-
-    In scans 0xFF is followed by 0 or the number of a restart, so the mark of the end can only be the end.
-    """
-    if data.rfind(bytes((0xFF, _END_OF_IMAGE))) < header.content_at:
-        raise DamagedImageError("it is cut short")
-    if not header.sequential and data.count(bytes((0xFF, _START_OF_SCAN)), header.content_at) >= MOST_SCANS:
-        raise UnfitImageError(f"has more than {MOST_SCANS} scans", "write it anew")

@@ -300,7 +300,8 @@ class ColourPerturbation(Perturbation):
     linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
     camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does.
     by_camera: of the group's parameters, what a known camera decides. repeats: tells of which parameters it is
-    repeatable, and looks at no motion, though it has temporals.
+    repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its own, which files of
+    images hardly compress; estimates of sizes ask for it.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -316,6 +317,7 @@ class ColourPerturbation(Perturbation):
     goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
     repeats: Callable[[Any], bool] | None = None
+    grain: bool = False
 
     def is_repeatable(self, parameters: Any) -> bool:
         """Tell whether with these parameters the result depends on image, depth and intrinsics alone."""
@@ -333,12 +335,14 @@ class ColourPerturbation(Perturbation):
 class DepthPerturbation(Perturbation):
     """Acts on a depth image; several of the same name may act after one another.
 
-    needs_rgb: the context holds the clean colour of the same moment.
+    needs_rgb: the context holds the clean colour of the same moment. grain: each pixel has noise of its own, which
+    files of images hardly compress; estimates of sizes ask for it.
     """
 
     stage: Stage = field(default="depth", init=False)
     apply: DepthApply
     needs_rgb: bool = False
+    grain: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -357,11 +361,8 @@ class PairingPerturbation(Perturbation):
 
 
 KINDS: tuple[type[Perturbation], ...] = (
-    MotionPerturbation,
-    ExposurePerturbation,
-    ColourPerturbation,
-    DepthPerturbation,
-    PairingPerturbation,
+    *(MotionPerturbation, ExposurePerturbation),
+    *(ColourPerturbation, DepthPerturbation, PairingPerturbation),
 )
 SEQUENCE_KINDS = (MotionPerturbation, ExposurePerturbation, PairingPerturbation)
 """The kinds that act on a whole sequence: a setting has each of their perturbations at most once, at one severity."""

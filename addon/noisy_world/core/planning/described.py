@@ -17,6 +17,7 @@ from .estimate import (
     SECONDS_PER_PIXEL,
     SECONDS_PER_SAMPLE,
 )
+from .numbers import Numbers
 from .sequence import lay_out
 
 SECONDS_PER_LINK = 1e-4  # of an image that another sequence has already; measured, rounded
@@ -32,7 +33,7 @@ class Described:
 
     setting: str
     scene: str
-    frames: tuple[int, ...] | None
+    frames: Numbers | None
     seconds_each: float
 
     @property
@@ -99,7 +100,7 @@ def _written(steps: list[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
         yield {step["name"]: {**severity, **parameters}}
 
 
-def _frames(way: _Way, identity: Mapping[str, Any], scene: str, chosen: slice | None) -> tuple[int, ...] | None:
+def _frames(way: _Way, identity: Mapping[str, Any], scene: str, chosen: slice | None) -> Numbers | None:
     if way.known is None:
         return None
     count = identity["scenes"][scene]["path"]["frames"]

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.layouts import Modality
+from ..perturbing.steps import Setting
+from .numbers import Numbers, array_of
 from .plan import Plan, Render
 from .sharing import parts_made
 
@@ -22,13 +24,24 @@ SECONDS_PER_COMPOSITED_PIXEL = 1.4e-7  # in Blender's compositor, in addition: 0
 BYTES_PER_PIXEL = {"jpg": 0.85, "png": 1.5, "depth": 0.5}
 PERTURBED_BYTES_PER_PIXEL = {"jpg": 1.2, "png": 1.6, "depth": 0.5}  # the mean of the benchmark's: noise is large
 
+# Between which figures they lie, by what is on the images: measured in two rooms with every perturbation of the
+# benchmark, and widened to what the shipped presets' files and recordings have.
+CLEAN = {"jpg": (0.5, 1.3), "png": (0.9, 2.2), "depth": (0.2, 0.9)}
+PERTURBED = {"jpg": (0.2, 1.6), "png": (0.4, 2.4), "depth": (0.2, 0.9)}
+GRAINY = {"jpg": (2.0, 3.4), "png": (1.8, 3.1), "depth": (1.5, 2.1)}  # each pixel has noise of its own
+
 
 @dataclass(frozen=True)
 class Estimate:
-    """A rough guess of what a plan takes on two cores."""
+    """A rough guess of what a plan takes on two cores.
+
+    least_bytes, most_bytes: what the content of its images makes likely.
+    """
 
     bytes_written: int
     seconds: float
+    least_bytes: int
+    most_bytes: int
 
 
 def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
@@ -48,10 +61,10 @@ def size_text(count: int) -> str:
 
 def estimate(plan: Plan) -> Estimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
-    return Estimate(
-        int(sum(_bytes_of(plan, render) for render in plan.renders)),
-        sum(_seconds_of(plan, render) for render in plan.renders),
-    )
+    least, most = np.sum([_byte_bounds(plan, render) for render in plan.renders], axis=0)
+    usual = sum(_bytes_of(plan, render) for render in plan.renders)  # of presets of many perturbations
+    seconds = sum(_seconds_of(plan, render) for render in plan.renders)
+    return Estimate(int(min(max(usual, least), most)), seconds, int(least), int(most))
 
 
 def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[np.float64]:
@@ -62,7 +75,7 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         told, own = plan.preset.spec.render, render.scene.source.gives.own
         in_blender, samples = (told.in_blender, told.samples) if own is None else (True, own.samples)
         each_s = each_s + pixels * samples * SECONDS_PER_SAMPLE if in_blender else pixels * SECONDS_PER_RAY
-    seconds = np.full(max(render.frames, default=-1) + 1, each_s)
+    images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
         made = parts_made(render.sequences, modality)
         for sequence in render.sequences:
@@ -70,8 +83,15 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
             if modality == "rgb" and plan.composites and sequence.setting.composited:
                 pixel_s += SECONDS_PER_COMPOSITED_PIXEL
             image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
-            np.add.at(seconds, sequence.sources_shown(modality), image_s)
-    return seconds[np.asarray(frames, dtype=np.int64)]
+            sources = sequence.sources_shown(modality)
+            images_s[sources] = images_s.get(sources, 0.0) + image_s
+    seconds = np.full(max(render.frames[-1:], default=-1) + 1, each_s)
+    for sources, image_s in images_s.items():
+        if isinstance(sources, range):
+            seconds[sources.start : sources.stop : sources.step] += image_s
+        else:
+            seconds += image_s * np.bincount(sources.values, minlength=len(seconds))
+    return seconds[array_of(frames)]
 
 
 def _seconds_of(plan: Plan, render: Render) -> float:
@@ -92,3 +112,27 @@ def _bytes_of(plan: Plan, render: Render) -> float:
         images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
         perturbed += PERTURBED_BYTES_PER_PIXEL[kind] * images
     return pixels * (clean + perturbed)
+
+
+def _byte_bounds(plan: Plan, render: Render) -> NDArray[np.float64]:
+    """Return (2,): the least and the most bytes that the images of a render are likely to take."""
+    bounds = np.zeros(2)
+    for modality in plan.format.modalities:
+        kind = plan.format.image if modality == "rgb" else "depth"
+        camera = render.camera if modality == "rgb" else render.depth_camera
+        pixels = camera.width_px * camera.height_px
+        bounds += pixels * len(render.frames) * np.array(CLEAN[kind])
+        made = parts_made(render.sequences, modality)
+        for sequence in render.sequences:
+            images = made.get(sequence.folder, 0.0) * len(sequence.frames)
+            bounds += pixels * images * np.array(_bytes_per_pixel(sequence.setting, modality, kind))
+    return bounds
+
+
+def _bytes_per_pixel(setting: Setting, modality: Modality, kind: str) -> tuple[float, float]:
+    """Return between which figures the bytes of a pixel lie after a setting's steps."""
+    grain = [step.perturbation.grain for step in getattr(setting, modality)]
+    if not any(grain):
+        return PERTURBED[kind]
+    least = GRAINY if grain[-1] else PERTURBED  # a step after it, such as JPEG's, may take the noise away
+    return least[kind][0], GRAINY[kind][1]

@@ -8,6 +8,7 @@ import numpy as np
 from ..geometry import quat_wxyz_from_rotation
 from ..perturbing.execution import chosen_poses, drawn_motion
 from ..trajectories.sensor_paths import SensorPaths
+from .numbers import array_of
 from .plan import Render
 from .sequence import Sequence
 
@@ -19,7 +20,7 @@ def motion_of_frames(render: Render, sequence: Sequence, paths: SensorPaths) -> 
     own. deviation: of the colour camera from the planned path: the planned pose, times this pose, is the true one;
     translation_m in the planned camera's axes, quat_wxyz. drawn: what the perturbations drew, by their names.
     """
-    rows = np.array(sequence.source_frames, dtype=np.int64)  # of the render's path
+    rows = array_of(sequence.source_frames)  # of the render's path
     count = render.scene.frame_count
     chosen = chosen_poses(render.moving, count, render.identifiers)
     planned = rows if chosen is None else chosen[rows]

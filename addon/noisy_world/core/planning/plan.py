@@ -24,6 +24,7 @@ from ..presets.selection import selected
 from ..schema import Place
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
 from ..trajectories.trajectory import Axes
+from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
 
@@ -39,7 +40,7 @@ class Render:
 
     name: str
     scene: Scene
-    frames: tuple[int, ...]
+    frames: Numbers
     sequences: tuple[Sequence, ...]
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
@@ -224,11 +225,11 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
         first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, (), (), camera, moving, identifiers))
         sequences = (*first.sequences, sequence)
         moved[key] = replace(
-            first, frames=_needed(sequences, modalities), sequences=sequences, exposure=setting.exposure
+            first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure
         )
     if not shared:
         return list(moved.values())
-    needed = _needed(shared, modalities)
+    needed = needed_sources(shared, modalities)
     return [Render(scene.name, scene, needed, tuple(shared), camera, optics=optics), *moved.values()]
 
 
@@ -276,9 +277,9 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     raise place.error(problem, "undistort: true makes a pinhole of it; or choose another output.layout, such as tum")
 
 
-def _needed(sequences: Many[Sequence], modalities: Many[Modality]) -> tuple[int, ...]:
-    shown = [sequence.sources_shown(modality) for sequence in sequences for modality in modalities]
-    return tuple(np.unique(np.concatenate(shown)).tolist())
+def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Numbers:
+    """Return the source frames that sequences of one render show, increasing."""
+    return union([sequence.sources_shown(modality) for sequence in sequences for modality in modalities])
 
 
 # --- checks ---

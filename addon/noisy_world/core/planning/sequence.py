@@ -8,7 +8,7 @@ of one frame with the depth of another.
 
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ..perturbing.execution import chosen_poses, paired_depth, split_motion, tak
 from ..perturbing.kinds import Identifiers
 from ..perturbing.steps import Setting
 from ..trajectories.sensor_paths import SensorPaths
+from .numbers import ListedNumbers, Numbers, array_of, numbers_of, taken, union
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class Sequence:
     setting: Setting
     scene: str
     identifiers: Identifiers
-    source_frames: tuple[int, ...]
-    depth_frames: tuple[int, ...] | None
-    frames: tuple[int, ...]
+    source_frames: Numbers
+    depth_frames: Numbers | None
+    frames: Numbers
 
     @property
     def folder(self) -> str:
@@ -57,7 +58,7 @@ class Sequence:
     @property
     def skips(self) -> bool:
         """Whether its frames show source frames of other numbers than their own."""
-        return self.source_frames != tuple(range(len(self.source_frames)))
+        return self.source_frames != range(len(self.source_frames))
 
     @property
     def paired(self) -> bool:
@@ -73,7 +74,7 @@ class Sequence:
     @cached_property
     def _first_shown(self) -> tuple[NDArray[np.int64], NDArray[np.intp]]:
         """The source frames that are shown, sorted, and the first frame that shows each."""
-        return np.unique(np.array(self.source_frames, dtype=np.int64), return_index=True)
+        return np.unique(array_of(self.source_frames), return_index=True)
 
     def leaves_out(self, frame: int) -> bool:
         """Tell whether a frame is not made because no depth is paired with it."""
@@ -86,33 +87,38 @@ class Sequence:
         depth_frame = frame if self.depth_frames is None else self.depth_frames[frame]
         return Shown(self.source_frames[frame], self.source_frames[depth_frame], depth_frame)
 
-    def sources_shown(self, modality: Modality) -> NDArray[np.intp]:
+    def sources_shown(self, modality: Modality) -> Numbers:
         """Return the source frame (N,) whose colour, or whose depth, each of its frames to be made shows."""
-        frames = np.array(self.frames, dtype=np.intp)
+        frames = self.frames
         if modality == "depth" and self.depth_frames is not None:
-            frames = np.array(self.depth_frames, dtype=np.intp)[frames]
-        return np.array(self.source_frames, dtype=np.intp)[frames]
+            frames = taken(self.depth_frames, frames)
+        return taken(self.source_frames, frames)
 
     @cached_property
-    def _shown(self) -> dict[Modality, tuple[NDArray[np.int32], NDArray[np.int32]]]:
+    def _shown(self) -> dict[Modality, tuple[Numbers, Numbers]]:
         """The source frames whose colour, and depth, is shown, sorted, and the frames that show them, in order."""
-        found: dict[Modality, tuple[NDArray[np.int32], NDArray[np.int32]]] = {}
+        found: dict[Modality, tuple[Numbers, Numbers]] = {}
         modalities: tuple[Modality, ...] = ("rgb", "depth")
         for modality in modalities:
-            sources = self.sources_shown(modality).astype(np.int32)
-            order = np.argsort(sources, kind="stable")
-            found[modality] = sources[order], np.array(self.frames, dtype=np.int32)[order]
+            sources = self.sources_shown(modality)
+            if isinstance(sources, range):
+                found[modality] = sources, self.frames
+                continue
+            order = np.argsort(sources.values, kind="stable")
+            found[modality] = ListedNumbers(sources.values[order]), ListedNumbers(array_of(self.frames)[order])
         return found
 
     def showing(self, modality: Modality, source: int) -> list[int]:
         """Return the frames to be made that show the colour, or the depth, of a source frame."""
         sources, frames = self._shown[modality]
-        first, last = np.searchsorted(sources, (source, source + 1))
-        return frames[first:last].tolist()
+        if isinstance(sources, range):
+            return [frames[sources.index(source)]] if source in sources else []
+        first, last = np.searchsorted(sources.values, (source, source + 1))
+        return list(frames[int(first) : int(last)])
 
-    def sources(self, modalities: Many[Modality]) -> set[int]:
-        """Return the source frames that its frames to be made need."""
-        return set().union(*(self.sources_shown(modality).tolist() for modality in modalities))
+    def sources(self, modalities: Many[Modality]) -> Numbers:
+        """Return the source frames that its frames to be made need, increasing."""
+        return union([self.sources_shown(modality) for modality in modalities])
 
 
 def lay_out(
@@ -126,20 +132,13 @@ def lay_out(
     before = chosen_poses(moving, source_count, identifiers)
     source_count = source_count if before is None else len(before)
     poses = chosen_poses(choosing, source_count, identifiers)
-    source_frames = _numbers(0, source_count) if poses is None else tuple(int(pose) for pose in poses)
+    source_frames = range(source_count) if poses is None else numbers_of(poses)
     pairs = paired_depth(setting.pairing, len(source_frames), identifiers)
-    depth_frames = None if pairs is None else tuple(int(frame) for frame in pairs)
-    wanted = range(len(source_frames))[chosen or slice(None)]
-    frames = _numbers(wanted.start, max(wanted.start, wanted.stop))
-    if depth_frames is not None:
-        frames = tuple(frame for frame in wanted if depth_frames[frame] >= 0)
+    depth_frames = None if pairs is None else numbers_of(pairs)
+    frames: Numbers = range(len(source_frames))[chosen or slice(None)]
+    if pairs is not None:
+        frames = taken(frames, numbers_of(np.flatnonzero(pairs[frames.start : frames.stop] >= 0)))
     return Sequence(setting, scene, identifiers, source_frames, depth_frames, frames)
-
-
-@lru_cache(maxsize=16)
-def _numbers(start: int, stop: int) -> tuple[int, ...]:
-    """Return the numbers from start to stop-1: one tuple for the thousand sequences that have them."""
-    return tuple(range(start, stop))
 
 
 def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
@@ -147,5 +146,5 @@ def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
 
     The camera's rate does not change: frame i has the path's i-th stamp.
     """
-    rows = np.array(sequence.source_frames, dtype=np.int64)
+    rows = array_of(sequence.source_frames)
     return paths.each(lambda path: take_poses(path, rows))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..near import did_you_mean
 from .estimate import frame_seconds
+from .numbers import array_of
 from .plan import Plan, Render
 
 LONGEST_FOLDER = 200  # characters; file systems hold 255 bytes, and names of scenes and settings may fill them
@@ -80,13 +81,14 @@ def shards_of(plan: Plan, count: int, work: Mapping[str, Sequence[int]] | None =
     The same plan, count and work give the same shards.
     """
     wanted = {render.name: render.frames for render in plan.renders} if work is None else work
-    frames = {render.name: list(wanted.get(render.name, ())) for render in plan.renders}
-    renders = [render for render in plan.renders if frames[render.name]]
-    seconds = [frame_seconds(plan, render, frames[render.name]) for render in renders]
-    counts = _counts([float(part.sum()) for part in seconds], [len(part) for part in seconds], count)
+    renders = [render for render in plan.renders if wanted.get(render.name, ())]
+    # Of one render at a time: a plan may have hundreds, with a million frames each.
+    seconds = [float(frame_seconds(plan, render, wanted[render.name]).sum()) for render in renders]
+    counts = _counts(seconds, [len(wanted[render.name]) for render in renders], count)
     shards: list[Shard] = []
-    for render, part, pieces in zip(renders, seconds, counts, strict=True):
-        shards += _cut(render, frames[render.name], part.cumsum(), pieces)
+    for render, pieces in zip(renders, counts, strict=True):
+        frames = wanted[render.name]
+        shards += _cut(render, frames, frame_seconds(plan, render, frames).cumsum(), pieces)
     return tuple(shards)
 
 
@@ -98,7 +100,7 @@ def seconds_of(plan: Plan, shards: Sequence[Shard]) -> tuple[float, ...]:
         for render in plan.renders
         if render.name in named
     }
-    frames = {render.name: np.array(render.frames) for render in plan.renders if render.name in named}
+    frames = {render.name: array_of(render.frames) for render in plan.renders if render.name in named}
 
     def seconds(shard: Shard) -> float:
         first, last = np.searchsorted(frames[shard.render], (shard.start, shard.stop))
@@ -125,7 +127,7 @@ def _counts(seconds: list[float], most: list[int], count: int) -> list[int]:
     return counts
 
 
-def _cut(render: Render, frames: list[int], until_s: NDArray[np.float64], pieces: int) -> list[Shard]:
+def _cut(render: Render, frames: Sequence[int], until_s: NDArray[np.float64], pieces: int) -> list[Shard]:
     """Cut a render's frames where the time until each is nearest to equal parts; no piece is empty.
 
     until_s: (N,) the seconds of the frames up to each, with it.

@@ -54,7 +54,7 @@ def check_fbx_arrays(path: Path, data: bytes) -> None:
 
     NaN and what is too large are left to the importer, which keeps them.
     """
-    for array in re.finditer(rb"\b(?:Vertices|PolygonVertexIndex|UV|UVIndex):[^{}\n]*+\{\s*+a:([^}]*+)", data):
+    for array in re.finditer(rb"\b(?:Vertices|PolygonVertexIndex|UV|UVIndex):[^{}\n:]*+\{\s*+a:([^}]*+)", data):
         if array[1].translate(None, _OF_NUMBERS):
             for word in re.finditer(rb"[^,\s]++", array[1]):
                 if not re.fullmatch(_NUMBER + rb"|[-+]?(?:nan|inf)", word[0], re.IGNORECASE):

@@ -133,7 +133,7 @@ def _named_columns(headers: Sequence[str], width: int) -> _Columns | None:
 
 def _column_names(header: str) -> list[str]:
     """Return a header's names in small letters, with underscores, units among them: timestamp_ns, q_rs_w."""
-    text = re.sub(r"\s+\[", "[", header.strip().lstrip("#"))
+    text = re.sub(r"(?<!\s)\s++\[", "[", header.strip().lstrip("#"))
     cells = text.rstrip(",").split(",") if "," in text else text.split()
     return [re.sub(r"[^a-z0-9]+", "_", cell.strip().lower()).strip("_") for cell in cells]
 

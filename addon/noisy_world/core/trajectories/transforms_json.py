@@ -98,7 +98,7 @@ def _number(value: object) -> float | None:
 def _order_notes(frames: list[Any]) -> list[str]:
     """Say that the images' names number the frames in another order than that of the list."""
     names = [str(frame.get("file_path", "")) for frame in frames]
-    found = [re.search(r"([0-9]+)[^0-9]*$", Path(name).stem) for name in names]
+    found = [re.search(r"(?<![0-9])([0-9]++)[^0-9]*+$", Path(name).stem) for name in names]
     if not all(found):
         return []
     numbers = [int(match[1].lstrip("0")[:300] or 0) for match in found if match]

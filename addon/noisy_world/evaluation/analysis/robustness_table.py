@@ -64,7 +64,7 @@ def robustness_table(runs: Columns) -> "DataFrame":
 
     The scores of a cell (scene and setting) are the mean of its runs. mRR compares with the system's own clean cells in
     the same scenes, mCE with the baseline's errors (1 - score) in the cells that both have: rgbd_odometry, or the first
-    system by name where it was not run.
+    system by name where it was not run. The baseline has none, as it would be compared with itself.
     """
     rows: list[Row] = []
     systems = sorted(set(runs["system"]))
@@ -72,7 +72,8 @@ def robustness_table(runs: Columns) -> "DataFrame":
     for score in (name for name in SCORES if name in runs):
         cells = {system: _cells_of(runs.where(runs["system"] == system), score) for system in systems}
         for system in systems:
-            rows += _of_system(cells[system], cells[baseline], (system, score, baseline))
+            against = baseline if system != baseline else ""
+            rows += _of_system(cells[system], cells.get(against, _Cells({})), (system, score, against))
     return table_of(rows, ROBUSTNESS)
 
 

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from ..measured import metric_of
 from ..metrics import PAPER_METRICS
+from ..metrics.over_clean import OVER_CLEAN, OVER_CLEAN_METRICS, success_over_clean_name
 from .columns import Columns
 from .indicators import INDICATORS
+from .over_clean import CLEAN_ATE, with_over_clean
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -18,14 +20,26 @@ CLEAN = "clean"
 SETTING = ["setting", "perturbation", "mode", "severity"]
 SEQUENCE = ["scene", "setting", "seed"]
 TEXTS = ("scene", "setting", "perturbation", "mode", "system", "outcome", "failure")
-NOT_MEASURES = {*TEXTS, "severity", "seed", "repeat", "frames", "failed"}
+NOT_MEASURES = {*TEXTS, "severity", "seed", "repeat", "frames", "failed", CLEAN_ATE}
 FAILED = "failed"
 ERRORS = ("ate_rmse_m", "ate_m", "paper.ate_m")
 """The error that ranks and correlations take, the first of these that a table has: a study may be by protocol paper."""
 SCORES = ("success_auc", "f1_auc")
 SUCCESS = "success_10cm"
 """What counts as a success where runs are counted: an ATE below 10 cm, with enough of the frames tracked."""
-HEADLINE = (FAILED, SUCCESS, "ate_rmse_m", "ate_m", "rpe_1frame_rmse_m", "tracked_share", "sr", *SCORES)
+SUCCESS_OVER_CLEAN = success_over_clean_name(10.0)
+"""The same beside the clean error: an ATE below ten times that."""
+HEADLINE = (
+    FAILED,
+    SUCCESS,
+    SUCCESS_OVER_CLEAN,
+    "ate_rmse_m",
+    "ate_m",
+    "rpe_1frame_rmse_m",
+    "tracked_share",
+    "sr",
+    *SCORES,
+)
 """Measures of the tests and of the tables by groups; of them, those that a table has."""
 
 
@@ -35,10 +49,12 @@ def tidy_runs(runs: "DataFrame") -> Columns:
     A run failed where its outcome is another than finished, or its score says a word. Where such a run has no value of
     a score between 0 and 1 that counts what was lost (success, AUC, tracked share), it is 0.
     """
-    table = _tidy(runs)
+    table = _tidy(with_over_clean(runs))
     failed = (table["failure"] != "") | (table["outcome"] != "finished")
     table = table.with_column(FAILED, failed.astype(np.float64))
     for name in measures_of(table):
+        if name in OVER_CLEAN_METRICS:
+            continue  # a run without a clean one beside it has none, failed or not
         if name.startswith("success_") or name in (*SCORES, "f1_auc_rotation", "tracked_share"):
             table = table.with_column(name, np.where(failed & np.isnan(table[name]), 0.0, table[name]))
     return table
@@ -94,7 +110,9 @@ def is_score(measure: str) -> bool:
 
 
 def is_error(measure: str) -> bool:
-    """Tell whether a measure is a length or an angle that is better the smaller it is: its logarithm is looked at."""
+    """Tell whether a measure is an error, better the smaller it is, whose logarithm is looked at."""
+    if measure == OVER_CLEAN:
+        return True
     metric = metric_of(measure) or PAPER_METRICS.get(measure)
     return metric is not None and metric.better == "lower" and metric.unit in ("m", "deg", "rad")
 

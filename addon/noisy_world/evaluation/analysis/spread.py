@@ -34,7 +34,7 @@ SPREAD = [
     *("geometric_mean", "geometric_low", "geometric_high"),
 ]
 DIFFERENCE = [
-    *("n_scenes", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
+    *("n", "n_scenes", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
     *("ratio", "ratio_low", "ratio_high"),
 ]
 
@@ -76,12 +76,12 @@ def difference_of(runs: Columns, clean: Columns, measure: str) -> Row:
     """Return how a measure differs from clean in the same scenes, the columns DIFFERENCE.
 
     ratio: of the geometric means, for errors that are positive in all of these runs. Scenes without a value on one side
-    are left out.
+    are left out. n: values of these runs.
     """
     row: Row = dict.fromkeys(DIFFERENCE, float("nan"))
     mine, theirs = cells_of(runs, measure), cells_of(clean, measure)
     scenes = [scene for scene in mine if scene in theirs]
-    row["n_scenes"] = len(scenes)
+    row |= {"n": sum(len(values) for scene in scenes for values in mine[scene].values()), "n_scenes": len(scenes)}
     if not scenes:
         return row
     ours, others = (units_of({scene: cells[scene] for scene in scenes}) for cells in (mine, theirs))

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 from ...core.extras import need
 from .correlation import indicator_correlations, perturbation_correlations, system_correlations
 from .groups import curve_table, grouped_table
+from .over_clean import over_clean_table
 from .prediction import prediction_tables
 from .robustness_table import robustness_table
-from .run_table import SUCCESS, headline_of, measures_of, tidy_runs, tidy_sequences
+from .run_table import SETTING, SUCCESS, headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
 from .significance import against_clean_table
 from .spread import difference_table, spread_table
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 _INTERVALS = "low and high: 95 % for scenes at large; here_low and here_high: for other seeds in these scenes"
 
 CAPTIONS = {
+    "over_clean": "ATE over that of the same system on clean frames of the same scenes and seeds: geometric means of n "
+    "runs. Runs that failed, or lost track (n_lost: less than 80 % of the frames tracked), are in no ratio.",
     "spread": f"Every measure of each system and setting, over scenes, seeds and repeats; {_INTERVALS}.",
     "differences": f"Every measure against clean, scene by scene; ratio: of geometric means; {_INTERVALS}.",
     "tests": "Tests against clean, two-sided, Holm's correction over settings. Wilcoxon's: a failed run is worst.",
@@ -52,6 +55,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     headline, measures = headline_of(table), measures_of(table)
     folds, coefficients, predicted = prediction_tables(table, about)
     found = {
+        "over_clean": over_clean_table(table, ["system", *SETTING]),
         "spread": spread_table(table, measures),
         "differences": difference_table(table, measures),
         "tests": against_clean_table(table, headline),

@@ -19,6 +19,9 @@ from .fusing import FAR_M, VOXEL_M, Fused, fuse
 from .reading import MAP
 from .score import moved
 
+MOST_CORNERS = 64
+"""Of a face of a map that a system wrote. Chosen: systems write triangles and quads."""
+
 
 @dataclass(frozen=True)
 class RunMap:
@@ -50,11 +53,21 @@ def map_of_run(
         return RunMap(None, problem="the path cannot be aligned")
     if (folder / MAP).exists():
         try:
-            return RunMap(moved(read_ply(folder / MAP), by.matrix), "system")
+            mesh = read_ply(folder / MAP)
+            _check_faces(mesh, folder / MAP)
+            return RunMap(moved(mesh, by.matrix), "system")
         except InputError as error:
             return RunMap(None, problem=str(error))
     mesh = fuse_along(estimate, frames, camera, by=by, voxel_m=voxel_m).mesh
     return RunMap(mesh, "" if mesh is None else "fused")
+
+
+def _check_faces(mesh: Mesh, path: Path) -> None:
+    """Refuse a map with faces of many corners: to split one takes the cube of their number."""
+    most = int(mesh.face_sizes.max(initial=0))
+    if most > MOST_CORNERS:
+        problem = f"has a face of {most} corners, and those of a system's map have {MOST_CORNERS} at most"
+        raise InputError(path, problem, remedy="split it into triangles")
 
 
 def fuse_along(

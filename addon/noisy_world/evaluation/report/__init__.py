@@ -11,10 +11,14 @@ NEEDED = ("pandas", "jinja2", "matplotlib", "tabulate", "scipy")
 
 @dataclass(frozen=True)
 class Written:
-    """A report. files: what was written. missing: a sentence for each thing that it has to do without."""
+    """A report. files: what was written. missing: a sentence for each thing that it has to do without.
+
+    findings: what it begins with, in sentences.
+    """
 
     files: tuple[Path, ...]
     missing: tuple[str, ...]
+    findings: tuple[str, ...]
 
 
 def write_report(results: Path) -> Written:
@@ -34,4 +38,4 @@ def write_report(results: Path) -> Written:
     found = read_results(results)
     contents = gather(found, analyse(found.runs, found.sequences))
     files = write_contents(contents, paper_tables(found, published()), results)
-    return Written(tuple(files), tuple(contents.missing))
+    return Written(tuple(files), tuple(contents.missing), tuple(contents.findings))

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..analysis.run_table import SUCCESS
+from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..analysis.tables import CAPTIONS
 from .contents import Section
 from .figures.correlations import Correlation, correlation_matrices
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 type Analyses = Mapping[str, "DataFrame"]
 
 TITLES = {
+    "over_clean": "Error over clean",
     "spread": "Every measure of each system and setting",
     "differences": "Differences from clean",
     "tests": "Tests against clean",
@@ -42,7 +43,7 @@ TITLES = {
 }
 SECTIONS = {
     "robustness": ("Robustness", ("robustness", "systems", "by_perturbation", "by_mode", "by_severity", "curves")),
-    "differences": ("Against clean", ("differences", "tests")),
+    "differences": ("Against clean", ("over_clean", "differences", "tests")),
     "correlations": ("Correlations", ("perturbation_correlations", "system_correlations", "indicator_correlations")),
     "prediction": ("Can the data alone tell?", ("prediction", "prediction_coefficients", "predictions")),
     "data": ("What the sequences are like", ("images", "depth", "motion")),
@@ -60,6 +61,11 @@ INTERVALS = (
     ("mean", "low", "high"),
 )
 """Columns that share a cell: a number and the ends of its 95 % interval; a column is in the first of them alone."""
+COUNTED = {"pearson": "n", "pearson_log10": "n"}
+"""Which column says how many values an interval of scenes at large stands on; of all others it is n_scenes."""
+FEWEST = 5
+"""Values on which an interval has to stand to be shown: with fewer it is so wide that it says nothing."""
+FLAT = 0.05
 HERE = ("here_low", "here_high")
 MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
 SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
@@ -74,6 +80,10 @@ LABELS = {
     "n_perturbations": ("perturbations", ""),
     "standard_deviation": ("standard deviation", ""),
     "geometric_mean": ("geometric mean", ""),
+    "n_lost": ("lost track", "runs that tracked less than 80 % of the frames"),
+    "ate_m": ("ATE [m]", "the geometric mean"),
+    "clean_ate_m": ("clean ATE [m]", "the geometric mean of the clean runs beside them"),
+    "over_clean": ("over clean", "the one over the other"),
     "clean_mean": ("clean", "the mean without perturbation, in the same scenes"),
     "mrr": ("mRR", "mean resilience rate: the score over the own clean score; 1 is unimpaired"),
     "mce": ("mCE", "mean corruption error: the error over the baseline's; 1 is its equal"),
@@ -87,17 +97,48 @@ LABELS = {
 }
 
 
-def curve_pictures(analyses: Analyses) -> list[Picture]:
-    """Draw curves over severity: the share of runs without success, and the area under the curve of success."""
-    label = column_of(SUCCESS).label
-    failures = [_complement(point) for point in _points(analyses["curves"], SUCCESS)]
-    pictures = []
-    if failures:
-        title = f"Share of runs without {label}, over severity"
-        pictures.append(curves(failures, "failure_curves", title, "without success"))
+def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
+    """Draw curves over severity, and say in a sentence of what would be a straight line why it is not drawn.
+
+    They are the error over clean, the shares of runs without success, and the area under the curve of success.
+    """
+    pictures, said = [], []
+    if over := _over_clean_points(analyses["over_clean"]):
+        title = "Error over clean, over severity"
+        pictures.append(curves(over, "over_clean_curves", title, "error over clean", over_clean=True))
+    for name, picture in ((SUCCESS_OVER_CLEAN, "failure_over_clean_curves"), (SUCCESS, "failure_curves")):
+        label = column_of(name).label
+        points = [_complement(point) for point in _points(analyses["curves"], name)]
+        if points and all(point.value == points[0].value for point in points):
+            had = "Every run" if points[0].value == 0.0 else "No run" if points[0].value == 1.0 else ""
+            said.append(f"{had or 'The same share of runs'} had {label} at every severity, so no curve is drawn of it.")
+        elif points:
+            pictures.append(curves(points, picture, f"Share of runs without {label}, over severity", "without success"))
     if areas := _points(analyses["curves"], "success_auc"):
-        pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
-    return pictures
+        values = [point.value for point in areas]
+        if max(values) - min(values) < FLAT:
+            least, most = (shown(value, 3) for value in (min(values), max(values)))
+            said.append(f"Success AUC is between {least} and {most} at every severity, so no curve is drawn of it.")
+        else:
+            pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
+    return pictures, said
+
+
+def _over_clean_points(table: "DataFrame") -> list[CurvePoint]:
+    """Return the error over clean at each severity: the geometric mean of the settings that have it; 1 at 0."""
+    import numpy as np
+
+    points = []
+    graded = table[table["severity"].notna()]
+    for (perturbation, system, mode), of_line in graded.groupby(["perturbation", "system", "mode"], sort=True):
+        for severity, rows in of_line.groupby("severity", sort=True):
+            broke = 2 * int(rows[["n_failed", "n_lost"]].to_numpy().sum()) >= int(rows["n_runs"].sum())
+            value = np.inf if broke else float(np.exp(np.log(rows["over_clean"]).mean()))
+            if not np.isnan(value):
+                n = int(rows["n"].sum())
+                points.append(CurvePoint(str(perturbation), str(system), str(mode), float(str(severity)), value, n=n))
+    clean = [replace(point, severity=0.0, value=1.0) for point in points if np.isfinite(point.value)]
+    return [*dict.fromkeys(replace(point, n=0) for point in clean), *points]
 
 
 def sections(analyses: Analyses) -> list[Section]:
@@ -123,10 +164,10 @@ def table_of(name: str, frame: "DataFrame") -> Table:
     return Table(name, TITLES.get(name, name), caption, frame, tuple(_columns(frame)), page)
 
 
-def with_interval(value: Any, low: Any, high: Any) -> str:
-    """Return "0.5 [0.4, 0.6]", without the brackets where there is no interval."""
+def with_interval(value: Any, low: Any, high: Any, n: float) -> str:
+    """Return "0.5 [0.4, 0.6]"; without the brackets where there is no interval, or it stands on fewer than FEWEST."""
     said = shown(value, 3)
-    if NOTHING in (said, shown(low)):
+    if NOTHING in (said, shown(low)) or not n >= FEWEST:
         return said
     return f"{said} [{shown(low, 3)}, {shown(high, 3)}]"
 
@@ -144,10 +185,18 @@ def _columns(frame: "DataFrame") -> list[Column]:
             taken |= {low, high}
     columns = []
     for name in map(str, frame.columns):
-        if name in taken or name == HERE[1]:
+        if name in taken or name == HERE[1] or not _says(frame, name):
             continue
         columns.append(_here() if name == HERE[0] else _column(name, ends.get(name)))
     return columns
+
+
+def _says(frame: "DataFrame", name: str) -> bool:
+    """Tell whether a column has a value that is shown."""
+    values = frame[name]
+    if name == HERE[0]:
+        values = values[frame["n"] >= FEWEST]
+    return bool((values.notna() & (values != "")).any())
 
 
 def _column(name: str, ends: tuple[str, str] | None) -> Column:
@@ -157,14 +206,19 @@ def _column(name: str, ends: tuple[str, str] | None) -> Column:
     if ends is None:
         return SHARED.get(name) or Column(name, label, meaning=meaning)
     low, high = ends
-    meaning = f"{meaning}; in brackets its 95 % interval".removeprefix("; ")
-    return Column(name, label, meaning=meaning, text=lambda row: with_interval(row[name], row[low], row[high]))
+    counted = COUNTED.get(name, "n_scenes")
+    meaning = f"{meaning}; in brackets its 95 % interval, of {FEWEST} values or more".removeprefix("; ")
+
+    def text(row: Mapping[str, Any]) -> str:
+        return with_interval(row[name], row[low], row[high], row[counted])
+
+    return Column(name, label, meaning=meaning, text=text)
 
 
 def _here() -> Column:
     def text(row: Mapping[str, Any]) -> str:
         low, high = (shown(row[name], 3) for name in HERE)
-        return NOTHING if low == NOTHING else f"[{low}, {high}]"
+        return NOTHING if low == NOTHING or not row["n"] >= FEWEST else f"[{low}, {high}]"
 
     return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)
 
@@ -177,12 +231,18 @@ def _points(table: "DataFrame", measure: str) -> list[CurvePoint]:
             str(row["mode"]),
             severity=float(row["severity"]),
             value=float(row["mean"]),
-            large=(float(row["low"]), float(row["high"])),
-            here=(float(row["here_low"]), float(row["here_high"])),
+            large=_ends(row, "low", "high", "n_scenes"),
+            here=_ends(row, *HERE, "n"),
             n=int(row["n_runs"]),
         )
         for row in records(table[table["measure"] == measure])
     ]
+
+
+def _ends(row: Mapping[str, Any], low: str, high: str, counted: str) -> tuple[float, float]:
+    """Return the ends of an interval, NaN where it stands on fewer than FEWEST."""
+    nothing = float("nan")
+    return (float(row[low]), float(row[high])) if row[counted] >= FEWEST else (nothing, nothing)
 
 
 def _complement(point: CurvePoint) -> CurvePoint:
@@ -199,6 +259,7 @@ def _correlation_pictures(analyses: Analyses) -> list[Picture]:
             Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
             for row in rows
         ]
-        if any(item.value == item.value for item in found):
+        names = {part for item in found for part in (item.one, item.other)}
+        if len(names) > 2 and any(item.value == item.value for item in found):  # a pair's number is in the table
             pictures.append(correlation_matrices(found, name, f"{title} with one another"))
     return pictures

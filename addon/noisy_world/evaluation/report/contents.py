@@ -23,12 +23,16 @@ class Section:
 
 @dataclass(frozen=True)
 class Contents:
-    """The report. facts: what was evaluated, label and text. missing: what it has to do without.
+    """The report. findings: what it found, the first sentence before all. ranking: their picture.
+
+    opening: how many runs there are. facts: what was evaluated, label and text. missing: what it has to do without.
 
     again: how to get it again, in sentences, and a command; "" where none is known.
     """
 
     title: str
+    findings: Sequence[str]
+    ranking: Picture | None
     opening: str
     facts: Sequence[tuple[str, str]]
     sections: Sequence[Section]

@@ -15,6 +15,7 @@ _LATEX = {
     '"': r"\textquotedbl{}",
     **{letter: f"\\{letter}" for letter in "&%$#_{}"},
     "\u2013": "--",
+    "\u00a0": "~",
     "…": r"\ldots{}",
     "±": r"$\pm$",
     "\u00d7": r"$\times$",
@@ -27,7 +28,8 @@ _MARKDOWN_LETTERS = re.compile(r"[\\`*_{}\[\]<>#|~!&$]")
 
 def latex(text: str) -> str:
     """Return a text as LaTeX shows it, in a document of UTF-8."""
-    return _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], one_line(text))
+    shown = _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], one_line(text))
+    return f"{{}}{shown}" if shown.startswith(("[", "*")) else shown  # which would belong to the \\ of the row before
 
 
 def markdown(text: str) -> str:

@@ -3,14 +3,17 @@
 
 import hashlib
 import json
+import shlex
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..analysis.run_table import SUCCESS
+from ...core.errors import one_line
+from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.success import LEAST_TRACKED
 from .labels import column_of
 from .reading import KEY, Results, read_object, records
+from .treatments import CLEAN
 
 LONGEST_LIST = 12
 
@@ -29,6 +32,14 @@ def opening(results: Results) -> str:
         successes = int((runs[SUCCESS] == 1.0).sum())
         meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
         said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
+    if SUCCESS_OVER_CLEAN in runs:
+        noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]
+        if len(noisy):
+            successes = int((noisy[SUCCESS_OVER_CLEAN] == 1.0).sum())
+            said += (
+                f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
+                f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
+            )
     return said
 
 
@@ -71,15 +82,16 @@ def command(results: Results) -> str:
     study = results.study
     if not study:
         return ""
-    words = ["noisy-world evaluate PRESET", f"--systems {','.join(sorted(set(results.runs['system'])))}"]
+    systems = ",".join(sorted(set(results.runs["system"])))
+    words = [f"noisy-world evaluate PRESET --systems {shlex.quote(systems)}"]
     seeds = study.get("seeds")
     if isinstance(seeds, list) and seeds:
-        words.append(f"--seeds {','.join(map(str, seeds))}")
+        words.append(f"--seeds {shlex.quote(','.join(map(str, seeds)))}")
     if isinstance(study.get("repeats"), int):
         words.append(f"--repeats {study['repeats']}")
     if isinstance(study.get("protocol"), str):
-        words.append(f"--protocol {study['protocol']}")
-    return " ".join([*words, "--out FOLDER"])
+        words.append(f"--protocol {shlex.quote(study['protocol'])}")
+    return one_line(" ".join([*words, "--out FOLDER"]))
 
 
 def _system(results: Results, system: str) -> str:

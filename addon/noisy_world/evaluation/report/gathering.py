@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The report's contents, from what a results folder holds."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import analysed
-from .analysed import Analyses, curve_pictures
+from .analysed import Analyses, curves_of
 from .beside import beside_table, notes
 from .contents import Contents, Section
 from .evaluated import again, command, facts, opening
-from .figures.heat_map import heat_map
+from .figures.heat_map import Scale, heat_map
+from .findings import Ranked, SystemFound, found_of, ranking_picture, sentences, times
 from .headline import headline_table
 from .labels import column_of
 from .per_setting import in_order, main_metrics, settings_table
@@ -18,6 +20,7 @@ from .published import published
 from .reading import RUN_KEY, Results
 from .run_pictures import path_picture, time_picture, worst_frames
 from .tables import NOTHING, Table, shown
+from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from .figures.drawing import Picture
@@ -34,10 +37,12 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     missing = list(results.missing)
     paper = published()
     beside = beside_table(results, paper)
+    found = found_of(results, analyses["over_clean"])
+    pictures, said = curves_of(analyses)
     sections = [
-        Section("short", "In short", tables=[headline_table(results, analyses)]),
-        Section("severity", "Over severity", pictures=curve_pictures(analyses)),
-        Section("settings", "Settings", pictures=_some(_heat_map(results)), tables=[settings_table(results)]),
+        Section("short", "In short", tables=[headline_table(results, analyses, found)]),
+        Section("severity", "Over severity", said, pictures),
+        Section("settings", "Settings", pictures=_some(_heat_map(results, found)), tables=[settings_table(results)]),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
     ]
@@ -46,6 +51,8 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     sections += analysed.sections(analyses)
     return Contents(
         "What noise did to SLAM",
+        sentences(found),
+        ranking_picture(found),
         opening(results),
         facts(results),
         [section for section in sections if section.pictures or section.frames or section.tables],
@@ -65,20 +72,39 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results) -> "Picture | None":
-    """Draw the mean success AUC of each setting and system, with the failures."""
-    if SCORE not in results.runs:
-        return None
+def _heat_map(results: Results, found: Sequence[SystemFound]) -> "Picture | None":
+    """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
     runs = in_order(results.runs)
-    settings, systems = list(dict.fromkeys(runs["setting"])), sorted(set(runs["system"]))
+    settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
     values = np.full((len(settings), len(systems)), np.nan)
     texts = [[NOTHING for _ in systems] for _ in settings]
+    if any(item.compared for item in found):
+        for item in found:
+            column = systems.index(item.system)
+            for ranked in item.settings:
+                row = settings.index(ranked.setting)
+                values[row, column], texts[row][column] = _cell(ranked)
+        for row in [row for row, setting in enumerate(settings) if np.isnan(values[row]).all() and setting == CLEAN]:
+            del settings[row], texts[row]
+            values = np.delete(values, row, axis=0)
+        return heat_map(settings, systems, values, texts, Scale.OVER_CLEAN) if settings else None
+    if SCORE not in results.runs:
+        return None
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
         row, column = settings.index(str(setting)), systems.index(str(system))
         values[row, column] = group[SCORE].mean()
         failed = int(group["failed"].sum())
         texts[row][column] = shown(group[SCORE].mean(), 2) + (f"  {failed}/{len(group)} failed" if failed else "")
-    return heat_map(settings, systems, values, texts, "mean success AUC")
+    return heat_map(settings, systems, values, texts, Scale.SCORE)
+
+
+def _cell(ranked: Ranked) -> tuple[float, str]:
+    """Return the value that a cell's colour stands for, infinite for a failure, and its text."""
+    if ranked.broke:
+        return float("inf"), ranked.endings
+    if ranked.over_clean is None:
+        return float("nan"), NOTHING
+    return ranked.over_clean, times(ranked.over_clean) + (f", {ranked.endings}" if ranked.endings else "")
 
 
 def _run_pictures(results: Results, missing: list[str]) -> "list[Picture]":

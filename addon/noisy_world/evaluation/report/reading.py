@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
 from ...core.regular_files import read_bytes, read_text
+from ..analysis.over_clean import with_over_clean
+from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
 if TYPE_CHECKING:
@@ -32,8 +34,9 @@ class Results:
     """A results folder.
 
     study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
-    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure. sequences: a
-    row for each sequence. missing: a sentence for each thing that the report has to do without.
+    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure, and the columns
+    of OVER_CLEAN_METRICS compare it with clean. sequences: a row for each sequence. missing: a sentence for each thing
+    that the report has to do without.
     """
 
     folder: Path
@@ -67,6 +70,7 @@ def read_results(folder: Path) -> Results:
             raise InputError(path, "is no whole number", where=f"line {line}, column 'repeat'", remedy=REMEDY)
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
     runs = _strict_first(runs)
+    runs = with_over_clean(runs)
     runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")
     missing = []
     sequences_path = folder / "tables" / "sequences.csv"
@@ -93,11 +97,14 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
+    table = table.rename(columns=text_of)
     for name in needed:
         if name not in table.columns:
             raise InputError(path, f"has no column {name!r}", remedy=REMEDY)
     for name in table.columns:
-        if name not in TEXTS:
+        if name in TEXTS:
+            table[name] = table[name].map(text_of)
+        else:
             table[name] = _numbers(table[name].tolist(), path, name)
     return table
 

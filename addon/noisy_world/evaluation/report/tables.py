@@ -9,6 +9,7 @@ from io import BytesIO
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
+from ..csv_cells import cell_of
 from .escaping import latex, markdown
 from .reading import records
 
@@ -103,8 +104,9 @@ class Table:
 
 
 def csv_bytes(frame: "DataFrame") -> bytes:
-    """Return the data as comma-separated values, numbers to their last digit."""
-    return frame.to_csv(index=False, lineterminator="\n").encode()
+    """Return the data as comma-separated values, numbers to their last digit; no text is a formula."""
+    safe = frame.map(lambda value: cell_of(value) if isinstance(value, str) else value)
+    return safe.rename(columns=lambda name: cell_of(str(name))).to_csv(index=False, lineterminator="\n").encode()
 
 
 def parquet_bytes(frame: "DataFrame") -> bytes | None:

@@ -20,6 +20,8 @@ LONGEST_OPEN = 60  # rows of a table that is not folded away in the page
 def write_contents(contents: Contents, sources: Sequence[Source], folder: Path) -> list[Path]:
     """Write everything into a results folder, and return the files. Raises StorageError."""
     files = {"report.html": html(contents).encode(), "report.md": markdown(contents).encode()}
+    if contents.ranking is not None:
+        files[f"figures/{contents.ranking.name}.svg"] = contents.ranking.svg
     for section in contents.sections:
         files |= {f"figures/{picture.name}.svg": picture.svg for picture in section.pictures}
         files |= {f"figures/{frame.name}.jpg": frame.jpeg for frame in section.frames}

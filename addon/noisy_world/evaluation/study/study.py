@@ -89,7 +89,9 @@ class Study:
         record = read_run_record(folder)
         if record is None:
             self.results.remove(folder)  # what a run that was killed has left
-            record = run_system(system, sequence.folder, folder, stop=self._stop, names=run.placeholders)
+            record = run_system(
+                system, sequence.folder, folder, stop=self._stop, names=run.placeholders, maps=self.order.maps
+            )
         _tell(run, record, progress)
         scored = score_run(
             folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular

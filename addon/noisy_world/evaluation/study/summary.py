@@ -6,8 +6,10 @@ import statistics
 from collections.abc import Iterable
 from io import StringIO
 
+from ...core.errors import one_line
 from ...core.extras import need
 from ...core.regular_files import read_text
+from ..csv_cells import text_of
 from ..metrics.names import METRICS, PAPER_METRICS
 from .results import Results
 from .tables import RUNS
@@ -27,7 +29,8 @@ def summary_text(results: Results, protocol: str) -> str:
     need(NEEDED, "evaluate")
     from tabulate import tabulate
 
-    rows = list(csv.DictReader(StringIO(read_text(results.tables / RUNS))))
+    written = csv.DictReader(StringIO(read_text(results.tables / RUNS)))
+    rows = [{name: one_line(text_of(cell)) for name, cell in row.items()} for row in written]
     systems = list(dict.fromkeys(row["system"] for row in rows))
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ...perturbations import registry
+from ..csv_cells import cell_of
 from ..metrics.names import METRICS, PAPER_METRICS
 from .cases import Case, Condition, SystemRun
 from .found_origin import CLEAN, RECORDED
@@ -90,9 +91,13 @@ def _with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
 
 
 def csv_text(rows: Iterable[Row], columns: Sequence[str]) -> str:
-    """Return rows as CSV; what is None is an empty cell, a number has all its digits."""
+    """Return rows as CSV; what is None is an empty cell, a number has all its digits, no text is a formula."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(columns)
-    table.writerows([["" if (value := row.get(name)) is None else value for name in columns] for row in rows])
+    table.writerow(map(cell_of, columns))
+    table.writerows([[_cell(row.get(name)) for name in columns] for row in rows])
     return text.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    return "" if value is None else cell_of(value) if isinstance(value, str) else value

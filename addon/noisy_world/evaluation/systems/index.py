@@ -46,11 +46,11 @@ class Given:
         """When the colour of each frame was taken, seconds."""
         return self.stored.stamps.rgb.seconds.tolist()
 
-    def document(self, images: Path) -> dict[str, Any]:
+    def document(self, images: Path | None) -> dict[str, Any]:
         """Return the index as plain JSON values: camera, steps of depth a metre, and the frames in order of time.
 
-        Files are absolute: those in the folder of images, which `write_images` writes. A modality that the system does
-        not read is null.
+        Files are absolute: those in the folder of images, which `write_index` writes; without one, the sequence's own.
+        A modality that the system does not read is null.
         """
         camera, stored = self.camera, self.stored
         colour = [self._named(images, file, "colour") for file in stored.rgb_files]
@@ -72,16 +72,23 @@ class Given:
             ],
         }
 
-    def write_index(self, path: Path, images: Path) -> None:
-        """Write the index, and the images that it names into a folder. Raises InputError and StorageError."""
+    def write_index(self, path: Path, images: Path | None) -> None:
+        """Write the index, and the images that it names into a folder. Raises InputError and StorageError.
+
+        images: None for a system of ours, which spoils nothing: it is told of the sequence's own.
+        """
         with storage_errors(path):
             path.write_text(json.dumps(self.document(images), indent=1) + "\n", encoding="utf-8")
+        if images is None:
+            return
         of_modality = {"colour": self.stored.rgb_files, "depth": self.stored.depth_files}
         for file in dict.fromkeys(file for name in self.modalities for file in of_modality[name]):
             self._give(file, images / self._inside(file))
 
-    def _named(self, images: Path, file: Path, modality: Modality) -> str | None:
-        return str((images / self._inside(file)).resolve()) if modality in self.modalities else None
+    def _named(self, images: Path | None, file: Path, modality: Modality) -> str | None:
+        if modality not in self.modalities:
+            return None
+        return str((file if images is None else images / self._inside(file)).resolve())
 
     def _inside(self, file: Path) -> Path:
         """Return where an image lies in the folder of images: as in the sequence."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 GREY = "#888888"
+NARROW_IN = 4.4  # the width of a phone at about the size of its letters
 DECIMALS = 5  # of positions, as shares of the figure: a hundredth of a point
 STYLE: "dict[RcKeyType, Any]" = {
     "svg.fonttype": "path",  # letters as outlines: the same on every machine
@@ -38,12 +39,16 @@ STYLE: "dict[RcKeyType, Any]" = {
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the report. name: of its file, without the ending. about: what it shows, for who does not see it."""
+    """A figure of the report. name: of its file, without the ending. about: what it shows, for who does not see it.
+
+    narrow: the same for a phone, NARROW_IN wide; b"" where the figure is narrow already.
+    """
 
     name: str
     title: str
     about: str
     svg: bytes
+    narrow: bytes = b""
 
 
 @contextmanager
@@ -59,8 +64,8 @@ def drawing(width_in: float, height_in: float) -> Iterator["Figure"]:
         yield Figure(figsize=(width_in, height_in), layout="constrained")
 
 
-def svg_bytes(figure: "Figure") -> bytes:
-    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`.
+def fixed_layout(figure: "Figure") -> None:
+    """Lay a figure out for good.
 
     What is laid out is rounded: its last digits differ from one time to the next, and names in the file hang on them.
     """
@@ -70,6 +75,11 @@ def svg_bytes(figure: "Figure") -> bytes:
     figure.set_layout_engine("none")
     for axes in figure.axes:
         axes.set_position(Bbox(np.round(axes.get_position(original=True).get_points(), DECIMALS)))
+
+
+def svg_bytes(figure: "Figure") -> bytes:
+    """Return a figure as SVG, without the date and the name of the program. To be called inside `drawing`."""
+    fixed_layout(figure)
     target = BytesIO()
     figure.savefig(target, format="svg", metadata={"Date": None, "Creator": None})
     return target.getvalue()

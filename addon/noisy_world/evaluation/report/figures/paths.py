@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .drawing import GREY, Picture, drawing, shortened, svg_bytes
+from .drawing import GREY, NARROW_IN, Picture, drawing, shortened, svg_bytes
 
 SIZE_IN = 2.3  # of a panel
-ACROSS = 4
+ACROSS, ACROSS_NARROW = 4, 2
 
 
 @dataclass(frozen=True)
@@ -29,16 +29,25 @@ class PathPanel:
 
 def paths(panels: Sequence[PathPanel]) -> Picture:
     """Draw a panel for each path; all share one scale of colours, which is logarithmic."""
+    about = (
+        "Paths seen from above: the true one in grey, its beginning as a dot, and the estimated positions after "
+        "alignment, coloured by their error."
+    )
+    wide, narrow = (_drawn(panels, most_across) for most_across in (ACROSS, ACROSS_NARROW))
+    return Picture("paths", "Paths and their errors", about, wide, narrow)
+
+
+def _drawn(panels: Sequence[PathPanel], most_across: int) -> bytes:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
     errors = np.concatenate([panel.error_m for panel in panels]) if panels else np.zeros(0)
     errors = errors[np.isfinite(errors) & (errors > 0)]
-    low, high = _decades(errors)
+    low, high = decades(errors)
     norm = LogNorm(low, high, clip=True)
-    rows = max(1, math.ceil(len(panels) / ACROSS))
-    across = min(ACROSS, max(1, len(panels)))
-    with drawing(max(5.0, SIZE_IN * across + 0.8), (SIZE_IN + 0.25) * rows + 0.3) as figure:
+    rows = max(1, math.ceil(len(panels) / most_across))
+    across = min(most_across, max(1, len(panels)))
+    with drawing(max(NARROW_IN, SIZE_IN * across + 0.8), (SIZE_IN + 0.25) * rows + 0.3) as figure:
         grid = figure.subplots(rows, across, squeeze=False)
         for axes, panel in zip(grid.flat, panels, strict=False):
             axes.plot(panel.true_m[:, 0], panel.true_m[:, 1], color=GREY, linewidth=2.5, alpha=0.5)
@@ -57,6 +66,7 @@ def paths(panels: Sequence[PathPanel]) -> Picture:
             axes.set_title("\n".join(shortened(line, 36) for line in panel.lines), fontsize=6.5)
             axes.set_aspect("equal", adjustable="datalim")
             axes.tick_params(labelsize=6)
+            axes.locator_params(nbins=4)
         for axes in list(grid.flat)[len(panels) :]:
             axes.set_visible(False)
         figure.supxlabel("world x [m]", fontsize=7)
@@ -64,15 +74,10 @@ def paths(panels: Sequence[PathPanel]) -> Picture:
         bar = figure.colorbar(ScalarMappable(norm, "plasma"), ax=grid, fraction=0.03, pad=0.01)
         bar.ax.yaxis.set_major_formatter("{x:g}")
         bar.set_label("error of position [m]")
-        svg = svg_bytes(figure)
-    about = (
-        "Paths seen from above: the true one in grey, its beginning as a dot, and the estimated positions after "
-        "alignment, coloured by their error."
-    )
-    return Picture("paths", "Paths and their errors", about, svg)
+        return svg_bytes(figure)
 
 
-def _decades(errors: NDArray[np.float64]) -> tuple[float, float]:
+def decades(errors: NDArray[np.float64]) -> tuple[float, float]:
     """Return whole powers of ten around the errors, at least one decade apart and at most five."""
     if not len(errors):
         return 0.001, 1.0
