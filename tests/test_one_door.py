@@ -24,6 +24,7 @@ ELSEWHERE = {
     "blender/render.py": "a scratch file that Blender has just written",
     "blender/render_file.py": "a scratch file that Blender has just written",
     "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
+    "cluster/remote.py": "carried to nodes without this package; it asks whether a file is a regular one",
     "evaluation/systems/guard.py": "/proc, and run without this package",
     "evaluation/systems/programs": "run in other Pythons, without this package",
 }

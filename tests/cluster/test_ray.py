@@ -70,13 +70,15 @@ def cluster(tmp_path, monkeypatch):
 
 
 def when(condition, do, timeout_s=100):
-    """Do something in another thread as soon as a condition holds."""
+    """Do something in another thread as soon as a condition holds; nothing later, when the test may have ended."""
 
     def wait():
         end_s = time.monotonic() + timeout_s
-        while not condition() and time.monotonic() < end_s:
+        while time.monotonic() < end_s:
+            if condition():
+                do()
+                return
             time.sleep(0.05)
-        do()
 
     thread = threading.Thread(target=wait, daemon=True)
     thread.start()

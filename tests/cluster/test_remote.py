@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a node does for a task, without Ray: how a command's end is told, and what keeps a node from taking part."""
 
+import ast
 import hashlib
 import os
 import signal
@@ -25,6 +26,17 @@ def done(program, **values):
     told = []
     result = carry_out(Order("shard", ("-c", textwrap.dedent(program)), **values), told.append)
     return result["status"], result["line"], told
+
+
+def test_what_is_carried_to_the_nodes_imports_the_standard_library_alone():
+    nodes = list(ast.walk(ast.parse(Path(remote.__file__).read_text())))
+    froms = [node for node in nodes if isinstance(node, ast.ImportFrom)]
+    names = [item.name for node in nodes if isinstance(node, ast.Import) for item in node.names]
+    assert not any(node.level for node in froms)
+    assert {name.split(".")[0] for name in [*names, *(node.module for node in froms)]} <= {
+        "ray",
+        *sys.stdlib_module_names,
+    }
 
 
 def test_both_sides_speak_alike():

@@ -31,6 +31,9 @@ def test_missing_libraries_become_debian_packages():
     names = system_libraries.parse_ldd(LDD)
     assert names == ["libGL.so.1", "libX11.so.6", "libodd.so.9"]
     assert system_libraries.debian_packages(names) == ["libgl1", "libodd.so.9", "libx11-6"]
+    of_orb_slam3 = system_libraries.advice(["libGLU.so.1", "libOpenGL.so.0"], "orb_slam3")
+    assert of_orb_slam3.startswith("orb_slam3 needs system libraries")
+    assert of_orb_slam3.endswith("run: apt-get install libglu1-mesa libopengl0")
     line = system_libraries.advice(names)
     assert "\n" not in line
     assert "apt-get install libgl1 libodd.so.9 libx11-6" in line

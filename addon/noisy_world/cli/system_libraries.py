@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find the system libraries that the bpy package needs and this machine lacks; install them if root on Debian.
+"""Find the system libraries that a package needs and this machine lacks; install them if root on Debian.
 
-    python -m noisy_world.cli.system_libraries
+    python -m noisy_world.cli.system_libraries        # those of bpy
 
 Rendering with Cycles needs no display, but the package is linked against X and GL all the same.
 """
@@ -12,9 +12,10 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-# What bpy 5.2 links against, by Debian's package names.
+# What bpy 5.2 links against, and the windows of ORB-SLAM3, which are never opened, by Debian's package names.
 DEBIAN_PACKAGES = {
     "libX11.so.6": "libx11-6",
     "libXrender.so.1": "libxrender1",
@@ -28,24 +29,36 @@ DEBIAN_PACKAGES = {
     "libGL.so.1": "libgl1",
     "libEGL.so.1": "libegl1",
     "libgomp.so.1": "libgomp1",
+    "libOpenGL.so.0": "libopengl0",
+    "libGLU.so.1": "libglu1-mesa",
 }
 
 
 def main() -> int:
     """Install the missing libraries, or print their names; return the exit status."""
-    names = missing_libraries()
+    problem = provide("bpy", missing_libraries)
+    if problem:
+        print(problem, file=sys.stderr)
+    return int(bool(problem))
+
+
+def provide(whose: str, find: Callable[[], list[str]]) -> str:
+    """Install the missing libraries if root on Debian; return what is missing then and how to get it, "" for nothing.
+
+    find: returns the names of the libraries that are missing.
+    """
+    names = find()
     if not names:
-        return 0
+        return ""
     packages = debian_packages(names)
     if os.geteuid() == 0 and shutil.which("apt-get"):
         print(f"system libraries are missing ({', '.join(names)}): installing {' '.join(packages)}", file=sys.stderr)
         said = install(packages)
-        names = missing_libraries()
+        names = find()
         if not names:
-            return 0
+            return ""
         print(said, file=sys.stderr)
-    print(advice(names), file=sys.stderr)
-    return 1
+    return advice(names, whose)
 
 
 def install(packages: list[str]) -> str:
@@ -61,10 +74,10 @@ def install(packages: list[str]) -> str:
     return said.strip()
 
 
-def advice(names: list[str]) -> str:
+def advice(names: list[str], whose: str = "bpy") -> str:
     """Return one line on what is missing and how to get it."""
     packages = " ".join(debian_packages(names))
-    return f"bpy needs system libraries that are missing here: {', '.join(names)}; run: apt-get install {packages}"
+    return f"{whose} needs system libraries that are missing here: {', '.join(names)}; run: apt-get install {packages}"
 
 
 def debian_packages(names: list[str]) -> list[str]:
@@ -75,10 +88,17 @@ def debian_packages(names: list[str]) -> list[str]:
 def missing_libraries() -> list[str]:
     """Return the libraries that the dynamic linker does not find for bpy; [] where there is no ldd."""
     spec = importlib.util.find_spec("bpy")
-    if spec is None or spec.origin is None or not sys.platform.startswith("linux") or not shutil.which("ldd"):
+    if spec is None or spec.origin is None:
         return []
-    library = Path(spec.origin).with_name("__init__.so")
-    linked = subprocess.run(["ldd", library], capture_output=True, text=True, check=False)  # noqa: S607 - our own
+    return missing_for([Path(spec.origin).with_name("__init__.so")])
+
+
+def missing_for(libraries: Iterable[Path]) -> list[str]:
+    """Return the libraries that the dynamic linker does not find for some; [] where there is no ldd."""
+    files = list(libraries)
+    if not files or not sys.platform.startswith("linux") or not shutil.which("ldd"):
+        return []
+    linked = subprocess.run(["ldd", *files], capture_output=True, text=True, check=False)  # noqa: S607 - our own
     return parse_ldd(linked.stdout)
 
 

@@ -42,6 +42,7 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     from ..evaluation.systems.installing import install as make
     from ..evaluation.systems.registry import find_system
     from .missing import blender_problem, missing_package
+    from .system_libraries import missing_for, provide
 
     system = find_system(options.install)
     if system.environment != ENVIRONMENT:
@@ -55,6 +56,10 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     found = environment_folder(ENVIRONMENT)
     into = found if options.into is None else options.into.resolve() / found.name
     made = make(into, options.python, say)
+    packages = "lib/python3.*/site-packages"
+    libraries = [*into.glob(f"{packages}/orbslam3/*.so"), *into.glob(f"{packages}/open3d/cpu/pybind*.so")]
+    if problem := provide(f"{system.name}, in {into},", lambda: missing_for(libraries)):
+        raise MissingDependencyError(problem)
     print(f"{'installed' if made else 'is there already:'} {into}")
     if into == found:
         system_versions.cache_clear()

@@ -23,8 +23,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
-from ..core.regular_files import read_bytes
-
 MARK = "@noisy-world "  # as `core.progress`; a test holds the two together
 DONE, USERS_ERROR, REFUSED, BUSY, INTERRUPTED = 0, 1, 3, 75, 130
 """Exit statuses of a command: REFUSED where this machine cannot make any shard as the others do, BUSY where another
@@ -121,8 +119,9 @@ def _problem(order: Order, environment: dict[str, str]) -> str:
             here = f"has Noisy World {there[0]}" if there else f"has no Noisy World for {sys.executable}"
             return f"{here}; install the version of the driver there, {order.version}"
     if order.seen:
+        seen = Path(order.seen)
         try:
-            digest = hashlib.sha256(read_bytes(order.seen)).hexdigest()
+            digest = hashlib.sha256(seen.read_bytes()).hexdigest() if seen.is_file() else ""
         except OSError:
             digest = ""
         if digest != order.sha256:

@@ -32,6 +32,11 @@ class FrameNumbers(Sequence[int]):
         cut = (range(max(part.start, low), _least(part.stop, chosen.stop)) for part in self.ranges)
         return FrameNumbers(part for part in cut if part)
 
+    def least_blocks(self, size: int) -> int:
+        """Return how many blocks of `size` numbers hold some of these, at least: each neighbour may share one."""
+        held = sum((part.stop - 1) // size - part.start // size + 1 for part in self.ranges)
+        return held - max(0, len(self.ranges) - 1)
+
     @cached_property
     def _ends(self) -> list[int]:
         """How many numbers there are up to each range's end."""

@@ -10,7 +10,7 @@ from typing import Any
 from ..core.datasets.json_text import read_json
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.datasets.provenance import package_version
-from ..core.datasets.standing import identity_problem
+from ..core.datasets.standing import identity_problem, is_inside
 from ..core.errors import InputError
 from .digests import BLOCK_FRAMES, DIGEST_BYTES, blocks_of, split_digests
 from .frame_numbers import FrameNumbers
@@ -108,19 +108,38 @@ def _sequences(content: Any) -> dict[str, SequenceDigests]:
     """Raises KeyError, TypeError, ValueError or AttributeError where this is not what `text` writes."""
     found: dict[str, SequenceDigests] = {}
     for folder, row in sorted(content.items()):
-        frames = FrameNumbers(range(int(start), int(stop)) for start, stop in row["frames"])
-        blocks = blocks_of(frames)
+        frames = _frames(row["frames"])
+        least = frames.least_blocks(BLOCK_FRAMES)
         images: dict[str, Digests] = {}
+        if not row["images"]:
+            raise ValueError("has no images")
         for series, text in row["images"].items():
             if "/" in text:  # the digests are those of an earlier sequence
                 images[series] = found[text].images[series]
             else:
-                images[series] = dict(zip(blocks, split_digests(text), strict=True))
+                digests = split_digests(text)
+                if least > len(digests):  # before a list is made of as many blocks as somebody wrote
+                    raise ValueError("has fewer digests than blocks")
+                images[series] = dict(zip(blocks_of(frames), digests, strict=True))
+            if least > len(images[series]):
+                raise ValueError("has fewer digests than blocks")
         found[folder] = SequenceDigests(frames, images, _texts(row["texts"]))
     return found
 
 
+def _frames(content: list[list[int]]) -> FrameNumbers:
+    """Raises TypeError or ValueError where this is no list of ranges in order."""
+    end = 0
+    for start, stop in content:
+        if type(start) is not int or type(stop) is not int:
+            raise TypeError("a frame's number is whole")
+        if not end <= start < stop:
+            raise ValueError("the ranges are not in order")
+        end = stop
+    return FrameNumbers(range(start, stop) for start, stop in content)
+
+
 def _texts(content: Any) -> dict[str, str]:
-    if not all(isinstance(digest, str) for digest in content.values()):
-        raise TypeError("a digest is a text")
+    if not all(is_inside(name) and len(split_digests(digest)) == 1 for name, digest in content.items()):
+        raise TypeError("a digest is a text, of a file in the dataset")
     return dict(content)

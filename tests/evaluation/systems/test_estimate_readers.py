@@ -328,3 +328,9 @@ def test_coordinates_far_out_and_half_turns(tmp_path):
     poses[:, :3, 3] = 1e5 + np.arange(6)[:, None] * [0.25, 0.5, 0.125]
     np.save(tmp_path / "far.npy", poses.astype(np.float32))
     assert np.array_equal(read_estimate("array", tmp_path / "far.npy", INDEX).c2w, poses)
+
+
+def test_lists_of_images_that_never_end(tmp_path):
+    (tmp_path / "images.txt").write_bytes(b"\n" * 2_000_001)
+    with pytest.raises(InputError, match="has more than 2000000 lines"):
+        read_estimate("colmap", tmp_path / "images.txt", {"frames": []})

@@ -142,6 +142,9 @@ def test_the_command_lists_and_installs(tmp_path, python, monkeypatch, capfd):
     assert status == 1
     assert told == f"installed {tmp_path}/named/.venv-slam\n"
     assert "system orb_slam3 cannot be run here: its command for versions" in said
+    monkeypatch.setattr("noisy_world.cli.system_libraries.provide", lambda whose, find: f"{whose} needs {find()}")
+    status, _, said = systems("install", "orb_slam3", "--python", python)
+    assert (status, said) == (1, f"noisy-world systems: orb_slam3, in {tmp_path}/named/.venv-slam, needs []\n")
     versions = json.dumps({"orb_slam3": "1"})
     program(tmp_path / "named/.venv-slam/bin/python", f"#!/bin/sh\necho '{versions}'")
     assert "orb_slam3: can be run here\n" in systems()[1]

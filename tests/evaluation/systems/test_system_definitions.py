@@ -1,10 +1,14 @@
 """Definitions of systems: what they may say, and the one line where they say something else."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 import yaml
 
 from noisy_world.core.errors import InputError, MissingDependencyError
-from noisy_world.evaluation.systems.checking import check_system
+from noisy_world.evaluation.systems.checking import PACKAGE_FOLDER, check_system
 from noisy_world.evaluation.systems.definition import filled, read_system
 from noisy_world.evaluation.systems.registry import SHIPPED, find_system, find_systems, shipped_names
 
@@ -132,3 +136,9 @@ def test_versions_are_asked_before_anything_is_run(tmp_path, script, message):
         return
     with pytest.raises(MissingDependencyError, match=message):
         check_system(system)
+
+
+def test_systems_can_be_named_where_none_can_be_run():
+    """Windows has no module `resource`, and names systems nevertheless."""
+    script = "import sys; sys.modules['resource'] = None; import noisy_world.evaluation.study.study"
+    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, "PYTHONPATH": str(PACKAGE_FOLDER)})

@@ -143,6 +143,27 @@ def test_shapes_strides_and_offsets(tmp_path, way):
             read(tmp_path, made(mapping(a=tensor("0", shape, strides, 12, offset=offset))))
 
 
+def test_tensors_that_are_more_than_their_numbers(tmp_path):
+    """Steps of 0 make any array of a few numbers; axes of no length, of none."""
+
+    def made(shape, strides):
+        return archive(mapping(a=tensor("0", shape, strides, 12)), {"0": NUMBERS.tobytes()})
+
+    huge = 2**31 - 1
+    with pytest.raises(InputError, match=r"holds poses of 8590 MB, more than the 64 MB of limits.estimate_mb"):
+        read(tmp_path, made((huge, 1), (0, 1)))
+    with pytest.raises(InputError, match=r"is damaged: a tensor of 3 axes"):
+        read(tmp_path, made((0, huge, huge, huge)[:3], (0, 0, 0)))
+    with pytest.raises(InputError, match=r"is damaged: a tensor of 99 axes"):
+        read(tmp_path, made((1,) * 99, (0,) * 99))
+    (tmp_path / "file.pt").write_bytes(made((12,), (1,)))
+    with (
+        pytest.raises(InputError, match=r"holds poses of 0 MB, more than"),
+        open_torch(tmp_path / "file.pt", 40) as held,
+    ):
+        held["a"].array()
+
+
 def test_big_endian_and_other_kinds(tmp_path):
     data = mapping(a=tensor("0", (12,), (1,), 12))
     assert np.array_equal(read(tmp_path, archive(data, {"0": NUMBERS.astype(">f4").tobytes()}, order="big")), NUMBERS)
@@ -212,7 +233,15 @@ def test_damaged_files_are_refused_or_read(tmp_path, recorded):
 
 
 def test_a_pickle_that_asks_for_much_memory(tmp_path):
-    for part in (b"r\xff\xff\xff\x7f0", b"\x96\x00\x00\x00\x00\x10\x00\x00\x00", b"\x8a\x7f", b"X\xff\xff\xff\x7fa"):
+    long = b"\x8a\x10" + bytes(15) + b"\x01"  # a number of 120 bits: many of one hash could be made
+    for part in (
+        long,
+        b"]" * 3_000_001,
+        b"r\xff\xff\xff\x7f0",
+        b"\x96\x00\x00\x00\x00\x10\x00\x00\x00",
+        b"\x8a\x7f",
+        b"X\xff\xff\xff\x7fa",
+    ):
         for data in (archive(b"\x80\x02N" + part + b"N.", {}), legacy(b"\x80\x02N" + part + b"N.", {})):
             (tmp_path / "file.pt").write_bytes(data)
             with (

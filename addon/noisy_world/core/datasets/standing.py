@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .json_text import read_json
+from .layouts import LAYOUTS
 from .provenance import FORMAT, cameras_of
 from .records import FRAMES, OUT_OF_RANGE, read_records
 from .storage import sha256_of_regular_file
@@ -19,6 +20,7 @@ MERGED = "merged.jsonl"  # in the working folder: a line for each shard that was
 MANIFEST = "manifest.json"
 RUN = "run.json"
 MANIFEST_SHA256 = "manifest_sha256"  # in run.json
+MOST_FRAMES = 10**7  # chosen: of a path; four days at 30 Hz, and gigabytes of poses as text
 UNCHECKED = f"{RUN} does not tell the SHA-256 of {MANIFEST}, which is not checked"
 OVERVIEW = "overview.png"
 JOURNALS = "journal-*.jsonl"
@@ -168,12 +170,16 @@ class _Each:
 _STEP = {"name": str, "severity": NUMBER, "levels": (list, type(None)), "temporal": str, "parameters": object}
 _SETTING = {"backend": TEXT, "steps": _Each(list, _STEP)}
 _SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
-_COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": dict}
+_OUTPUT = {"layout": str, "image": TEXT, "modalities": _Each(list, str)}
+_RENDER = {"engine": str, "samples": int}
+_COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": _OUTPUT}
 _PROCESSOR = {"machine": str, "byte_order": str, "features": _Each(list, str)}
 _MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": _PROCESSOR}
 _LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, _SETTING)}
 _IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
 _MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
+_DIGEST = re.compile("[0-9a-f]{64}")
+_INSIDE = re.compile(r"(?!\.\.?(/|$))[^/\0\\]+(/(?!\.\.?(/|$))[^/\0\\]+)*")  # a name that leads nowhere else
 
 
 def _fits(value: Any, shape: Any) -> bool:
@@ -192,11 +198,23 @@ def identity_problem(value: Any) -> str:
         return "is not the identity of a dataset"
     if value["format"] != FORMAT:
         return ""
-    if not (_fits(value, _IDENTITY) and _has_cameras(value)):
+    whole = _fits(value, _IDENTITY) and _has_cameras(value) and value["output"]["layout"] in LAYOUTS
+    whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
+    if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
         return "lacks what an identity holds, or holds something else"
     parts = [name.split("/") for name in value["sequences"]]
     known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
     return "" if known else "does not say what all its sequences are made from"
+
+
+def _is_file(name: str, digest: object) -> bool:
+    """Tell whether these are the name of a file in a folder and a SHA-256."""
+    return is_inside(name) and isinstance(digest, str) and bool(_DIGEST.fullmatch(digest))
+
+
+def is_inside(name: str) -> bool:
+    """Tell whether a name, with forward slashes, is one of a file in a folder, which leads nowhere else."""
+    return bool(_INSIDE.fullmatch(name))
 
 
 def _has_cameras(identity: dict[str, Any]) -> bool:
@@ -216,5 +234,11 @@ def manifest_problem(value: Any) -> str:
     if not _fits(value, _MANIFEST):
         return "lacks what a manifest holds, or holds something else"
     finished = {name for name, found in value["files"].items() if isinstance(found, dict)}
+    digests = {name: found for name, found in value["files"].items() if name not in finished}
+    if any(FRAMES not in value["files"][name] for name in finished):
+        return f"does not name the {FRAMES} of each sequence"
+    for files in (digests, *(value["files"][name] for name in finished)):
+        if wrong := next((name for name, digest in files.items() if not _is_file(name, digest)), None):
+            return f"does not tell a name inside the dataset and its SHA-256 of {wrong[:80]!r}"
     agree = finished == set(value["frames"]) and finished <= set(identity["sequences"])
     return "" if agree else "contradicts itself"

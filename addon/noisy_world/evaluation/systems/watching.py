@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from .definition import Limits
-from .guard import MARK, end_marked
 
 GUARD = Path(__file__).with_name("guard.py")
 LOG_BYTES = 256 * 1024  # of the beginning, and of the end
@@ -60,6 +59,8 @@ def watched(
     errors: one for what it says on standard error, if not the log. limit_s: on the wall. grace_s: from being asked to
     end until it is ended. stop: ends it when set.
     """
+    from .guard import MARK, end_marked  # it cannot be imported on Windows, where no system is run
+
     order = {
         "command": list(command),
         "folder": os.fspath(folders[0]),

@@ -22,8 +22,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
 from frame_files import inverse, read_image, rigid, tum_text
+
+try:
+    import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
+except ImportError as error:  # of several lines, the last of which names nothing
+    sys.exit(f"orbslam3 cannot be imported: {' '.join(str(error).split())}")
 
 # As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera and rate. The baseline of a virtual right camera
 # says how much depth counts against pixels. TUM1.yaml has 40 pixels of disparity at a metre, for a Kinect; with depth

@@ -18,6 +18,7 @@ from .frames import Index, check_finite, estimate_of_frames
 from .stamped import NO_POSE
 
 _WORDS = 10  # of an image's first line
+_MOST_LINES = 2_000_000  # two of an image; each takes a hundred bytes of memory, though it be empty
 
 
 def read(path: Path, index: Index) -> Estimate:
@@ -45,7 +46,10 @@ def read(path: Path, index: Index) -> Estimate:
 
 def _images(file: Path) -> list[tuple[str, list[str]]]:
     """Return for each image where its line is, and that line's words; the name, which may hold blanks, is the last."""
-    lines = [(number, line) for number, line in enumerate(read_text(file).split("\n"), 1) if not line.startswith("#")]
+    text = read_text(file)
+    if text.count("\n") > _MOST_LINES:
+        raise InputError(file, f"has more than {_MOST_LINES} lines")
+    lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if not line.startswith("#")]
     while lines and not lines[0][1].strip():
         lines.pop(0)
     while len(lines) > 1 and not lines[-1][1].strip() and not lines[-2][1].strip():

@@ -122,10 +122,13 @@ class Tensor:
         last = self.offset + sum((size - 1) * step for size, step in zip(self.shape, self.strides, strict=True))
         if min((self.offset, *self.shape, *self.strides)) < 0 or (0 not in self.shape and last >= len(numbers)):
             raise InputError(self.file.path, "is damaged: a tensor reaches beyond its numbers")
-        if 0 in self.shape:
-            return np.zeros(self.shape, numbers.dtype)
         strides = [step * numbers.itemsize for step in self.strides]
-        return np.lib.stride_tricks.as_strided(numbers[self.offset :], self.shape, strides).copy()
+        try:
+            if 0 in self.shape:
+                return np.zeros(self.shape, numbers.dtype)
+            return np.lib.stride_tricks.as_strided(numbers[self.offset :], self.shape, strides).copy()
+        except ValueError as error:  # more axes than numpy has, or longer ones
+            raise InputError(self.file.path, f"is damaged: a tensor of {len(self.shape)} axes") from error
 
 
 @dataclass
