@@ -3,13 +3,36 @@
 
 As a Blender extension it adds a tab to the 3D view's sidebar. The library and the command `noisy-world`
 (headless/generate.py) use the same scenes, trajectories and presets without the tab.
+
+The library: `open` reads datasets and recipes frame by frame, `perturb` perturbs arrays and sequences, `extend` is what
+an author of perturbations imports. The last two are loaded when they are first used.
 """
 
+import importlib
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from . import extend, perturb
     from .recipes.opened import Opened
+
+    __version__: str
+
+__all__ = ["__version__", "extend", "open", "perturb"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from .core.datasets.provenance import package_version  # noqa: PLC0415
+
+        return package_version()
+    if name in ("extend", "perturb"):
+        return importlib.import_module(f".{name}", __name__)  # by the name that Blender has loaded it under
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "register", "unregister"]
 
 
 def open(  # noqa: A001 - as in noisy_world.open(...)

@@ -3,7 +3,7 @@
 
     from noisy_world.perturb import apply, frames
 
-    foggy = apply(rgb, "fog", severity=3, seed=7, frame=12)
+    foggy = apply(rgb, "fog", 3, seed=7, frame=12)
     for item in frames("Replica/room0", [{"fog": {"severity": 3}}, {"desync": {"offset": 5}}], seed=7):
         track(item.rgb, item.depth_m)
 
@@ -51,11 +51,30 @@ from .pipeline.clean_frame import Camera, CleanFrame
 from .pipeline.made_frame import SequenceMaker
 from .sources.recording import RecordedFrame, read_recording
 
+__all__ = ["PerturbedFrame", "apply", "frames", "names"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
+def names() -> list[str]:
+    """Return the names of all perturbations that there are, those of installed packages too, in propagation order.
+
+    >>> from noisy_world.perturb import names
+    >>> "fog" in names(), "desync" in names()
+    (True, True)
+
+    Raises InputError where an installed package brings perturbations that cannot be loaded.
+    """
+    return list(registry())
+
 
 @overload
 def apply(
     image: NDArray[np.uint8],
     name: str,
+    severity: float | None = None,
     *,
     seed: int = 0,
     frame: int = 0,
@@ -71,6 +90,7 @@ def apply(
 def apply(
     image: NDArray[np.floating],
     name: str,
+    severity: float | None = None,
     *,
     seed: int = 0,
     frame: int = 0,
@@ -85,6 +105,7 @@ def apply(
 def apply(
     image: NDArray[Any],
     name: str,
+    severity: float | None = None,
     *,
     seed: int = 0,
     frame: int = 0,
@@ -99,12 +120,22 @@ def apply(
     image: (H, W, 3) RGB, sRGB-encoded, uint8 or float in [0, 1], for a perturbation of colour; (H, W) float planar
     depth in metres, 0 = void, for one of depth. The result has the same shape; it is uint8 for uint8, and float32 for
     any floating type, which is converted first.
-    name: of the perturbation, such as "fog". seed, frame: decide the random stream; equal ones give equal pixels. seed
-    is from 0 to 2^63 - 1, frame from 0 to 2^64 - 1.
+    name: of the perturbation, such as "fog"; `names` lists them. severity: 0, or 1 to 5.
+    seed, frame: decide the random stream; equal ones give equal pixels. seed is from 0 to 2^63 - 1, frame from 0 to
+    2^64 - 1.
     depth_m: (H, W) float planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
     an image of colour, for the perturbations of depth that depend on it. intrinsics, stamp_s: of the image, for
     perturbations that ask for them; stamp_s in seconds.
-    values: as in a preset: severity (0, or 1 to 5), mode, levels, temporal, or single parameters.
+    values: as in a preset: mode, levels, temporal, or single parameters.
+
+        >>> import numpy as np
+        >>> from noisy_world.perturb import apply
+        >>> grey = np.full((4, 6, 3), 128, np.uint8)
+        >>> noisy = apply(grey, "gaussian_noise", 3, seed=7)
+        >>> noisy.shape, noisy.dtype == np.uint8, (noisy != grey).any().item()
+        ((4, 6, 3), True, True)
+        >>> bool((apply(grey, "gaussian_noise", 3, seed=7) == noisy).all())  # the same seed, the same pixels
+        True
 
     Raises InputError for a name or a value that does not exist; TypeError for an argument of another kind, such as
     depth in whole numbers or colour with an alpha channel; ValueError for values that it may not hold: colour outside
@@ -112,6 +143,7 @@ def apply(
     """
     name = checked_text("name", name)
     place = Place("apply")
+    values = values if severity is None else {"severity": severity, **values}
     (step,) = parse_steps([{name: plain(values)}], place, registry())
     if isinstance(step.perturbation, SEQUENCE_KINDS):
         raise TypeError(f"{name} acts on a whole sequence, not on an image")
@@ -148,7 +180,7 @@ def _perturbed(step: Step[Any], image: NDArray[Any], where: FrameContext) -> NDA
     return image if severity == 0 else np.clip(perturb_colour(step, image, severity, context), 0.0, 1.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PerturbedFrame:
     """A frame of a perturbed sequence.
 
@@ -161,6 +193,10 @@ class PerturbedFrame:
     c2w: NDArray[np.float64]
     rgb: NDArray[np.uint8]
     depth_m: NDArray[np.float32]
+
+    def __repr__(self) -> str:
+        size = "{1} x {0}".format(*self.rgb.shape)
+        return f"<PerturbedFrame {self.index} at {self.stamp_s:.6f} s, {size}>"
 
 
 def frames(
@@ -201,7 +237,7 @@ def frames(
     stream = None if stream is None else checked_text("stream", stream)
     steps = parse_steps(plain(perturb), Place("frames"), registry())
     whole = Setting(setting, drawing_by(steps, setting, stream, Place("frames").at("stream")))
-    moving, _ = split_motion(whole.motion)
+    moving = (*split_motion(whole.motion, exposed=bool(whole.exposure))[0], *whole.exposure)
     if moving:
         told = moving[-1].perturbation.name
         raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")

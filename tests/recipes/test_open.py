@@ -181,6 +181,31 @@ def test_rays_are_cast_on_the_spot(tmp_path):
 # --- access ---
 
 
+def test_slices_and_counting_from_the_end(made):
+    opened = noisy_world.open(made.recipe, made.clean)
+    early = opened["early/box"]  # frames 2 to 8: the first two have no depth to go with them
+
+    def numbers(found):
+        return [frame.index for frame in found]
+
+    assert early[-1].index == 8
+    assert numbers(early[:]) == [2, 3, 4, 5, 6, 7, 8]
+    assert numbers(early[:4]) == [2, 3]  # by the frames' own numbers, as --frames 0:4
+    assert numbers(early[-2:]) == [7, 8]
+    assert numbers(early[2:9:3]) == [2, 5, 8]
+    assert numbers(early[::-1]) == [8, 7, 6, 5, 4, 3, 2]
+    assert early[20:] == []
+
+
+def test_what_a_user_gets_says_what_it_is(made):
+    for opened in (noisy_world.open(made.recipe, made.clean), noisy_world.open(made.out)):
+        assert repr(opened).startswith(f"<{opened.place}: {len(opened)} sequences, '")
+        assert repr(opened["early/box"]) == "<sequence 'early/box': 7 frames, 2 to 8>"
+        assert repr(opened["clean/box"][3]).startswith("<frame 3 of 'clean/box' at ")
+        listed = opened.frames(["early", "fast"])
+        assert repr(listed) == f"<10 frames of 2 sequences of {opened.place}>"
+
+
 def test_what_is_not_there_is_said(made):
     opened = noisy_world.open(made.recipe, made.clean)
     with refused("holds no sequence 'fog_s4/box'; near it: fog_s3/box"):
@@ -189,8 +214,10 @@ def test_what_is_not_there_is_said(made):
         opened["early/box"][0]
     with pytest.raises(IndexError, match="fast/box has no frame 3; its frames are 0 to 2"):
         opened["fast/box"][3]
-    with pytest.raises(IndexError, match="no frame -1"):
-        opened["clean/box"][-1]
+    with pytest.raises(IndexError, match="early/box has no frame -8; its frames are 2 to 8"):
+        opened["early/box"][-8]  # frame 1, which was left out
+    with pytest.raises(IndexError, match="no frame -99"):
+        opened["clean/box"][-99]
     with pytest.raises(TypeError, match="not by float"):
         opened["clean/box"][1.0]
     with refused("settings: 'fgo*' matches none of 30 settings"):
@@ -215,7 +242,7 @@ def test_frames_that_nobody_rendered_are_missed_with_the_command(made, tmp_path)
 
 def test_no_folder_and_no_recipe(tmp_path, made):
     for path, words in [
-        (tmp_path / "none", "no such recipe"),
+        (tmp_path / "none", "no such folder or recipe"),
         (tmp_path, "holds no sequence; name a recipe, a dataset"),
         (made.recipe.parent / "preset.yaml", "a recipe is what 'noisy-world recipe DATASET' writes"),
     ]:

@@ -8,8 +8,8 @@ from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
-from itertools import accumulate
-from typing import Any, Self, TypedDict
+from itertools import accumulate, islice
+from typing import Any, Self, TypedDict, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,10 @@ class Frame(ABC):
     stamp_s: float
     depth_stamp_s: float
     c2w: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        """Tell which frame it is; no image is read for that."""
+        return f"<frame {self.index} of {self.sequence!r} at {self.stamp_s:.6f} s>"
 
     @property
     @abstractmethod
@@ -99,11 +103,30 @@ class OpenedSequence(ABC):
     def __contains__(self, index: object) -> bool:
         return index in self.frames
 
-    def __getitem__(self, index: int) -> Frame:
-        """Return the frame of a number. Raises IndexError where there is no such frame."""
+    def __repr__(self) -> str:
+        return f"<sequence {self.name!r}: {len(self):,} frames, {self.frames}>"
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        """Return the frame of a number, or those of a slice of numbers; their images are read when they are asked for.
+
+        Numbers are the frames' own, as in --frames; negative ones count back from the end, so -1 is the last frame and
+        [-5:] the last five numbers. Frames that were left out leave gaps in a slice.
+
+        Raises IndexError where there is no frame of a number.
+        """
+        end = self.frames[-1] + 1 if len(self.frames) else 0
+        if isinstance(index, slice):
+            return [self._frame(number) for number in range(end)[index] if number in self.frames]
         number = _whole_number(index)
+        number = number + end if number < 0 else number
         if number not in self.frames:
-            raise IndexError(f"{self.name} has no frame {number}; its frames are {self.frames}")
+            raise IndexError(f"{self.name} has no frame {index}; its frames are {self.frames}")
         return self._frame(number)
 
 
@@ -126,6 +149,11 @@ class Opened(Mapping[str, OpenedSequence]):
     @abstractmethod
     def _sequence(self, name: str) -> OpenedSequence:
         """Return a sequence that there is."""
+
+    def __repr__(self) -> str:
+        """Tell the place and how many sequences it holds, with the first ones' names."""
+        first = ", ".join(map(repr, islice(self, 3))) + (", ..." if len(self) > 3 else "")
+        return f"<{self.place}: {len(self):,} {'sequence' if len(self) == 1 else 'sequences'}, {first}>"
 
     def __len__(self) -> int:
         return len(self._names)
@@ -231,6 +259,9 @@ class FrameList(Sequence[Sample]):
 
     def __len__(self) -> int:
         return self._ends[-1] if self._ends else 0
+
+    def __repr__(self) -> str:
+        return f"<{len(self):,} frames of {len(self._parts):,} sequences of {self._opened.place}>"
 
     def where(self, place: int) -> tuple[str, int]:
         """Return the sequence and the number of a frame in the list. Raises IndexError."""

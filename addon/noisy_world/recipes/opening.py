@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.home import with_home
+from ..core.near import nearest
 from ..storage.address import address_of, is_address
 from ..storage.packed import is_packed
 from .clean_store import read_store
@@ -26,6 +27,8 @@ def open_path(path: str | Path, clean: str | Path | None = None, data: str | Pat
     if place.is_dir():
         _refuse_inputs(place, "a folder", clean, data)
         return OpenedPacked(address_of(place)) if is_packed(place) else OpenedFolder(place)
+    if not place.exists():
+        raise _not_there(place)
     recipe = read_recipe(place)
     store = None if clean is None else read_store(_place(clean))
     for made in [made_here()] + ([store.identity] if store is not None else []):
@@ -33,6 +36,15 @@ def open_path(path: str | Path, clean: str | Path | None = None, data: str | Pat
             warnings.warn(f"{place}: {otherwise}", stacklevel=3)
             break
     return OpenedRecipe(recipe, store, None if data is None else _place(data))
+
+
+def _not_there(place: Path) -> InputError:
+    """Return the error for a path that leads nowhere, with what is near its first part that is not there."""
+    first = next(part for part in [*reversed(place.parents), place] if not part.exists())
+    beside = {item.name: item for item in sorted(first.parent.iterdir())} if first.parent.is_dir() else {}
+    near = nearest(first.name, beside)
+    remedy = f"did you mean {str(beside[near])!r}?" if near else f"{first.parent} holds nothing of a name like it"
+    return InputError(place, "no such folder or recipe", remedy=remedy)
 
 
 def _refuse_inputs(path: str | Path, what: str, clean: str | Path | None, data: str | Path | None) -> None:

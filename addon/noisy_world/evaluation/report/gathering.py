@@ -55,7 +55,11 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         ranking_picture(found),
         opening(results),
         facts(results),
-        [section for section in sections if section.pictures or section.frames or section.tables],
+        [
+            part
+            for part in sections
+            if part.pictures or part.frames or part.tables or (said and part.name == "severity")
+        ],
         tuple(dict.fromkeys(missing)),
         again(results),
         command(results),
