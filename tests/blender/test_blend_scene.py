@@ -192,6 +192,6 @@ def test_a_compositor_that_is_not_there_cannot_be_kept(tmp_path):
     scene = new_scene()
     scene.compositing_node_group = None
     path = save(tmp_path)
-    with pytest.raises(InputError, match="compositor: keep: the scene .* has no compositor; leave the key out"):
-        with opened(path, keep=True):
-            pass
+    told = r"compositor: keep: the scene .* has no compositor; leave the key out"
+    with pytest.raises(InputError, match=told), opened(path, keep=True):
+        pass
