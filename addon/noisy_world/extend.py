@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an author of perturbations imports: the four kinds, their contexts, and what node groups are built with.
+"""What an author of perturbations imports: the five kinds, their contexts, and what node groups are built with.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
@@ -13,24 +13,28 @@ from .core.node_graphs.groups import Canvas
 from .core.perturbing.kinds import (
     ColourPerturbation,
     DepthPerturbation,
+    ExposurePerturbation,
     FrameContext,
     MotionPerturbation,
     PairingPerturbation,
     SequenceContext,
 )
 from .core.schema import key
+from .core.trajectories.frame_request import Shutter
 from .core.trajectories.trajectory import Trajectory
 
 __all__ = [
     "Canvas",
     "ColourPerturbation",
     "DepthPerturbation",
+    "ExposurePerturbation",
     "FrameContext",
     "Graph",
     "Intrinsics",
     "MotionPerturbation",
     "PairingPerturbation",
     "SequenceContext",
+    "Shutter",
     "Socket",
     "Trajectory",
     "key",

@@ -237,7 +237,7 @@ def frames(
     stream = None if stream is None else checked_text("stream", stream)
     steps = parse_steps(plain(perturb), Place("frames"), registry())
     whole = Setting(setting, drawing_by(steps, setting, stream, Place("frames").at("stream")))
-    moving, _ = split_motion(whole.motion)
+    moving = (*split_motion(whole.motion, exposed=bool(whole.exposure))[0], *whole.exposure)
     if moving:
         told = moving[-1].perturbation.name
         raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")

@@ -26,15 +26,14 @@ from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.core.geometry import (
     Intrinsics,
     nearest_rotation,
-    quat_wxyz_from_rotation,
     rotation_error,
     rotation_from_euler_deg,
     rotation_from_quat_wxyz,
-    slerp,
 )
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.scenes import recentring
 from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.core.trajectories.rotation_spline import RotationSpline
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 
@@ -86,7 +85,7 @@ def render(mesh: Mesh, c2w: np.ndarray, options: RenderOptions = OPTIONS, camera
     """Render one frame."""
     paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]))
     with Session(mesh, "case", paths, camera, options) as session:
-        frame = session.frame(paths.moment(0))
+        frame = session.frame(paths.request(0))
     assert frame.rgb is not None
     assert frame.depth_m is not None
     return Image(frame.rgb, frame.depth_m)
@@ -369,8 +368,7 @@ def half_turns() -> Table:
     for angle_deg in (1e-7, 1.0, 90.0, 179.999999, 180.0, 180.000001):
         half = np.radians(angle_deg) / 2
         end = start @ rotation_from_quat_wxyz([np.cos(half), *(np.sin(half) * axis)])
-        quats = slerp(quat_wxyz_from_rotation(start), quat_wxyz_from_rotation(end), u)
-        turned = rotation_from_quat_wxyz(quats)
+        turned = RotationSpline(u[[0, -1]], np.stack([start, end])).at(u)
         errors = []
         for sign in (1.0, -1.0):  # at a half turn both arcs are equally short
             way = np.radians(angle_deg if sign > 0 else angle_deg - 360.0) * u / 2

@@ -24,7 +24,7 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
     from noisy_world.core.datasets.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.planning.plan import source_paths  # noqa: PLC0415
+    from noisy_world.core.planning.source_paths import source_paths  # noqa: PLC0415
     from noisy_world.core.presets.preset import read_preset  # noqa: PLC0415
     from noisy_world.planning import make_plan  # noqa: PLC0415
 
@@ -61,7 +61,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
             with FrameWriter(dataset, render, Finished([Holding(dataset, render)]), Spent()) as writer:
                 for frame in frames:
                     shown = frame % frame_count
-                    writer.submit(CleanFrame(shown, session.frame(paths.moment(shown))), {})
+                    writer.submit(CleanFrame(shown, session.frame(paths.request(shown))), {})
                 writer.drain()
             spent = {"frame_s": time.perf_counter() - start_s, "core_s": time.process_time() - start_core_s}
             return {name: value / len(frames) for name, value in spent.items()}
@@ -101,7 +101,7 @@ def bare_rays(session: Any, paths: Any, camera: Any, frames: list[int]) -> float
 
     spent_s = 0.0
     for frame in frames:
-        c2w = paths.moment(frame % len(paths)).rgb_c2w
+        c2w = paths.request(frame % len(paths)).rgb_c2w
         directions = (camera.ray_directions() @ c2w[:3, :3].T).reshape(-1, 3).astype(np.float32)
         origins_m = np.full_like(directions, c2w[:3, 3] - session.origin_m)
         start_s = time.process_time()
@@ -178,7 +178,7 @@ def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> li
 
     files = []
     for frame in frames:
-        done = session.frame(paths.moment(frame))
+        done = session.frame(paths.request(frame))
         path = folder / f"{frame}.npz"
         np.savez(path, rgb=done.rgb, depth_m=done.depth_m)
         files.append(str(path))
@@ -209,7 +209,7 @@ def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     still = SensorPaths(evenly_stamped(eye[None]))
     for name, (mesh, true_m, sure) in scenes.items():
         with open_session(mesh, name, still, camera, options) as session:
-            depth_m = session.frame(still.moment(0)).depth_m
+            depth_m = session.frame(still.request(0)).depth_m
         assert depth_m is not None
         both = np.isfinite(true_m) & (depth_m > 0)
         error = np.abs(np.where(both, depth_m, 1.0) / np.where(both, true_m, 1.0) - 1)

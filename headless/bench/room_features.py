@@ -13,7 +13,8 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 
-from noisy_world.core.planning.plan import Plan, Render, source_paths
+from noisy_world.core.planning.plan import Plan, Render
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
@@ -47,7 +48,7 @@ def fewest(plan: Plan, render: Render, every: int) -> tuple[int, int]:
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
         for frame in render.frames[::every]:
-            picture = CleanFrame(frame, source.frame(paths.moment(frame))).byte_rgb()
+            picture = CleanFrame(frame, source.frame(paths.request(frame))).byte_rgb()
             grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
             found.append((len(detector.detect(grey)), frame))
     return min(found)

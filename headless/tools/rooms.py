@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.embedded import ROOMS, room_mesh
 from noisy_world.core.scenes.mesh import Mesh
@@ -83,8 +83,8 @@ def rendered(seed: int, shown: tuple[int, ...]) -> tuple[list[Image], NDArray[np
     paths = source_paths(plan_, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan_, render), print)
-        moments = [paths.moment(number) for number in shown]
-        frames = [CleanFrame(moment.index, source.frame(moment)).byte_rgb() for moment in moments]
+        requests = [paths.request(number) for number in shown]
+        frames = [CleanFrame(request.frame, source.frame(request)).byte_rgb() for request in requests]
     return frames, render.scene.source.trajectory().c2w[:, :3, 3]
 
 

@@ -11,7 +11,7 @@ from noisy_world.blender.compositor import Compositor
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import Place
 from noisy_world.perturbations import registry
@@ -36,7 +36,7 @@ def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     paths = source_paths(plan, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
-        frame = source.frame(paths.moment(FRAME))
+        frame = source.frame(paths.request(FRAME))
     clean = CleanFrame(FRAME, frame)
     return clean.float_rgb(), clean.depth_m
 

@@ -42,7 +42,7 @@ def blurred(tmp_path):
 def test_depth_is_that_of_rays_while_object_and_camera_move(tmp_path):
     new_scene()
     with opened(save(tmp_path)) as (session, paths, camera):
-        frames = {index: session.frame(paths.moment(index)) for index in (4, 1)}
+        frames = {index: session.frame(paths.request(index)) for index in (4, 1)}
         for index, frame in frames.items():
             true_m = cast(evaluated_triangles(index + 1), paths.rgb.c2w[index], camera)
             assert relative_errors(frame.depth_m, true_m).max() < CLOSE
@@ -53,7 +53,7 @@ def test_depth_is_that_of_rays_while_object_and_camera_move(tmp_path):
 
 def test_depth_between_two_frames_and_beside_blurred_colour_is_sharp(blurred):
     with opened(blurred, stamps_s=[0.0, 0.05, 0.11], rgb=False) as (session, paths, camera):
-        depth_m = session.frame(paths.moment(2)).depth_m
+        depth_m = session.frame(paths.request(2)).depth_m
         assert (camera.width_px, camera.height_px) == (43, 32)
         assert relative_errors(depth_m, cast(evaluated_triangles(3.75), paths.rgb.c2w[2], camera)).max() < CLOSE
 
@@ -76,7 +76,7 @@ def test_colour_is_what_blender_writes_with_its_blur(blurred, tmp_path):
         bpy.ops.render.render(write_still=True)
     shown = cv2.imread(str(tmp_path / "own.png"))[..., ::-1].astype(int)
     with opened(path, depth=False) as (session, paths, _):
-        differences = np.abs(np.rint(session.frame(paths.moment(3)).rgb * 255).astype(int) - shown)
+        differences = np.abs(np.rint(session.frame(paths.request(3)).rgb * 255).astype(int) - shown)
     assert differences.max() <= 1
     assert (differences > 0).mean() < 0.01
 
@@ -96,9 +96,9 @@ def test_depth_goes_through_what_is_less_opaque_than_the_key_says_everywhere(tmp
     bpy.context.object.data.materials.append(smoke)
     assert scene.camera is not None
     with opened(save(tmp_path), depth_alpha=depth_alpha) as (session, paths, camera):
-        frame = session.frame(paths.moment(2))
+        frame = session.frame(paths.request(2))
         seen = evaluated_triangles(3, leave_out=("Smoke",) if stops else ("Smoke", "Ball"))
-        assert np.array_equal(session.frame(paths.moment(2)).rgb, frame.rgb)  # the smoke is there again
+        assert np.array_equal(session.frame(paths.request(2)).rgb, frame.rgb)  # the smoke is there again
         assert relative_errors(frame.depth_m, cast(seen, paths.rgb.c2w[2], camera)).max() < CLOSE
 
 
@@ -186,3 +186,12 @@ def test_what_cannot_be_a_source_is_said_in_words():
     assert "Camera is orthographic, not perspective" in said()
     scene.camera = None
     assert "the scene Scene has no camera of its own" in said()
+
+
+def test_a_compositor_that_is_not_there_cannot_be_kept(tmp_path):
+    scene = new_scene()
+    scene.compositing_node_group = None
+    path = save(tmp_path)
+    told = r"compositor: keep: the scene .* has no compositor; leave the key out"
+    with pytest.raises(InputError, match=told), opened(path, keep=True):
+        pass

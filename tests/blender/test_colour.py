@@ -27,7 +27,7 @@ CELL_PX = 10
 
 def render(mesh, options=OPTIONS, camera=CAMERA):
     with Session(mesh, "test", STILL, camera, options) as session:
-        return session.frame(STILL.moment(0))
+        return session.frame(STILL.request(0))
 
 
 def checkerboard(colours):
@@ -122,7 +122,7 @@ def test_frames_do_not_depend_on_threads_or_order():
         options = replace(OPTIONS, threads=threads, samples=4)
         paths = SensorPaths(evenly_stamped(poses))
         with Session(mesh, "test", paths, CAMERA, options) as session:
-            frames = {k: session.frame(paths.moment(k)) for k in order}
+            frames = {k: session.frame(paths.request(k)) for k in order}
         results[threads] = [frames[k].rgb.tobytes() + frames[k].depth_m.tobytes() for k in range(4)]
     assert results[1] == results[2]
 
@@ -133,7 +133,7 @@ def test_blenders_own_png_shows_the_same_bytes(tmp_path):
 
     colours = np.stack([np.arange(256), (np.arange(256) * 37) % 256, np.arange(256)[::-1]], axis=-1)
     with Session(checkerboard(colours), "test", STILL, CAMERA, replace(OPTIONS, samples=4)) as session:
-        session.frame(STILL.moment(0))
+        session.frame(STILL.request(0))
         scene = bpy.context.scene
         settings = scene.render.image_settings
         settings.media_type, settings.file_format, settings.color_depth = "IMAGE", "PNG", "8"

@@ -39,7 +39,7 @@ POINTS = {
 def render(mesh, c2w, camera, options=OPTIONS):
     paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]))
     with Session(mesh, "test", paths, camera, options) as session:
-        return session.frame(paths.moment(0))
+        return session.frame(paths.request(0))
 
 
 def relative_error(depth_m, expected_m, *, inside):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
@@ -33,7 +33,7 @@ def test_no_void_and_many_features_in_view(tmp_path, seed):
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
         for index in range(3):
-            frame = source.frame(paths.moment(index))
+            frame = source.frame(paths.request(index))
             assert (frame.depth_m > 0.2).all()
             assert frame.depth_m.max() < 12.0
             grey = cv2.cvtColor(np.rint(np.asarray(frame.rgb) * 255).astype(np.uint8), cv2.COLOR_RGB2GRAY)

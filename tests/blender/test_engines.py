@@ -40,7 +40,7 @@ def render(mesh, options, c2w=EYE, camera=CAMERA, count=1):
     poses = np.asarray(c2w)[None].repeat(count, 0)
     paths = SensorPaths(evenly_stamped(poses))
     with Session(mesh, "test", paths, camera, options) as session:
-        return session.frame(paths.moment(count - 1))
+        return session.frame(paths.request(count - 1))
 
 
 @needs_gl
@@ -118,7 +118,7 @@ def test_a_scratch_file_that_cannot_be_written_is_one_line(tmp_path):
         file.write_text("in the way of a folder")
         bpy.context.scene.render.filepath = str(file / "frame.exr")
         with pytest.raises(StorageError, match="could not write its scratch file") as error:
-            session.frame(paths.moment(0))
+            session.frame(paths.request(0))
     assert "\n" not in str(error.value)
 
 

@@ -58,8 +58,8 @@ def seen(file, tmp_path, eye, up=None):
     lit = tmp_path / "lit.blend"
     write_lit_file(file, lit, up)
     paths = SensorPaths(evenly_stamped(eye[None]))
-    with OwnSceneSession(file_of(lit, 1, OwnSceneFile), paths, CAMERA, OPTIONS) as session:
-        frame = session.frame(paths.moment(0))
+    with OwnSceneSession(file_of(lit, [0.0], OwnSceneFile), paths, CAMERA, OPTIONS) as session:
+        frame = session.frame(paths.request(0))
     encoded = frame.rgb[..., 1].astype(float)
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4), frame.depth_m
 

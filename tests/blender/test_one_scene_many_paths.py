@@ -10,7 +10,7 @@ import pytest
 from worlds import write_world
 
 from noisy_world.blender import session as blender_session
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.frame_maker import render_options

@@ -79,7 +79,7 @@ def frames(engine, mesh, shift_m, **options):
     eyes[:, :3, 3] += shift_m
     paths = SensorPaths(evenly_stamped(eyes))
     with open_session(mesh, "test", paths, CAMERA, replace(OPTIONS, engine=engine, **options)) as session:
-        return [session.frame(paths.moment(index)) for index in range(len(eyes))]
+        return [session.frame(paths.request(index)) for index in range(len(eyes))]
 
 
 def off_edges(depth_m):

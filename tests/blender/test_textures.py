@@ -44,7 +44,7 @@ each_engine = pytest.mark.parametrize("engine", ENGINES)
 
 def render(mesh, engine="cycles", samples=1):
     with Session(mesh, "test", STILL, CAMERA, replace(OPTIONS, engine=engine, samples=samples)) as session:
-        return rgb_bytes(session.frame(STILL.moment(0)).rgb)
+        return rgb_bytes(session.frame(STILL.request(0)).rgb)
 
 
 def at(left, top, right, bottom, depth_m=2.0):

@@ -20,7 +20,6 @@ from noisy_world.core.geometry import (
     rotation_error,
     rotation_from_euler_deg,
     rotation_from_quat_wxyz,
-    slerp,
 )
 
 AXES = np.vstack([np.eye(3), -np.eye(3), [[0.6, 0.0, 0.8], [2 / 3, -1 / 3, 2 / 3], [-0.36, 0.48, 0.8]]])
@@ -132,45 +131,6 @@ def test_continuous_quats_at_exact_right_angles_and_single_rows():
     np.testing.assert_array_equal(continuous_quats(rows[2:]), rows[2:])
     two = np.stack([rows, -rows])
     np.testing.assert_array_equal(continuous_quats(two)[1], -continuous_quats(two)[0])
-
-
-@cases("angle", [0.0, 1e-12, 1e-9, 0.5, 2.0, math.pi - 1e-9, math.pi])
-@cases("sign", [1.0, -1.0])
-def test_slerp_turns_evenly_about_the_axis(angle, sign):
-    axis = np.array([2 / 3, -1 / 3, 2 / 3])
-    start = rodrigues([0.0, 0.0, 1.0], 0.7)
-    a = quat_wxyz_from_rotation(start)
-    b = sign * quat_wxyz_from_rotation(start @ rodrigues(axis, angle))
-    u = np.linspace(0.0, 1.0, 11)
-    turned = rotation_from_quat_wxyz(slerp(a, b, u))
-    if angle == math.pi:  # both ways are equally short: only the angle is defined
-        np.testing.assert_allclose(rotation_angle_rad(start, turned), u * angle, rtol=0, atol=1e-14)
-        return
-    expected = np.array([start @ rodrigues(axis, v * angle) for v in u])
-    np.testing.assert_allclose(turned, expected, rtol=0, atol=2e-15)
-    np.testing.assert_allclose(slerp(a, b, 0.0), a, rtol=0, atol=3e-16)
-
-
-@cases("axis", AXES)
-def test_slerp_of_half_a_turn_goes_the_way_that_the_second_quaternion_says(axis):
-    # Both ways are equally short. (0, axis) is half a turn about axis, and (0, -axis) the same one about -axis: the
-    # way there is cos, sin of a quarter of the angle, whichever is named.
-    u = np.linspace(0.0, 1.0, 5)
-    expected = np.column_stack([np.cos(u * math.pi / 2), np.sin(u * math.pi / 2)[:, None] * axis])
-    np.testing.assert_allclose(slerp([1, 0, 0, 0], [0, *axis], u), expected, rtol=0, atol=3e-16)
-
-
-def test_slerp_of_equal_and_opposite_quaternions_is_constant():
-    q = quat_wxyz_from_rotation(rodrigues([0.6, 0.0, 0.8], 2.5))
-    for other in (q, -q):
-        np.testing.assert_allclose(slerp(q, other, np.array([0.0, 0.3, 1.0])), np.tile(q, (3, 1)), rtol=0, atol=3e-16)
-
-
-def test_slerp_takes_the_shorter_way():
-    a = quat_wxyz_from_rotation(rodrigues([0, 0, 1], math.radians(170)))
-    b = quat_wxyz_from_rotation(rodrigues([0, 0, 1], math.radians(-170)))
-    middle = rotation_from_quat_wxyz(slerp(a, b, 0.5))
-    np.testing.assert_allclose(middle, np.diag([-1.0, -1.0, 1.0]), atol=1e-15)
 
 
 def test_nearest_rotation_is_the_polar_factor():

@@ -103,9 +103,9 @@ def options():
 
 
 def moment(index):
-    from noisy_world.core.trajectories.sensor_paths import Moment
+    from noisy_world.core.trajectories.frame_request import FrameRequest
 
-    return Moment(index, 0.0, np.eye(4), np.eye(4))
+    return FrameRequest(index, 0.0, np.eye(4), np.eye(4))
 
 
 def test_a_store_grows_and_mends_what_is_damaged(made, tmp_path, capfd):

@@ -15,7 +15,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.trajectories.sensor_paths import Moment
+from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.planning import make_plan
 from noisy_world.sources.mesh import OpenMesh, forget_meshes, load_mesh
 
@@ -41,7 +41,7 @@ def notes_of_the_first_frame(depth_c2w):
     session = SimpleNamespace(frame=lambda moment: SimpleNamespace(rgb=None, depth_m=depth_m.astype(np.float32)))
     notes = []
     opened = OpenMesh(session, [dense_box()], CAMERA, notes.append)
-    opened.frame(Moment(3, 0.15, rgb_c2w=COLOUR_EYE, depth_c2w=DEPTH_EYE))
+    opened.frame(FrameRequest(3, 0.15, rgb_c2w=COLOUR_EYE, depth_c2w=DEPTH_EYE))
     return notes
 
 

@@ -93,6 +93,8 @@ def opened(path, *, rgb=True, depth=True, stamps_s=None, depth_alpha=0.5, keep=F
         path=path,
         scene=found.scene,
         frames=tuple(frames.tolist()),
+        stamps_s=tuple(paths.rgb.stamps_s.tolist()),
+        fps=found.fps,
         cameras=tuple(item.camera for item in sampled.sights)[: len(frames)],
         riding=stamps_s is None,
         lens_given=False,

@@ -19,7 +19,7 @@ def cast(mesh, c2w, camera, *, depth_c2w=None, **options):
     depth = None if depth_c2w is None else evenly_stamped(np.asarray(depth_c2w)[None])
     paths = SensorPaths(evenly_stamped(np.asarray(c2w)[None]), depth)
     with RaySession(mesh, paths, camera, replace(OPTIONS, **options)) as session:
-        return session.frame(paths.moment(0))
+        return session.frame(paths.request(0))
 
 
 def polygons(faces, rgb=None):

@@ -153,7 +153,7 @@ def test_solid_shading_gets_its_own_colours_and_the_render_keeps_its(tmp_path):
 
 
 def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tmp_path):
-    from noisy_world.core.planning.plan import source_paths
+    from noisy_world.core.planning.source_paths import source_paths
     from noisy_world.planning import make_plan
     from noisy_world.ui.document import preset_of
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of one's own in Blender, rendered as its artist set it up, ready to be seen from any pose at its frames."""
 
+from bisect import bisect_right
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,9 +9,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .eye import Eye
@@ -31,21 +34,32 @@ COMPOSITE = "Composite"  # the layer of what the compositor makes
 class OwnSceneFile:
     """Which scene of which .blend is rendered, and how.
 
-    frames: the scene's frame of each of the path's, whole or not. cameras: the object that sees each of them; None for
-    a plain camera. riding: whether the path is these cameras' own, so that motion blur shows their motion. lens_given:
-    whether the preset gives the intrinsics. sampled: whether it gives the samples. keep_compositor: whether the scene's
-    compositor is used. depth_alpha: what is less opaque does not stop depth.
+    frames: the scene's frame of each of the path's, whole or not. stamps_s: when each of them is, on the path's clock.
+    fps: frames a second between these; 0 where nothing moves. cameras: the object that sees each; None for a plain
+    camera, and one for all where frames between these are asked for. riding: whether the path is these cameras' own, so
+    that motion blur shows their motion. lens_given: whether the preset gives the intrinsics. sampled: whether it gives
+    the samples. keep_compositor: whether the scene's compositor is used. depth_alpha: what is less opaque
+    does not stop depth.
     """
 
     path: Path
     scene: str
     frames: tuple[float, ...]
+    stamps_s: tuple[float, ...]
+    fps: float
     cameras: tuple[str | None, ...]
     riding: bool
     lens_given: bool
     sampled: bool
     keep_compositor: bool
     depth_alpha: float
+
+    def at(self, time_s: float) -> tuple[float, str | None]:
+        """Return the scene's frame at a time on the path's clock, and the camera that sees it."""
+        row = bisect_right(self.stamps_s, time_s) - 1
+        if row < 0 or self.stamps_s[row] != time_s:
+            return self.frames[0] + (time_s - self.stamps_s[0]) * self.fps, self.cameras[max(row, 0)]
+        return self.frames[row], self.cameras[row]
 
 
 class OwnSceneSession:
@@ -62,11 +76,14 @@ class OwnSceneSession:
     ) -> None:
         """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed."""
         self._served = _served(paths, options)
-        self._frames = file.frames
+        self._file = file
         if scene is None:
             open_file(str(file.path))
             scene = bpy.data.scenes[file.scene]
             show_scene(scene)
+        if file.keep_compositor and scene.compositing_node_group is None:
+            problem = f"the scene {scene.name!r} has no compositor"
+            raise InputError(file.path, problem, where="compositor: keep", remedy="leave the key out, or add them")
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)
@@ -82,13 +99,13 @@ class OwnSceneSession:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
         return self._served == _served(paths, options)
 
-    def frame(self, moment: Moment) -> RenderedFrame:
-        """Render the frame of a moment."""
+    def frame(self, request: FrameRequest) -> RenderedFrame:
+        """Render a frame."""
         rgb = depth_m = None
         if self._colour is not None:
-            rgb, depth_m = self._colour.render(moment)
+            rgb, depth_m = self._colour.render(request)
         if self._depth is not None:
-            depth_m = self._depth.render(moment.depth_c2w, self._frames[moment.index])
+            depth_m = self._depth.render(request.depth_c2w, self._file.at(request.time_s)[0])
         return RenderedFrame(rgb, depth_m)
 
     def close(self) -> None:
@@ -137,16 +154,17 @@ class _Colour:
         self._render = RenderFile(scene, size_px)
         self._shown = ShownColour(scene, size_px, self._render.folder)
 
-    def render(self, moment: Moment) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
+    def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
         """Return colour (H, W, 3), display-encoded, and depth (H, W) in metres or None."""
-        at, eye = self._file.frames[moment.index], self._eyes[self._file.cameras[moment.index]]
+        at, camera = self._file.at(request.time_s)
+        eye = self._eyes[camera]
         if self._rides:
             show_frame(self._scene, at)
-            eye.ride(moment.rgb_c2w)
+            eye.ride(request.rgb_c2w)
         else:
             # What is keyed of the scene itself, such as exposure, is not the renderer's to evaluate.
             (show_frame if self._scene.animation_data is not None else set_frame)(self._scene, at)
-            eye.place(moment.rgb_c2w)
+            eye.place(request.rgb_c2w)
         passes = self._render.render(self._layer)
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None

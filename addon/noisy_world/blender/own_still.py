@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.presets.preset import EngineName
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
 from .own_scene import OwnSceneFile, OwnSceneSession
 from .scene_camera import sampled_camera
@@ -71,6 +72,8 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         path=Path(),
         scene=scene.name,
         frames=(still.frame,),
+        stamps_s=(0.0,),
+        fps=0.0,
         cameras=(camera.name,),
         riding=still.rides,
         lens_given=still.clip_m is not None,
@@ -85,7 +88,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     at_once = SensorPaths(rgb=Trajectory(c2w[None], np.zeros(1)))
     with OwnSceneSession(file, at_once, still.intrinsics, options, scene=scene) as session:
         scene.render.use_persistent_data = False
-        return session.frame(Moment(0, 0.0, c2w, c2w))
+        return session.frame(FrameRequest(0, 0.0, c2w, c2w))
 
 
 @contextmanager

@@ -9,7 +9,8 @@ from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
@@ -103,11 +104,11 @@ class Session:
         shots = [Shot(False, options.samples, rgb=True, depth=False)] if options.rgb else []
         return shots + ([Shot(True, 1, rgb=False, depth=True)] if options.depth else [])
 
-    def frame(self, moment: Moment) -> RenderedFrame:
-        """Render the frame of a moment."""
+    def frame(self, request: FrameRequest) -> RenderedFrame:
+        """Render a frame."""
         rgb = depth_m = None
         for shot in self._shots:
-            place_camera(self._scene, self._camera, moment.depth_c2w if shot.from_depth_sensor else moment.rgb_c2w)
+            place_camera(self._scene, self._camera, request.depth_c2w if shot.from_depth_sensor else request.rgb_c2w)
             self._engine.set_samples(self._scene, shot.samples)
             rendered = self._renderer.render()
             rgb = rendered.rgb if shot.rgb else rgb

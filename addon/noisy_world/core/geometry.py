@@ -101,22 +101,19 @@ def continuous_quats(quats: ArrayLike) -> Float64:
     return quats * signs[..., None]
 
 
-def slerp(quat_a: ArrayLike, quat_b: ArrayLike, u: ArrayLike) -> Float64:
-    """(..., 4), (..., 4), (...) -> (..., 4): from a at u = 0 to b at u = 1 along the shorter arc, at constant speed.
+def rotvec_from_rotation(rotation: ArrayLike) -> Float64:
+    """(..., 3, 3) -> (..., 3) radians: axis times angle, up to a half turn."""
+    quat = quat_wxyz_from_rotation(rotation)
+    sine = np.linalg.norm(quat[..., 1:], axis=-1, keepdims=True)
+    angle_rad = 2.0 * np.arctan2(sine, quat[..., :1])
+    return quat[..., 1:] * np.divide(angle_rad, sine, out=np.full_like(sine, 2.0), where=sine > 0.0)
 
-    Unit quaternions in any order of components. At half turns both arcs are equally short; b's own sign decides.
-    """
-    a, b = np.asarray(quat_a, dtype=np.float64), np.asarray(quat_b, dtype=np.float64)
-    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
-    u = np.asarray(u, dtype=np.float64)[..., None]
-    # atan2 keeps all digits of tiny half angles, where acos loses half of them.
-    half_angle = np.arctan2(np.linalg.norm(b - a, axis=-1), np.linalg.norm(b + a, axis=-1))[..., None]
-    turns = 2.0 * half_angle / np.pi
-    # sin(u t) / sin(t) is u sinc(u t) / sinc(t), which does not divide by zero at t = 0; t is at most a quarter turn.
-    whole = np.sinc(turns)
-    share_a = (1.0 - u) * np.sinc((1.0 - u) * turns) / whole
-    share_b = u * np.sinc(u * turns) / whole
-    return _unit(share_a * a + share_b * b)
+
+def rotation_from_rotvec(rotvec_rad: ArrayLike) -> Float64:
+    """(..., 3) radians, axis times angle -> (..., 3, 3)."""
+    rotvec = np.asarray(rotvec_rad, dtype=np.float64)
+    half = 0.5 * np.linalg.norm(rotvec, axis=-1, keepdims=True)
+    return rotation_from_quat_wxyz(np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * rotvec], axis=-1))
 
 
 def nearest_rotation(matrix: ArrayLike) -> Float64:

@@ -16,6 +16,8 @@ from typing import Any, ClassVar, Literal, Protocol, Union, get_args, get_origin
 from .errors import InputError
 from .near import did_you_mean
 
+type InIdentity = Literal["value", "meaning", "nothing"]
+
 _TRUTH = {"on": True, "yes": True, "true": True, "off": False, "no": False, "false": False}
 """Words that YAML 1.1 reads as truth values, where they are not in quotes; as choices they are meant as words."""
 
@@ -40,7 +42,8 @@ class Choice:
 class KeyInfo:
     """What a key means. minimum and maximum are inclusive; above is an exclusive minimum.
 
-    choices: the allowed texts, where the field's type does not give them.
+    choices: the allowed texts, where the field's type does not give them. identity: how it stands in the identity of a
+    dataset, which says what decided its bytes.
     """
 
     meaning: str
@@ -50,6 +53,7 @@ class KeyInfo:
     above: float | None = None
     pattern: Callable[[str], str] | None = None
     choices: Mapping[str, Choice] | None = None
+    identity: "InIdentity" = "value"
 
 
 def key(
@@ -63,13 +67,16 @@ def key(
     above: float | None = None,
     pattern: Callable[[str], str] | None = None,
     choices: Mapping[str, Choice] | None = None,
+    identity: "InIdentity" = "value",
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
     pattern: a function that returns what is wrong with a text, or nothing. choices: the allowed values of a text whose
-    values come from a registry, where a Literal would repeat them.
+    values come from a registry, where a Literal would repeat them. identity: "value" where the value decides bytes, so
+    that it stands in a dataset's identity as it is, unless it is the default; "meaning" where what it means stands
+    there in another form, as poses or hashes; "nothing" where it decides no byte.
     """
-    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices)
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity)
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
@@ -248,6 +255,24 @@ def number_text(value: float) -> str:
     return f"{Decimal(repr(value)).normalize():f}"
 
 
+def deciding_values(spec: Dataclass, prefix: str = "") -> dict[str, Any]:
+    """Return by key the values of a checked dataclass, and of those inside it, that decide bytes as they are.
+
+    Those that are the default are left out, so that a key which is new leaves older datasets as they are.
+    """
+    found: dict[str, Any] = {}
+    for item in fields(spec):
+        name, value, info = f"{prefix}{item.name}", getattr(spec, item.name), item.metadata["key"]
+        if is_dataclass(value) and not isinstance(value, type):
+            found |= deciding_values(value, f"{name}.")
+        elif isinstance(value, tuple) and any(is_dataclass(entry) for entry in value):
+            for index, entry in enumerate(value):
+                found |= deciding_values(entry, f"{name}.{index}.")
+        elif info.identity == "value" and value != item.default:
+            found[name] = value
+    return found
+
+
 def list_keys(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Yield (key, meaning with default, unit and range) for a dataclass and the dataclasses inside it, in order."""
     hints = get_type_hints(cls)
@@ -257,6 +282,18 @@ def list_keys(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, str
         yield f"{prefix}{item.name}{suffix}", _explain(item, info, hint)
         if isinstance(hint, type) and is_dataclass(hint):
             yield from list_keys(hint, f"{prefix}{item.name}{suffix}.")
+
+
+def list_leaves(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, KeyInfo]]:
+    """Yield (key, what it means) for the keys of a dataclass and of those inside it that hold values themselves."""
+    hints = get_type_hints(cls)
+    for item in fields(cls):
+        hint, suffix = _unwrap(hints[item.name])
+        name = f"{prefix}{item.name}{suffix}"
+        if isinstance(hint, type) and is_dataclass(hint):
+            yield from list_leaves(hint, f"{name}.")
+        else:
+            yield name, item.metadata["key"]
 
 
 def _unwrap(hint: Any) -> tuple[Any, str]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion deviation: a robot shakes, so its camera is not exactly where the path says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ def apply(trajectory: Trajectory, parameters: MotionDeviation, context: Sequence
     if parameters.rotation_deg:
         c2w[:, :3, :3] @= rotation_from_euler_deg(*found["rotation_deg"].T)
     c2w[:, :3, 3] += found["translation_m"]
-    return Trajectory(c2w, trajectory.stamps_s)
+    return replace(trajectory, c2w=c2w)
 
 
 PERTURBATION = MotionPerturbation(

@@ -12,8 +12,10 @@ from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InterruptedRunError
-from ..core.planning.plan import Plan, Render, source_paths
+from ..core.planning.exposed import open_render
+from ..core.planning.plan import Plan, Render
 from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderOptions
+from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_frame import Camera, CleanFrame
@@ -87,7 +89,7 @@ class FrameMaker:
                 (scene.name,), scene.source.prepare(render.camera, partial(self._note, scene.name))
             )
         options = render_options(self._plan, render, judging=judging, threads=self._threads)
-        opened = prepared.open(self.paths_of(render), options, partial(self._note, render.name))
+        opened = open_render(prepared, render, self.paths_of(render), options, partial(self._note, render.name))
         if render.registration is not None and (render.needs_depth or render.needs_rgb):
             told = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
             self._note(render.name, told)
@@ -119,7 +121,7 @@ class FrameMaker:
                 break
             start_s = time.perf_counter()
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
-                image = source.frame(paths.moment(frame))
+                image = source.frame(paths.request(frame))
             clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s

@@ -20,7 +20,7 @@ from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
-from ..core.perturbing.execution import DepthWork
+from ..core.perturbing.execution import DepthWork, exposure_notes
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
@@ -68,6 +68,7 @@ class FrameWriter:
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._finished = finished
+        self._exposure = exposure_notes(render.exposure)
         self._journals: list[Journal] = []
         with contextlib.ExitStack() as opened:
             for sequence in self._sequences:
@@ -150,6 +151,8 @@ class FrameWriter:
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
         time_s, depth_time_s = self._stamps.told(frame)
+        if self._exposure:
+            done = {**done, "exposure": self._exposure}
         return FrameRecord(frame, time_s, files, done, lost, depth_time_s)
 
     def __enter__(self) -> "FrameWriter":

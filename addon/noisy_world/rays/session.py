@@ -13,7 +13,8 @@ from ..core.machine import available_threads, keep_freed_memory
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from .colours import colours_of
 from .embree import Hits, TracedTriangles
 from .triangles import triangle_corners
@@ -49,15 +50,15 @@ class RaySession:
         here, there = (replace(item, first_frames=()) for item in (self._options, options))
         return here == there and np.array_equal(self.origin_m, recentring_m(paths.rgb))
 
-    def frame(self, moment: Moment) -> RenderedFrame:
-        """Return the frame of a moment: one ray through the centre of each pixel of each sensor."""
+    def frame(self, request: FrameRequest) -> RenderedFrame:
+        """Return the frame of a request: one ray through the centre of each pixel of each sensor."""
         wants_depth = self._options.depth
         if self._colours is None:
-            return RenderedFrame(None, self._seen(moment.depth_c2w, rgb=False, depth=True)[1])
-        together = wants_depth and np.array_equal(moment.rgb_c2w, moment.depth_c2w)
-        rgb, depth_m = self._seen(moment.rgb_c2w, rgb=True, depth=together)
+            return RenderedFrame(None, self._seen(request.depth_c2w, rgb=False, depth=True)[1])
+        together = wants_depth and np.array_equal(request.rgb_c2w, request.depth_c2w)
+        rgb, depth_m = self._seen(request.rgb_c2w, rgb=True, depth=together)
         if wants_depth and not together:
-            depth_m = self._seen(moment.depth_c2w, rgb=False, depth=True)[1]
+            depth_m = self._seen(request.depth_c2w, rgb=False, depth=True)[1]
         return RenderedFrame(rgb, depth_m)
 
     def _seen(

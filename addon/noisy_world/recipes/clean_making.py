@@ -28,8 +28,10 @@ from ..core.datasets.storage import (
 )
 from ..core.errors import InterruptedRunError, StorageError
 from ..core.planning.estimate import size_text
-from ..core.planning.plan import Plan, Render, source_paths
+from ..core.planning.exposed import open_render
+from ..core.planning.plan import Plan, Render
 from ..core.planning.source import PreparedSource, RenderOptions
+from ..core.planning.source_paths import source_paths
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from ..pipeline.frame_maker import render_options
@@ -158,7 +160,8 @@ class _Making:
 
     def _render(self, render: Render, prepared: PreparedSource, frames: list[int]) -> None:
         paths = source_paths(self._plan, render)
-        source = prepared.open(paths, self._options(render, frames), partial(self._note, render.name))
+        options = self._options(render, frames)
+        source = open_render(prepared, render, paths, options, partial(self._note, render.name))
         folder = self._out / render.name
         with storage_errors(folder):
             for modality in self._modalities(render):
@@ -168,7 +171,7 @@ class _Making:
             for frame in frames:
                 if self._stop.is_set():
                     raise InterruptedRunError("stopped; finished frames stay, and the same command goes on")
-                image = source.frame(paths.moment(frame))
+                image = source.frame(paths.request(frame))
                 images = {image_name("rgb", frame): image.rgb, image_name("depth", frame): image.depth_m}
                 files = {
                     name: self._write(folder / name, _npy(pixels))

@@ -18,10 +18,12 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.perturbing.steps import Setting
+from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
-from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings, source_paths
+from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ..core.planning.sequence import written_paths
 from ..core.planning.source import OpenSource, PreparedSource, Scene, SourceFrame
+from ..core.planning.source_paths import source_paths
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
@@ -140,7 +142,7 @@ class OpenedRecipe(Opened):
 
     def _clean_image(self, sequence: "SequenceOfRecipe", source: int) -> SourceFrame:
         stored = None if self._store is None else self._store.frame(sequence.render.name, source)
-        return stored or self._open_source(sequence).frame(sequence.paths.moment(source))
+        return stored or self._open_source(sequence).frame(sequence.paths.request(source))
 
     def _open_source(self, sequence: "SequenceOfRecipe") -> OpenSource:
         """Return what gives the clean frames of a render. Raises InputError where that needs Blender."""
@@ -159,7 +161,7 @@ class OpenedRecipe(Opened):
             prepared = real.source.prepare(render.camera, _ignore)
             self._prepared[scene] = self._closing.enter_context(prepared)
         options = replace(render_options(sequence.plan, render), rgb=True, depth=True)
-        self._live[scene] = render.name, self._prepared[scene].open(sequence.paths, options, _ignore)
+        self._live[scene] = render.name, open_render(self._prepared[scene], render, sequence.paths, options, _ignore)
         return self._live[scene][1]
 
     def _check_renderer(self, plan: Plan) -> None:

@@ -6,27 +6,27 @@ from dataclasses import dataclass
 
 from ..core.errors import InputError
 from ..core.planning.source import SourceFrame
-from ..core.trajectories.sensor_paths import Moment
+from ..core.trajectories.frame_request import FrameRequest
 
 
 @dataclass(frozen=True)
 class Beginning:
     """The first moments of a path, at least one, and the error if none of them sees anything."""
 
-    moments: tuple[Moment, ...]
+    moments: tuple[FrameRequest, ...]
     error: InputError
 
 
 def check_beginning(
-    beginning: Beginning, moment: Moment, frame: SourceFrame, render: Callable[[Moment], SourceFrame]
+    beginning: Beginning, request: FrameRequest, frame: SourceFrame, render: Callable[[FrameRequest], SourceFrame]
 ) -> None:
     """Raise the error where none of the first frames sees anything.
 
-    moment, frame: what was rendered first. Frames that another process writes, or none, are rendered for this alone, so
-    that each process of a run comes to the same end, before it has handed out a frame.
+    request, frame: what was rendered first. Frames that another process writes, or none, are rendered for this alone,
+    so that each process of a run comes to the same end, before it has handed out a frame.
     """
     first, *others = beginning.moments
-    if _sees_something(frame if moment.index == first.index else render(first)):
+    if _sees_something(frame if request.index == first.index else render(first)):
         return
     if not any(_sees_something(render(other)) for other in others):
         raise beginning.error

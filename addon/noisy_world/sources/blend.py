@@ -22,7 +22,8 @@ from ..core.presets.preset import CameraSpec, Preset
 from ..core.presets.scene_keys import SceneSpec
 from ..core.scenes.own_scene import OwnScene
 from ..core.schema import Place
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .beginning import Beginning, check_beginning
@@ -65,7 +66,10 @@ class BlendSource:
     @property
     def gives(self) -> Gives:
         """Rendered frames from any pose, by settings of its own."""
-        return Gives(rendered=True, any_pose=True, own=self.rendering)
+        own_path = self.known_path is None and self.found.camera is not None
+        cuts = len(set(self._cameras)) if own_path else 1
+        only = f"{cuts} cameras take turns on the way, so there is nothing between some frames" if cuts > 1 else ""
+        return Gives(rendered=True, any_pose=True, own=self.rendering, instants_only=only)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -164,6 +168,8 @@ class BlendSource:
             path=self.path,
             scene=self.found.scene,
             frames=self.scene_frames,
+            stamps_s=tuple(self.stamps_s.tolist()),
+            fps=self.found.fps,
             cameras=cameras,
             riding=self.known_path is None,
             lens_given=self.given is not None,
@@ -189,7 +195,7 @@ class BlendSource:
         problem = f"{those} of {path} see{'s' * (len(frames) == 1)} no surface of {self.path.name}"
         key = "blend" if self.path_file is None else "trajectory"
         error = self.place.at(key).error(problem, "look at the path, or go on with render.allow_empty: true")
-        return Beginning(tuple(map(paths.moment, frames)), error)
+        return Beginning(tuple(map(paths.request, frames)), error)
 
 
 class PreparedBlend:
@@ -222,11 +228,11 @@ class OpenBlend:
         self._session = session
         self._beginning = beginning
 
-    def frame(self, moment: Moment) -> SourceFrame:
-        """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
-        frame = self._session.frame(moment)
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Render a frame. Raises InputError where the path begins with frames that see nothing."""
+        frame = self._session.frame(request)
         if self._beginning is not None:
-            check_beginning(self._beginning, moment, frame, self._session.frame)
+            check_beginning(self._beginning, request, frame, self._session.frame)
             self._beginning = None
         return frame
 

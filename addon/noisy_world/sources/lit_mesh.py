@@ -3,6 +3,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterator
+from collections.abc import Sequence as Many
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -123,17 +124,20 @@ class PreparedLitMesh:
             lit = scratch.path / "lit.blend"
             for text in (*write_lit_file(plain.mesh_path, lit, plain.up), *plain.trajectory().notes):
                 self._note(text)
-            session = OwnSceneSession(file_of(lit, len(plain.stamps_s), OwnSceneFile), paths, self._camera, options)
+            session = OwnSceneSession(file_of(lit, plain.stamps_s.tolist(), OwnSceneFile), paths, self._camera, options)
             self._session = self._closing.enter_context(session)
         return OpenBlend(self._session, plain.beginning(paths, options.first_frames))
 
 
-def file_of[T](lit: Path, count: int, kind: Callable[..., T]) -> T:
-    """Return what of the file is rendered: one moment of its scene, through plain cameras."""
+def file_of[T](lit: Path, stamps_s: Many[float], kind: Callable[..., T]) -> T:
+    """Return what of the file is rendered: one frame of its scene, through plain cameras, at the path's stamps."""
+    count = len(stamps_s)
     return kind(
         path=lit,
         scene=SCENE,
         frames=(1.0,) * count,
+        stamps_s=tuple(stamps_s),
+        fps=0.0,
         cameras=(None,) * count,
         riding=False,
         lens_given=True,

@@ -27,9 +27,10 @@ from ..core.scenes.selfcheck import reprojection_problem
 from ..core.scenes.turning import Up
 from ..core.schema import Place
 from ..core.trajectories.files import read_trajectory_file
+from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.handheld import handheld_path, walk_problem
 from ..core.trajectories.matrix_poses import numbered_files
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
 from .beginning import Beginning, check_beginning
@@ -175,7 +176,7 @@ class MeshSource:
         declared = f"pose ({self.spec.pose}) and axes ({self.spec.axes}) as the file has them"
         remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
         error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
-        return Beginning(tuple(map(paths.moment, frames)), error)
+        return Beginning(tuple(map(paths.request, frames)), error)
 
 
 class PreparedMesh:
@@ -250,28 +251,28 @@ class OpenMesh:
         self._beginning = beginning
         self._first = True
 
-    def frame(self, moment: Moment) -> SourceFrame:
-        """Render the frame of a moment. Raises InputError where the path begins with frames that see nothing."""
-        frame = self._session.frame(moment)
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Render a frame. Raises InputError where the path begins with frames that see nothing."""
+        frame = self._session.frame(request)
         if self._beginning is not None:
-            check_beginning(self._beginning, moment, frame, self._session.frame)
+            check_beginning(self._beginning, request, frame, self._session.frame)
         if self._first and frame.depth_m is not None:
-            self._check(moment, frame.depth_m)
+            self._check(request, frame.depth_m)
         self._first, self._beginning = False, None
         if self._unchecked:
             self._unchecked.clear()
             forget_meshes()
         return frame
 
-    def _check(self, moment: Moment, depth_m: NDArray[np.float32]) -> None:
+    def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
-        where = f"frame {moment.index}"
+        where = f"{request.time_s:g} s" if request.index is None else f"frame {request.index}"
         if not depth_m.any():
             declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
             self._note(f"{where} sees nothing; {declared}")
             return
         for mesh in self._unchecked:
-            if problem := reprojection_problem(mesh, moment.depth_c2w, self._camera, depth_m):
+            if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m):
                 self._note(f"{where}: {problem}")
 
 

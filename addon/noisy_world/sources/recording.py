@@ -20,12 +20,14 @@ from ..core.machine import keep_freed_memory
 from ..core.optics import Optics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
+from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.matrix_poses import numbered_files
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .treated import Treatment
 
+RECORDED = "a recording has nothing between its frames"
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
 
@@ -63,7 +65,7 @@ class Recording:
     @property
     def gives(self) -> Gives:
         """Frames from the recorded poses, not rendered."""
-        return Gives(rendered=False, any_pose=False)
+        return Gives(rendered=False, any_pose=False, instants_only=RECORDED)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -203,9 +205,9 @@ class OpenRecording:
         del paths, options, note
         return self
 
-    def frame(self, moment: Moment) -> "RecordedFrame":
-        """Return the frame of a moment; its images are read on request."""
-        return RecordedFrame(self.stored.frame(moment.index), self.treatment)
+    def frame(self, request: FrameRequest) -> "RecordedFrame":
+        """Return the frame of a request; its images are read on request."""
+        return RecordedFrame(self.stored.frame(request.frame), self.treatment)
 
 
 @dataclass(frozen=True)

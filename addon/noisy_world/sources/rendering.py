@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 
 
 class RenderSession(Protocol):
@@ -22,8 +23,8 @@ class RenderSession(Protocol):
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
         ...
 
-    def frame(self, moment: Moment) -> RenderedFrame:
-        """Render the frame of a moment."""
+    def frame(self, request: FrameRequest) -> RenderedFrame:
+        """Render a frame."""
         ...
 
 

@@ -22,10 +22,12 @@ from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics
 from ..core.planning.source import Gives, RenderOptions
 from ..core.schema import Place
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
 
+RECORDED = "a video has nothing between its frames"
 # Of the larger side: what COLMAP begins with (ImageReaderOptions::default_focal_length_factor).
 FOCAL_LENGTH_FACTOR = 1.2
 
@@ -46,7 +48,7 @@ class Video:
     @property
     def gives(self) -> Gives:
         """Recorded colour and, where there is any, depth."""
-        return Gives(rendered=False, any_pose=False, depth=self.depth is not None, key="video")
+        return Gives(rendered=False, any_pose=False, depth=self.depth is not None, instants_only=RECORDED, key="video")
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -143,9 +145,9 @@ class OpenVideo:
         del paths, options, note
         return self
 
-    def frame(self, moment: Moment) -> "VideoFrame":
-        """Return the frame of a moment, its colour decoded at once: a video is read in its order."""
-        return VideoFrame(self.reader.rgb(moment.index), moment.index, self.depth)
+    def frame(self, request: FrameRequest) -> "VideoFrame":
+        """Return the frame of a request, its colour decoded at once: a video is read in its order."""
+        return VideoFrame(self.reader.rgb(request.frame), request.frame, self.depth)
 
 
 @dataclass(frozen=True)

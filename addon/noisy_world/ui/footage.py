@@ -21,7 +21,8 @@ from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions, Source
 from ..core.presets.preset import Preset
 from ..core.presets.scene_keys import SceneSpec
-from ..core.trajectories.sensor_paths import Moment, SensorPaths
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..sources import find_scenes
 from .long_text import write
 from .recorded_fields import FIELDS, SOURCES
@@ -118,7 +119,7 @@ def still(footage: Footage, index: int) -> RenderedFrame:
     c2w = path.c2w[0]
     with footage.source.prepare(footage.camera, lambda _: None) as prepared:
         opened = prepared.open(SensorPaths(path), RenderOptions(0.1, 1.0, 1, 0), lambda _: None)
-        frame = opened.frame(Moment(index, float(footage.stamps_s[index]), c2w, c2w))
+        frame = opened.frame(FrameRequest(index, float(footage.stamps_s[index]), c2w, c2w))
         rgb, depth_m = frame.rgb, frame.depth_m
     assert rgb is not None, "recordings have colour"
     return RenderedFrame(as_float(rgb), depth_m)

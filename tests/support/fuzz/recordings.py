@@ -16,7 +16,7 @@ from stored_sequences import write_euroc, write_vslamlab
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import Place
-from noisy_world.core.trajectories.sensor_paths import Moment
+from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.sources.recording import read_recording
 
 WORDS = (
@@ -146,7 +146,7 @@ def read(folder):
     asked = Intrinsics(*stored.size_px, 6.0, 6.0, 3.0, 2.0) if stored.known_camera is None else None
     with recording.prepare(recording.camera(asked), notes.append) as opened:
         for index in range(count):
-            frame = opened.frame(Moment(index, 0.0, np.eye(4), np.eye(4)))
+            frame = opened.frame(FrameRequest(index, 0.0, np.eye(4), np.eye(4)))
             for rgb, depth_m in ((frame.rgb, frame.depth_m), (frame.stored.rgb, frame.stored.depth_m)):
                 assert rgb.dtype in (np.uint8, np.float32)
                 assert rgb.ndim == 3

@@ -12,7 +12,7 @@ from fuzz.mutation import mutate_bytes, pick
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.schema import Place
-from noisy_world.core.trajectories.sensor_paths import Moment
+from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.sources.video import read_video_source
 
 COUNT, SIZE = 4, (32, 24)
@@ -73,7 +73,7 @@ def read(folder):
     notes, frames = [], []
     with source.prepare(source.camera(None), notes.append) as opened:
         for index in range(len(source.stamps_s)):
-            frame = opened.frame(Moment(index, 0.0, np.eye(4), np.eye(4)))
+            frame = opened.frame(FrameRequest(index, 0.0, np.eye(4), np.eye(4)))
             depth_m = frame.depth_m
             assert depth_m is None or (np.isfinite(depth_m).all() and depth_m.shape == frame.rgb.shape[:2])
             frames.append((frame.rgb, depth_m))

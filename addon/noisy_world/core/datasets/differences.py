@@ -11,19 +11,20 @@ from typing import Any
 import numpy as np
 
 from ..planning.numbers import array_of
-from ..planning.plan import Plan, source_paths
+from ..planning.plan import Plan
 from ..planning.sequence import Sequence, lay_out
 from ..planning.source import Scene
+from ..planning.source_paths import source_paths
 from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import path_sha256
+from .provenance import BETWEEN, KEYS, path_sha256
 
 ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
 ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
 PROCESSORS = "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough"
 COMMON = ("seed", "near_m", "far_m", "rig", "render", "output")
-KEYS = {"near_m": "camera.near_m", "far_m": "camera.far_m"}  # where they stand in a preset
+IN_PRESET = {"near_m": "camera.near_m", "far_m": "camera.far_m"}  # where they stand there
 DECIDE_OTHERS = ("layout", "file")  # keys whose values decide what others mean or default to
 PATH_INPUTS = ("trajectory", "trajectory_sha256")  # the poses are compared instead
 
@@ -37,6 +38,8 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
     for key in COMMON:
         if None not in (there[key], here[key]) and there[key] != here[key]:
             return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
+    if problem := _keys(there, here):
+        return f"{problem}; {ANOTHER_FOLDER}"
     for kind, names in (("settings", plan.settings), ("scenes", plan.scenes)):
         if problem := _one_folder(there[kind], [item.name for item in names]):
             return f"{kind}: {problem}; {ANOTHER_NAME}"
@@ -52,6 +55,11 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
             if problem := problem or _longer(scene, there["sequences"], plan):
                 return problem
     return _made_with(there, here, any_processor=any_processor)
+
+
+def _keys(there: dict[str, Any], here: dict[str, Any], where: str = "") -> str | None:
+    """Return which key that decides bytes by its own value differs, with both values, or None."""
+    return first_difference(there.get(KEYS, {}), here.get(KEYS, {}), where)
 
 
 def _one_folder(there: Iterable[str], here: Iterable[str]) -> str | None:
@@ -90,7 +98,7 @@ def _short(value: object) -> str:
 
 
 def _common(key: str, there: Any, here: Any) -> str:
-    name = KEYS.get(key, key)
+    name = IN_PRESET.get(key, key)
     if key == "rig":
         return f"{name}: the sensors have other poses on the robot than in the dataset"
     return first_difference(there, here, name) or name
@@ -111,6 +119,8 @@ def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
             key, values = found
             nth = f" {names[0][: number + 1].count(left['name'])}" if names[0].count(left["name"]) > 1 else ""
             return f"({key if alone else left['name'] + nth + '.' + key}) {values}"
+    if problem := _keys(there, here):
+        return problem
     for key, absent in (("backend", None), ("stream", "its own name")):
         if there.get(key, absent) != here.get(key, absent):
             return f"({key}) {was_is(there.get(key, absent), here.get(key, absent))}"
@@ -158,6 +168,8 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
             what = f"{place}.{key}: {_short(now[key])} is" if key in now else f"{place}: its {key} are"
             return f"{what} not what the dataset was made from; {ANOTHER_NAME}"
         return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
+    if problem := _keys(there, here, place):
+        return f"{problem}; {ANOTHER_NAME}"
     if there["camera"] != here["camera"]:
         return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
     return None
@@ -169,7 +181,11 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     any_processor: whether last bits are allowed to differ, where everything that a path is made from is equal.
     """
     before, now = there["path"], here["path"]
-    if before == now:
+    where = scene.place.path
+    between = {item[BETWEEN] for item in (before, now) if BETWEEN in item}
+    if before["frames"] == now["frames"] and len(between) > 1:
+        return f"{where}: its path goes another way between the poses than the dataset's; {ANOTHER_NAME}"
+    if {**before, BETWEEN: None} == {**now, BETWEEN: None}:
         return None
     key = "trajectory" if here["entry"].get("blend") is None or here["entry"]["trajectory"] else "frames"
     where = f"{scene.place.path}.{key}"
@@ -200,6 +216,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
             if not 0 < count < scene.frame_count:
                 continue
             before, after = source_paths(plan, render, count), source_paths(plan, render)
+            if render.exposure:
+                told = "which a setting looks at, lies otherwise now that the path is longer"
+                where = f"{scene.place.path}.trajectory: what is between the poses of {scene.name}"
+                return f"{where}, {told}; {ANOTHER_NAME}"
             moved = scene.source.gives.rendered and scene.source.gives.own is None  # others stay where they are
             if moved and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
                 far = "so far from the origin, a longer path is rendered around another point"

@@ -4,6 +4,7 @@
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
+from .provenance import BETWEEN
 from .records import OUT_OF_RANGE
 from .standing import Standing
 
@@ -22,11 +23,19 @@ def merged_identity(there: dict[str, Any], here: dict[str, Any], kept: Iterable[
     return {
         **here,
         **undecided,
-        "scenes": {name: there["scenes"][name] for name in scenes} | here["scenes"],
+        "scenes": {name: there["scenes"][name] for name in scenes}
+        | {name: _with_between(there["scenes"].get(name), scene) for name, scene in here["scenes"].items()},
         "settings": {name: there["settings"][name] for name in settings} | here["settings"],
         "sequences": {folder: there["sequences"][folder] for folder in folders} | here["sequences"],
         "versions": there["versions"] | here["versions"],
     }
+
+
+def _with_between(there: dict[str, Any] | None, here: dict[str, Any]) -> dict[str, Any]:
+    """Return what belongs to a scene, with what settings that are kept look at between its poses."""
+    if there is None or BETWEEN not in there["path"] or there["path"]["frames"] != here["path"]["frames"]:
+        return here
+    return {**here, "path": {**here["path"], BETWEEN: there["path"][BETWEEN]}}
 
 
 def merged_manifest(there: Standing, here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:

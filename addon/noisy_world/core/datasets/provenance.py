@@ -27,6 +27,7 @@ from ..planning.source import Scene
 from ..presets.preset import canonical
 from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, RECORDING_KEYS, SceneSpec
 from ..regular_files import read_text
+from ..schema import deciding_values
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
@@ -42,6 +43,8 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
+KEYS = "keys"  # those of a preset that decide bytes by their own values
+BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
@@ -89,7 +92,18 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
         "versions": {**_perturbation_packages(plan), **renderer, **base_versions()},
         "processor": processor(),
+        **_keys({name: value for name, value in deciding_values(spec).items() if not _of_part(name)}),
     }
+
+
+def _keys(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an identity says of keys that decide bytes by their own values; nothing where all are the default."""
+    return {KEYS: plain_values(dict(values))} if values else {}
+
+
+def _of_part(name: str) -> bool:
+    """Tell whether a key belongs to one scene or setting, where it is told."""
+    return name.split(".", maxsplit=1)[0] in ("scenes", "settings")
 
 
 def plain_identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
@@ -119,12 +133,15 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
+        if any(render.exposure for render in plan.renders if render.scene.name == scene.name):
+            path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {
         "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
+        **_keys(deciding_values(plan.preset.spec.scenes[entry_number(scene)])),
     }
 
 
@@ -165,11 +182,19 @@ def path_sha256(path: Trajectory, stamps_s: NDArray[np.float64], count: int) -> 
     return digest.hexdigest()
 
 
+def between_sha256(path: Trajectory) -> str:
+    """Return the SHA-256 of where a path is halfway between its poses, as float64."""
+    halfway_s = (path.stamps_s[:-1] + path.stamps_s[1:]) / 2
+    c2w = path.continuous.pose_at(halfway_s)
+    return hashlib.sha256(np.ascontiguousarray(c2w + 0.0, dtype="<f8").tobytes()).hexdigest()
+
+
 def _setting(setting: Setting) -> dict[str, Any]:
     return {
         **({} if setting.stream == setting.name else {"stream": setting.stream}),
         "backend": setting.backend if setting.rgb else None,
         "steps": [_step(step) for step in setting.steps],
+        **_keys(setting.keys),
     }
 
 

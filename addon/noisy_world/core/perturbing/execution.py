@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
-from collections.abc import Hashable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from ..datasets.images import as_float, rgb_bytes
 from ..errors import NoisyWorldError
 from ..trajectories.trajectory import Trajectory
+from .exposing import TakenImages
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
+    ExposurePerturbation,
     FrameContext,
     Identifiers,
     MotionPerturbation,
@@ -61,15 +63,16 @@ def _key_of(step: Step[Any], context: FrameContext, parameters: Any) -> tuple[Ha
 # --- motion ---
 
 
-def split_motion(
-    steps: MotionSteps,
-) -> tuple[MotionPart, MotionPart]:
-    """Split steps of motion after the last one that moves poses.
+def split_motion(steps: MotionSteps, *, exposed: bool = False) -> tuple[MotionPart, MotionPart]:
+    """Split steps of motion after the last one that moves poses. exposed: whether a setting has steps of exposure.
 
     The first part leads to other poses, so its frames have to be rendered; the second only chooses among these frames.
-    Steps of severity 0 do nothing and are in neither.
+    Where an exposure looks at what is between frames, all are in the first: a camera that leaves poses out is faster
+    there too. Steps of severity 0 do nothing and are in neither.
     """
     active = tuple(step for step in steps if step.severity != 0)
+    if exposed:
+        return active, ()
     moves = [place for place, step in enumerate(active) if step.perturbation.apply is not None]
     end = moves[-1] + 1 if moves else 0
     return active[:end], active[end:]
@@ -93,7 +96,11 @@ def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -
                 f"{step.perturbation.name}: made {len(moved)} poses of {len(trajectory)}, or other time stamps; apply "
                 "has to keep both, and choose is what leaves poses out"
             )
-        trajectory = moved
+        name, posed = step.perturbation.name, trajectory.posed if moved.posed is None else moved.posed
+        if step.perturbation.continuous:
+            trajectory = replace(moved, posed=posed)
+        else:
+            trajectory = replace(moved, posed=posed, curve=None, independent=f"{name} moves each pose by itself")
     return trajectory
 
 
@@ -146,7 +153,7 @@ def take_poses(trajectory: Trajectory, chosen: NDArray[np.int64] | None) -> Traj
     """Return the chosen poses of a path, with the path's first stamps; the whole path for None."""
     if chosen is None:
         return trajectory
-    return trajectory.at(chosen, trajectory.stamps_s[: len(chosen)])
+    return trajectory.followed(chosen)
 
 
 def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers) -> NDArray[np.int64]:
@@ -158,6 +165,61 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
             f"each pose that is shown of {count}, not {_told(chosen)}"
         )
     return np.asarray(chosen, dtype=np.int64)
+
+
+# --- exposure ---
+
+
+def exposure_key(steps: Sequence[Step[ExposurePerturbation]]) -> tuple[Hashable, ...]:
+    """Return what is equal for steps that take equal frames of the same path."""
+    return tuple((step.perturbation.name, tuple(asdict(step.parameters(step.severity)).items())) for step in steps)
+
+
+def exposure_notes(steps: Sequence[Step[ExposurePerturbation]]) -> Notes:
+    """Return what is done to every frame: each step with its parameters, and when its lines are exposed, in seconds."""
+    found: Notes = []
+    for step in steps:
+        parameters = step.parameters(step.severity)
+        severity = {} if step.severity is None else {"severity": step.severity}
+        shutter = asdict(step.perturbation.shutter(parameters))
+        found.append({"name": step.perturbation.name, **severity, "parameters": asdict(parameters), "shutter": shutter})
+    return found
+
+
+def expose(
+    steps: Sequence[Step[ExposurePerturbation]], take: Callable[[float], TakenImages]
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """Return the colour and the depth of a frame after steps of exposure, at least one.
+
+    take: returns the clean images some seconds after the frame's time stamp. The steps act one inside the other: what a
+    later one takes is what those before it make around that moment.
+
+    Raises NoisyWorldError naming a perturbation that breaks its contract.
+    """
+    *before, last = steps
+
+    def taken(seconds: float) -> TakenImages:
+        return _Exposed(*expose(before, lambda more: take(seconds + more))) if before else take(seconds)
+
+    made = last.perturbation.apply(taken, last.parameters(last.severity))
+    if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
+        told = [_told(item) for item in made] if isinstance(made, tuple) else _told(made)
+        raise NoisyWorldError(
+            f"{last.perturbation.name}: apply has to return colour and depth, each a float32 array or None, not {told}"
+        )
+    return made
+
+
+@dataclass(frozen=True)
+class _Exposed:
+    """What an exposure has made, for the next one."""
+
+    rgb: NDArray[np.float32] | None
+    depth_m: NDArray[np.float32] | None
+
+
+def _is_float_image(found: Any) -> bool:
+    return found is None or (isinstance(found, np.ndarray) and found.dtype == np.float32 and found.ndim in (2, 3))
 
 
 # --- colour ---

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The four kinds of perturbation, each with the signature of its execution, and the order of the stages.
+"""The five kinds of perturbation, each with the signature of its execution, and the order of the stages.
 
 A perturbation is one file with a `PERTURBATION`. Presets, panels, sockets, `--list` and the tests are derived from it.
 """
@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..streams import stream
+from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
+from .exposing import ExposureApply
 
 type Identifiers = tuple[str | int, ...]
 """Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
 type ColourStage = Literal["environment", "lens", "sensor", "post"]
-type Stage = Literal["motion", ColourStage, "depth", "pairing"]
+type Stage = Literal["motion", "exposure", ColourStage, "depth", "pairing"]
 """A stage of propagation, as in "From Perfect to Noisy World Simulation"; STAGES has them in order."""
 
-STAGES: tuple[Stage, ...] = ("motion", "environment", "lens", "sensor", "post", "depth", "pairing")
+STAGES: tuple[Stage, ...] = ("motion", "exposure", "environment", "lens", "sensor", "post", "depth", "pairing")
 COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
 
 type Temporal = Literal["fresh", "fixed", "drift"]
@@ -177,7 +179,7 @@ class Distribution:
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """What all kinds share; a perturbation is one of the four kinds below.
+    """What all kinds share; a perturbation is one of the five kinds below.
 
     name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of propagation.
     order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
@@ -244,15 +246,17 @@ class Perturbation:
 class MotionPerturbation(Perturbation):
     """Acts on the camera's path, once in a sequence: it moves poses, or chooses among them. One of the two is given.
 
-    apply: returns other poses, from which frames are rendered again. choose: returns which poses are shown; nothing is
-    rendered again. drawn: beside `apply`, what it draws, to be recorded. Raises ValueError where both or neither of
-    apply and choose are given, drawn without apply, or temporals.
+    apply: returns other poses, from which frames are rendered again. continuous: whether there are poses between these,
+    on the path that the trajectory says by `curve`, or else on the smooth one through them. choose: returns which poses
+    are shown; nothing is rendered again. drawn: beside `apply`, what it draws, to be recorded. Raises ValueError where
+    both or neither of apply and choose are given, drawn without apply, or temporals.
     """
 
     stage: Stage = field(default="motion", init=False)
     apply: MotionApply | None = None
     choose: MotionChoose | None = None
     drawn: MotionDrawn | None = None
+    continuous: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -260,6 +264,26 @@ class MotionPerturbation(Perturbation):
             raise ValueError(f"{self.name}: a perturbation of motion has either apply or choose")
         if self.drawn is not None and self.apply is None:
             raise ValueError(f"{self.name}: drawn goes with apply: choose draws no poses")
+        _check_no_temporals(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExposurePerturbation(Perturbation):
+    """Acts, in every frame of a sequence, on when its images see the scene: row by row, for a while, again and again.
+
+    apply: takes the scene at other moments, so frames are rendered for it. shutter: parameters -> when the lines of a
+    frame are exposed; it is recorded in frames.jsonl, as the ground truth is the pose at the frame's time stamp. It
+    draws nothing: settings that expose alike share their renders.
+
+    Raises ValueError where temporals are given.
+    """
+
+    stage: Stage = field(default="exposure", init=False)
+    apply: ExposureApply
+    shutter: Callable[[Any], Shutter]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         _check_no_temporals(self)
 
 
@@ -337,12 +361,10 @@ class PairingPerturbation(Perturbation):
 
 
 KINDS: tuple[type[Perturbation], ...] = (
-    MotionPerturbation,
-    ColourPerturbation,
-    DepthPerturbation,
-    PairingPerturbation,
+    *(MotionPerturbation, ExposurePerturbation),
+    *(ColourPerturbation, DepthPerturbation, PairingPerturbation),
 )
-SEQUENCE_KINDS = (MotionPerturbation, PairingPerturbation)
+SEQUENCE_KINDS = (MotionPerturbation, ExposurePerturbation, PairingPerturbation)
 """The kinds that act on a whole sequence: a setting has each of their perturbations at most once, at one severity."""
 
 
@@ -367,7 +389,7 @@ def _check_no_temporals(perturbation: Perturbation) -> None:
 
 
 def kind_name(perturbation: Perturbation) -> str:
-    """Return the kind's name: motion, colour, depth or pairing."""
+    """Return the kind's name: motion, exposure, colour, depth or pairing."""
     return type(perturbation).__name__.removesuffix("Perturbation").lower()
 
 

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from ..presets.names import told_one_folder
-from ..schema import Place, describe, parse, shown, unknown_name
+from ..schema import Place, deciding_values, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
@@ -37,11 +37,11 @@ def parse_settings(
             at_stream = where.at("sweep").at("stream")
             for name, stream, step, inside in swept(item.sweep, where.at("sweep"), registry):
                 steps = drawing_by(parse_steps([step], inside, registry), name, stream, at_stream)
-                found.append((Setting(name, steps, item.backend or backend), where))
+                found.append((Setting(name, steps, item.backend or backend, deciding_values(item)), where))
         else:
             steps = parse_steps(item.perturb, where.at("perturb"), registry)
             steps = drawing_by(steps, item.name, item.stream, where.at("stream"))
-            found.append((Setting(item.name, steps, item.backend or backend), where.at("name")))
+            found.append((Setting(item.name, steps, item.backend or backend, deciding_values(item)), where.at("name")))
     names: dict[str, str] = {}
     for setting, where in found:
         if (other := names.get(setting.name.casefold())) is not None:

@@ -6,12 +6,13 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
+    ExposurePerturbation,
     FrameContext,
     Identifiers,
     MotionPerturbation,
@@ -110,12 +111,14 @@ def steps_of_kind[Kind: Perturbation](steps: Iterable[Step[Any]], kind: type[Kin
 class Setting:
     """A setting of the benchmark: a name, and its steps in propagation order. Without steps it is clean.
 
-    backend: what executes the steps of colour.
+    backend: what executes the steps of colour. keys: of its entry in the preset, those that decide bytes by their own
+    values.
     """
 
     name: str
     steps: tuple[Step[Any], ...] = ()
     backend: Backend = "reference"
+    keys: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def stream(self) -> str:
@@ -126,6 +129,11 @@ class Setting:
     def motion(self) -> tuple[Step[MotionPerturbation], ...]:
         """The steps that act on the path."""
         return steps_of_kind(self.steps, MotionPerturbation)
+
+    @property
+    def exposure(self) -> tuple[Step[ExposurePerturbation], ...]:
+        """The steps that act on when a frame's images see the scene, but those of severity 0."""
+        return tuple(step for step in steps_of_kind(self.steps, ExposurePerturbation) if step.severity != 0)
 
     @property
     def rgb(self) -> tuple[Step[ColourPerturbation], ...]:

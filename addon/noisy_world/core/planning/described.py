@@ -88,7 +88,8 @@ def _way(name: str, content: Mapping[str, Any], registry: Registry) -> _Way:
     except InputError:  # of a package that is not installed here, or of a version with other parameters
         return _Way(None, False, perturbed, composited)
     setting = Setting(name, steps)
-    return _Way(setting, bool(split_motion(setting.motion)[0]), perturbed, composited)
+    moves = bool(setting.exposure or split_motion(setting.motion)[0])
+    return _Way(setting, moves, perturbed, composited)
 
 
 def _written(steps: list[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:

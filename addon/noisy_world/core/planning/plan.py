@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plan of a preset: every sequence, and every render, which several sequences may share."""
 
+from collections.abc import Hashable
 from collections.abc import Sequence as Many
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,17 +14,16 @@ from ..datasets.registration import Registration
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..optics import PINHOLE, Optics
-from ..perturbing.execution import chosen_poses, move, split_motion, take_poses
-from ..perturbing.kinds import Identifiers, MotionPerturbation
+from ..perturbing.execution import chosen_poses, exposure_key, split_motion
+from ..perturbing.kinds import ExposurePerturbation, Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import told_one_folder
 from ..presets.preset import EngineName, Preset, SensorSpec
 from ..presets.selection import selected
 from ..schema import Place
-from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
-from ..trajectories.sensor_paths import SensorPaths
-from ..trajectories.trajectory import Axes, Trajectory
+from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
+from ..trajectories.trajectory import Axes
 from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
@@ -34,8 +34,8 @@ class Render:
     """What is rendered (or read) once for all the sequences that show it.
 
     frames: the source frames that these need. camera: of its images. moving: the steps that move the scene's path, with
-    the identifiers of their random streams; without steps the path is as planned. optics: what the cameras have beyond
-    one pinhole.
+    the identifiers of their random streams; without steps the path is as planned. exposure: the steps that take frames
+    at other moments than the instants of their stamps. optics: what the cameras have beyond one pinhole.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Render:
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
     identifiers: Identifiers = ()
+    exposure: tuple[Step[ExposurePerturbation], ...] = ()
     optics: Optics = PINHOLE
 
     @property
@@ -186,14 +187,17 @@ def lay_out_plan(
 
 
 def _renders(plan: Plan, scene: Scene) -> list[Render]:
-    """Group the settings of a scene by what has to be rendered: one render serves all that leave the path alone."""
+    """Group the settings of a scene by what has to be rendered: one render serves all that leave the path alone.
+
+    Those that expose its frames alike, along equal poses, share one too.
+    """
     _check_chosen(scene, plan)
     preset, modalities = plan.preset, plan.format.modalities
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
     optics = _optics(scene, plan, camera)
     shared: list[Sequence] = []
-    moved: list[Render] = []
+    moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
         if setting.needs_depth and not scene.source.gives.depth:
             problem = f"{setting.name} needs depth, and a video has none"
@@ -207,23 +211,55 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
                 f"{setting.name}: {pairing} leaves none of the {scene.frame_count} frames of {scene.name}",
                 "change its parameters; desync has edge: clamp",
             )
-        moving, _ = split_motion(setting.motion)
-        if not moving:
+        moving, _ = split_motion(setting.motion, exposed=bool(setting.exposure))
+        _check_exposure(setting, moving, scene, preset)
+        if not moving and not setting.exposure:
             shared.append(sequence)
             continue
-        if not scene.source.gives.any_pose:
+        if any(step.perturbation.apply is not None for step in moving) and not scene.source.gives.any_pose:
             problem = (
                 f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
             )
             raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
-        name = f"{scene.name}@{setting.name}"
-        moved.append(
-            Render(name, scene, needed_sources([sequence], modalities), (sequence,), camera, moving, identifiers)
+        key = _shown_key(setting, moving, scene.frame_count, identifiers)
+        first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, (), (), camera, moving, identifiers))
+        sequences = (*first.sequences, sequence)
+        moved[key] = replace(
+            first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure
         )
-    if shared:
-        needed = needed_sources(shared, modalities)
-        moved.insert(0, Render(scene.name, scene, needed, tuple(shared), camera, optics=optics))
-    return moved
+    if not shared:
+        return list(moved.values())
+    needed = needed_sources(shared, modalities)
+    return [Render(scene.name, scene, needed, tuple(shared), camera, optics=optics), *moved.values()]
+
+
+def _shown_key(
+    setting: Setting, moving: tuple[Step[MotionPerturbation], ...], count: int, identifiers: Identifiers
+) -> Hashable:
+    """Return what is equal for settings whose frames are taken along equal poses, at equal moments.
+
+    Poses that a setting moves are its own.
+    """
+    if any(step.perturbation.apply is not None for step in moving):
+        return setting.name
+    chosen = chosen_poses(moving, count, identifiers)
+    return exposure_key(setting.exposure), None if chosen is None else chosen.tobytes()
+
+
+def _check_exposure(
+    setting: Setting, moving: tuple[Step[MotionPerturbation], ...], scene: Scene, preset: Preset
+) -> None:
+    """Refuse to look between frames where there is nothing."""
+    if not setting.exposure:
+        return
+    exposing = setting.exposure[0].perturbation.name
+    if why := scene.source.gives.instants_only:
+        problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
+        raise _place_of(scene).error(problem, "take that setting out, or render a mesh")
+    apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
+    if lone := next((item.name for item in apart if not item.continuous), ""):
+        problem = f"{setting.name}: {exposing} looks between the poses, but {lone} moves each pose by itself"
+        raise preset.place("settings").error(problem, "take one of them out")
 
 
 def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
@@ -244,30 +280,6 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
 def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Numbers:
     """Return the source frames that sequences of one render show, increasing."""
     return union([sequence.sources_shown(modality) for sequence in sequences for modality in modalities])
-
-
-# --- paths ---
-
-
-def source_paths(plan: Plan, render: Render, count: int | None = None) -> SensorPaths:
-    """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate.
-
-    count: how many of the scene's first poses are taken, if not all.
-    """
-    planned = render.scene.source.trajectory()
-    planned = planned if count is None else take_poses(planned, np.arange(count))
-    if not render.moving:
-        return _sensor_paths(plan, planned)
-    moved = move(render.moving, planned, render.identifiers)
-    nominal = take_poses(planned, chosen_poses(render.moving, len(planned), render.identifiers))
-    return replace(_sensor_paths(plan, moved), nominal=_sensor_paths(plan, nominal).rgb)
-
-
-def _sensor_paths(plan: Plan, trajectory: Trajectory) -> SensorPaths:
-    if plan.rig is None:
-        return SensorPaths(trajectory)
-    depth = None if plan.rig.depth is None else sensor_trajectory(trajectory, plan.rig.depth)
-    return SensorPaths(sensor_trajectory(trajectory, plan.rig.rgb), depth, trajectory)
 
 
 # --- checks ---

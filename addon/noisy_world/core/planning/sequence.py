@@ -128,7 +128,7 @@ def lay_out(
 
     identifiers: the preset's seed, the scene, the setting. chosen: the sequence's frames to make, start and stop only.
     """
-    moving, choosing = split_motion(setting.motion)
+    moving, choosing = split_motion(setting.motion, exposed=bool(setting.exposure))
     before = chosen_poses(moving, source_count, identifiers)
     source_count = source_count if before is None else len(before)
     poses = chosen_poses(choosing, source_count, identifiers)

@@ -19,7 +19,8 @@ from ..optics import Optics
 from ..presets.preset import EngineName
 from ..scenes.mesh import Mesh
 from ..schema import Place
-from ..trajectories.sensor_paths import Moment, SensorPaths
+from ..trajectories.frame_request import FrameRequest
+from ..trajectories.sensor_paths import SensorPaths
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Axes, Trajectory
 
@@ -79,7 +80,8 @@ class Gives:
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
-    importers read it, whatever renders it. depth: whether it has any. key: of a scene, that names a recording.
+    importers read it, whatever renders it. depth: whether it has any. instants_only: why it has nothing between its
+    frames; "" where it answers requests for any time. key: of a scene, that names a recording.
     """
 
     rendered: bool
@@ -87,6 +89,7 @@ class Gives:
     own: OwnRendering | None = None
     imported: bool = False
     depth: bool = True
+    instants_only: str = ""
     key: Literal["sequence", "video"] = "sequence"
 
 
@@ -113,8 +116,8 @@ class RenderOptions:
 class OpenSource(Protocol):
     """A source that is ready to give frames along the paths of one render."""
 
-    def frame(self, moment: Moment) -> SourceFrame:
-        """Return the frame of a moment."""
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Return the frame of a request."""
         ...
 
 

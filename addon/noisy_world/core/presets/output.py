@@ -25,15 +25,18 @@ class OutputSpec:
         "the layout of the files; see --list layouts",
         default=next(iter(LAYOUTS)),
         choices={name: Choice(layout.label, layout.summary) for name, layout in LAYOUTS.items()},
+        identity="meaning",
     )
     image: Image | None = key(
         f"colour images; jpg is quality 98 without chroma subsampling; {_defaults(lambda item: item.images[0])}",
         default=None,
+        identity="meaning",
     )
     colour: Colour | None = key(
         "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
         + _defaults(lambda item: item.colours[0]),
         default=None,
+        identity="meaning",
     )
     depth_scale_per_m: float | None = key(
         "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
@@ -41,16 +44,23 @@ class OutputSpec:
         unit="steps/m",
         above=0,
         maximum=1e6,
+        identity="meaning",
     )
     depth_beyond: Beyond = key(
-        "what becomes of depth that 16 bits do not hold: void, or the farthest that they do", default="void"
+        "what becomes of depth that 16 bits do not hold: void, or the farthest that they do",
+        default="void",
+        identity="meaning",
     )
     modalities: tuple[Literal["rgb", "depth"], ...] = key(
-        "what is rendered and written: colour, depth or both", default=("rgb", "depth")
+        "what is rendered and written: colour, depth or both", default=("rgb", "depth"), identity="meaning"
     )
-    overview: bool = key("whether to draw overview.png, a contact sheet of the dataset", default=False)
+    overview: bool = key(
+        "whether to draw overview.png, a contact sheet of the dataset", default=False, identity="nothing"
+    )
     licence: str | None = key(
-        "the licence that a packed dataset states, such as cc-by-4.0; by default that of the scenes holds", default=None
+        "the licence that a packed dataset states, such as cc-by-4.0; by default that of the scenes holds",
+        default=None,
+        identity="nothing",
     )
 
     @property

@@ -30,14 +30,18 @@ WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbenc
 class CameraSpec:
     """Pinhole intrinsics; integer pixel coordinates name pixel centres."""
 
-    width: int = key("image width", unit="px", minimum=1, maximum=65500)
-    height: int = key("image height", unit="px", minimum=1, maximum=65500)
-    fx: float = key("focal length", unit="px", above=0, maximum=1e6)
-    fy: float = key("focal length", unit="px", above=0, maximum=1e6)
-    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
-    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
-    near_m: float = key("what is nearer is not seen", unit="m", default=0.01, minimum=1e-6, maximum=1e6)
-    far_m: float = key("what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6)
+    width: int = key("image width", unit="px", minimum=1, maximum=65500, identity="meaning")
+    height: int = key("image height", unit="px", minimum=1, maximum=65500, identity="meaning")
+    fx: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning")
+    fy: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning")
+    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning")
+    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning")
+    near_m: float = key(
+        "what is nearer is not seen", unit="m", default=0.01, minimum=1e-6, maximum=1e6, identity="meaning"
+    )
+    far_m: float = key(
+        "what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6, identity="meaning"
+    )
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -50,16 +54,25 @@ class SensorSpec:
     """Where a sensor sits on the robot: the sensor's OpenCV axes in the robot's frame. One rotation at most."""
 
     translation_m: tuple[float, float, float] = key(
-        "position", unit="m", default=(0.0, 0.0, 0.0), minimum=-1e6, maximum=1e6
+        "position", unit="m", default=(0.0, 0.0, 0.0), minimum=-1e6, maximum=1e6, identity="meaning"
     )
     quat_wxyz: tuple[float, float, float, float] | None = key(
-        "rotation, as a quaternion", default=None, minimum=-1e6, maximum=1e6
+        "rotation, as a quaternion", default=None, minimum=-1e6, maximum=1e6, identity="meaning"
     )
     rotation_euler_deg: tuple[float, float, float] | None = key(
-        "rotation about x, y and z, as Rz Ry Rx", unit="deg", default=None, minimum=-3600, maximum=3600
+        "rotation about x, y and z, as Rz Ry Rx",
+        unit="deg",
+        default=None,
+        minimum=-3600,
+        maximum=3600,
+        identity="meaning",
     )
     matrix: tuple[tuple[float, float, float, float], ...] | None = key(
-        "the whole pose as 4 rows of 4, instead of the others", default=None, minimum=-1e6, maximum=1e6
+        "the whole pose as 4 rows of 4, instead of the others",
+        default=None,
+        minimum=-1e6,
+        maximum=1e6,
+        identity="meaning",
     )
 
 
@@ -79,19 +92,30 @@ class RenderSpec:
         "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
         "ray a pixel without Blender, and needs the extra embree",
         default="cycles",
+        identity="meaning",
     )
     backend: Literal["compositor", "reference"] = key(
         "what executes the perturbations of colour: Blender's compositor, as an artist sees it, or numpy and OpenCV",
         default="compositor",
+        identity="meaning",
     )
     device: Literal["cpu", "gpu"] = key(
-        "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu"
+        "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu", identity="meaning"
     )
-    samples: int = key("rays a pixel; depth is the pixel centre's at any number", default=1, minimum=1, maximum=65536)
-    allow_empty: bool = key("whether a path may begin with frames that see nothing, which is an error", default=False)
+    samples: int = key(
+        "rays a pixel; depth is the pixel centre's at any number",
+        default=1,
+        minimum=1,
+        maximum=65536,
+        identity="meaning",
+    )
+    allow_empty: bool = key(
+        "whether a path may begin with frames that see nothing, which is an error", default=False, identity="nothing"
+    )
     processors: Literal["same", "any"] = key(
         "whether all frames have to come from one kind of processor; any: results differ by 1/255 between kinds",
         default="same",
+        identity="nothing",
     )
 
     @property
@@ -109,7 +133,9 @@ class PresetSpec:
     """A whole preset."""
 
     scenes: tuple[SceneSpec, ...] = key("the scenes")
-    seed: int = key("the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1)
+    seed: int = key(
+        "the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1, identity="meaning"
+    )
     camera: CameraSpec | None = key(
         "the camera; default for meshes Replica's 1200 x 680, for a sequence or a .blend its own", default=None
     )
@@ -120,6 +146,7 @@ class PresetSpec:
     data: str | None = key(
         "folder that the scenes' paths are relative to, and where Replica is looked for; default the preset's",
         default=None,
+        identity="nothing",
     )
     only: OnlySpec = key("a part of the scenes and settings", default=OnlySpec())
 

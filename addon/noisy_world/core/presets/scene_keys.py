@@ -18,13 +18,19 @@ from .names import scene_name
 class HandheldSpec:
     """A seeded path of a camera held in the hand, walking through the scene."""
 
-    frames: int = key("length of the path", unit="frames", minimum=1, maximum=1_000_000)
-    rate_hz: float = key("frames a second", unit="Hz", default=20.0, above=0, maximum=10_000)
-    seed: int | None = key("seed of the path, where it should not follow the preset's", default=None, minimum=0)
-    speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10)
-    clearance_m: float = key("distance kept from everything", unit="m", default=0.45, above=0, maximum=10)
+    frames: int = key("length of the path", unit="frames", minimum=1, maximum=1_000_000, identity="meaning")
+    rate_hz: float = key("frames a second", unit="Hz", default=20.0, above=0, maximum=10_000, identity="meaning")
+    seed: int | None = key(
+        "seed of the path, where it should not follow the preset's", default=None, minimum=0, identity="meaning"
+    )
+    speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10, identity="meaning")
+    clearance_m: float = key(
+        "distance kept from everything", unit="m", default=0.45, above=0, maximum=10, identity="meaning"
+    )
     revisit: bool = key(
-        "whether earlier stretches are walked again, looking the same way: loops to close", default=False
+        "whether earlier stretches are walked again, looking the same way: loops to close",
+        default=False,
+        identity="meaning",
     )
 
 
@@ -37,30 +43,44 @@ class TrajectorySpec:
     file: str | None = key(
         "file of poses, or folder of one pose a file, relative to the preset; * allowed; its format is told by content",
         default=None,
+        identity="meaning",
     )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
     format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
-        "the file's format, where its content should not decide", default="auto"
+        "the file's format, where its content should not decide", default="auto", identity="meaning"
     )
     pose: Literal["auto", "c2w", "w2c"] = key(
-        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world", default="auto"
+        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world",
+        default="auto",
+        identity="meaning",
     )
     axes: Literal["auto", "opencv", "opengl", "robot"] = key(
         "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up; auto is "
         "opencv, and opengl for transforms.json",
         default="auto",
+        identity="meaning",
     )
     rate_hz: float = key(
-        "frames a second, where the file has no time stamps", unit="Hz", default=20.0, above=0, maximum=10_000
+        "frames a second, where the file has no time stamps",
+        unit="Hz",
+        default=20.0,
+        above=0,
+        maximum=10_000,
+        identity="meaning",
     )
     stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
-        "the unit of the file's time stamps; auto tells seconds from nanoseconds", default="auto"
+        "the unit of the file's time stamps; auto tells seconds from nanoseconds", default="auto", identity="meaning"
     )
-    start: int = key("first pose used", default=0, minimum=0)
-    stop: int | None = key("the pose after the last one used", default=None, minimum=1)
-    every: int = key("use every n-th pose", default=1, minimum=1)
+    start: int = key("first pose used", default=0, minimum=0, identity="meaning")
+    stop: int | None = key("the pose after the last one used", default=None, minimum=1, identity="meaning")
+    every: int = key("use every n-th pose", default=1, minimum=1, identity="meaning")
     resample_hz: float | None = key(
-        "interpolate the poses to this rate (slerp, shortest path)", unit="Hz", default=None, above=0, maximum=10_000
+        "take poses at this rate, from the smooth path through all poses",
+        unit="Hz",
+        default=None,
+        above=0,
+        maximum=10_000,
+        identity="meaning",
     )
 
 
@@ -72,28 +92,36 @@ class SceneSpec:
         "PLY, glTF, OBJ, USD, FBX or STL file, relative to the preset; * allowed; or "
         f"{EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}",
         default=None,
+        identity="meaning",
     )
     up: Literal["y", "z"] | None = key(
         "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
         default=None,
+        identity="meaning",
     )
     light: Literal["none", "scene"] = key(
         "how a mesh is lit: not at all, showing its base colours; or by the lights and materials of its file",
         default="none",
+        identity="meaning",
     )
     replica: str | None = key(
         f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
         default=None,
+        identity="meaning",
     )
     sequence: str | None = key(
         f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
         default=None,
+        identity="meaning",
     )
-    video: str | None = key("instead of sequence: a video file, relative to the preset; * allowed", default=None)
+    video: str | None = key(
+        "instead of sequence: a video file, relative to the preset; * allowed", default=None, identity="meaning"
+    )
     depth: str | None = key(
         "the folder of a video's depth, a 16-bit PNG for each frame in the order of their numbers, relative to the "
         "preset; * stands for what the * of video matched",
         default=None,
+        identity="meaning",
     )
     depth_scale_per_m: float | None = key(
         "steps a metre of the depth beside a video; default 1000: millimetres",
@@ -101,22 +129,34 @@ class SceneSpec:
         default=None,
         minimum=SCALES_PER_M[0],
         maximum=SCALES_PER_M[1],
+        identity="meaning",
     )
     blend: str | None = key(
-        "instead of mesh: a .blend, rendered as its artist set it up, relative to the preset; * allowed", default=None
+        "instead of mesh: a .blend, rendered as its artist set it up, relative to the preset; * allowed",
+        default=None,
+        identity="meaning",
     )
-    scene: str | None = key("the scene of the .blend; default the file's active one", default=None)
+    scene: str | None = key("the scene of the .blend; default the file's active one", default=None, identity="meaning")
     camera: str | None = key(
-        "the camera object of that scene; default the scene's own, and those that its markers name", default=None
+        "the camera object of that scene; default the scene's own, and those that its markers name",
+        default=None,
+        identity="meaning",
     )
     frames: str | None = key(
         "the scene's frames, FIRST:LAST or FIRST:LAST:STEP, both with them; default the scene's range and step",
         default=None,
         pattern=frame_range_problem,
+        identity="meaning",
     )
-    compositor: Literal["off", "keep"] = key("what becomes of the .blend's own compositor", default="off")
+    compositor: Literal["off", "keep"] = key(
+        "what becomes of the .blend's own compositor", default="off", identity="meaning"
+    )
     depth_alpha: float = key(
-        "depth of a .blend goes through what is less opaque than this", default=0.5, minimum=0, maximum=1
+        "depth of a .blend goes through what is less opaque than this",
+        default=0.5,
+        minimum=0,
+        maximum=1,
+        identity="meaning",
     )
     trajectory: TrajectorySpec | None = key(
         "the way of the camera, or of the robot that carries it; for replica the path that the SLAM systems use, for a "
@@ -129,21 +169,27 @@ class SceneSpec:
         default=None,
         above=0,
         maximum=10_000,
+        identity="meaning",
     )
     poses: PosePolicy = key(
         "frames of a sequence that have no valid pose: drop leaves them out, keep keeps them without one, require ends "
         "the run; none looks for no poses at all: a recording without ground truth",
         default="drop",
+        identity="meaning",
     )
-    undistort: bool = key("whether a sequence whose lens distorts is made a pinhole's", default=False)
+    undistort: bool = key(
+        "whether a sequence whose lens distorts is made a pinhole's", default=False, identity="meaning"
+    )
     register: bool = key(
         "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
         default=False,
+        identity="meaning",
     )
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh, sequence, video or blend matched",
         default=None,
         pattern=scene_name,
+        identity="meaning",
     )
 
     @property

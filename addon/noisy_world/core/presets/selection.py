@@ -17,8 +17,10 @@ NAMED = 4  # names that a message lists
 class OnlySpec:
     """The scenes and settings that are made; the dataset can grow by the others."""
 
-    scenes: tuple[str, ...] | None = key("names of scenes, * allowed; default all", default=None)
-    settings: tuple[str, ...] | None = key("names of settings, * allowed; default all", default=None)
+    scenes: tuple[str, ...] | None = key("names of scenes, * allowed; default all", default=None, identity="nothing")
+    settings: tuple[str, ...] | None = key(
+        "names of settings, * allowed; default all", default=None, identity="nothing"
+    )
 
 
 def chosen_part(scenes: Sequence[str], settings: Sequence[str]) -> dict[str, Any]:

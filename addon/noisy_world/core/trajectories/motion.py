@@ -4,9 +4,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..geometry import quat_wxyz_from_rotation
+from ..geometry import rotvec_from_rotation
 
 type Float64 = NDArray[np.float64]
 
@@ -37,13 +37,5 @@ def motion_between(first_c2w: Float64, before_c2w: Float64, c2w: Float64, second
     """
     if seconds == 0:
         return CameraMotion(first_c2w, c2w, np.zeros(3), np.zeros(3))
-    turned_rad = rotation_vector(before_c2w[:3, :3].T @ c2w[:3, :3])
+    turned_rad = rotvec_from_rotation(before_c2w[:3, :3].T @ c2w[:3, :3])
     return CameraMotion(first_c2w, c2w, (c2w[:3, 3] - before_c2w[:3, 3]) / seconds, turned_rad / seconds)
-
-
-def rotation_vector(rotation: ArrayLike) -> Float64:
-    """Return (3,) radians: axis times angle, up to a half turn, of a rotation (3, 3)."""
-    quat = quat_wxyz_from_rotation(rotation)
-    sine = float(np.linalg.norm(quat[1:]))
-    angle_rad = 2 * np.arctan2(sine, quat[0])
-    return quat[1:] * (angle_rad / sine if sine > 0 else 0.0)

@@ -15,6 +15,7 @@ from ..geometry import (
     rotation_from_euler_deg,
     rotation_from_quat_wxyz,
 )
+from .curve import MountedCurve
 from .trajectory import Axes, Trajectory, convert_convention
 
 # As for trajectory files: rounding is mended, anything more is a mistake and refused.
@@ -42,7 +43,13 @@ def sensor_trajectory(robot: Trajectory, sensor: Sensor) -> Trajectory:
 
     robot: the body's poses with OpenCV axes, as read with the axes that its file declares.
     """
-    return Trajectory(robot.c2w @ sensor.robot_from_sensor, robot.stamps_s, posed=robot.posed)
+    return Trajectory(
+        robot.c2w @ sensor.robot_from_sensor,
+        robot.stamps_s,
+        posed=robot.posed,
+        curve=MountedCurve(robot.continuous, sensor.robot_from_sensor),
+        independent=robot.independent,
+    )
 
 
 def sensor_from_extrinsics(

@@ -2,21 +2,16 @@
 """A camera's path through a scene: poses with time stamps."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..geometry import (
-    invert_pose,
-    opencv_from_blender_c2w,
-    opencv_from_robot_c2w,
-    pose,
-    quat_wxyz_from_rotation,
-    rotation_from_quat_wxyz,
-    slerp,
-)
+from ..errors import NoisyWorldError
+from ..geometry import invert_pose, opencv_from_blender_c2w, opencv_from_robot_c2w
+from .curve import Curve, NaturalSpline, SplineCurve, WarpedCurve
 
 type Direction = Literal["c2w", "w2c"]
 type Axes = Literal["opencv", "opengl", "robot"]
@@ -39,6 +34,8 @@ class Trajectory:
     stamps_s: (N,) float64, seconds, strictly increasing.
     notes: what a user should know about how the path was read, one sentence each.
     posed: (N,) bool, whether a frame's pose is known; None where all are. An unknown one has any pose in c2w.
+    curve: the path in continuous time that the poses lie on; None is the one through them. independent: why there is
+    nothing between the poses, "" where there is.
     Raises ValueError for other shapes, values that are not finite and stamps that do not increase.
     """
 
@@ -46,6 +43,8 @@ class Trajectory:
     stamps_s: NDArray[np.float64]
     notes: tuple[str, ...] = ()
     posed: NDArray[np.bool_] | None = None
+    curve: Curve | None = None
+    independent: str = ""
 
     def __post_init__(self) -> None:
         c2w = np.array(self.c2w, dtype=np.float64, order="C")
@@ -77,7 +76,46 @@ class Trajectory:
 
     def at(self, rows: Sequence[int] | slice | NDArray[np.integer], stamps_s: NDArray[np.float64]) -> "Trajectory":
         """Return the poses of some rows under other time stamps (M,); without the notes."""
-        return Trajectory(self.c2w[rows], stamps_s, posed=None if self.posed is None else self.posed[rows])
+        posed = None if self.posed is None else self.posed[rows]
+        return Trajectory(self.c2w[rows], stamps_s, posed=posed, independent=self.independent)
+
+    def followed(self, rows: NDArray[np.integer]) -> "Trajectory":
+        """Return the poses of some rows (M,), M <= N, under the first M stamps; without the notes.
+
+        Between them the path is followed as fast as that takes: where every other pose is left out, twice as fast.
+        """
+        stamps_s = self.stamps_s[: len(rows)]
+        clock = NaturalSpline(stamps_s, self.stamps_s[rows, None])
+        return replace(self.at(rows, stamps_s), curve=WarpedCurve(self.continuous, clock))
+
+    @cached_property
+    def continuous(self) -> Curve:
+        """The path in continuous time; where no pose is known, it stands still."""
+        if self.curve is not None:
+            return self.curve
+        known = self.known if self.known.any() else np.arange(len(self)) == 0
+        return SplineCurve(self.c2w[known], self.stamps_s[known])
+
+    def pose_at(self, time_s: float) -> NDArray[np.float64]:
+        """Return the pose (4, 4) at a time; at a frame's stamp it is the frame's own, to the bit.
+
+        Raises NoisyWorldError between poses that are independent of one another, and beside one that is unknown.
+        """
+        row = int(np.searchsorted(self.stamps_s, time_s))
+        if row < len(self) and self.stamps_s[row] == time_s:
+            return self.c2w[row]
+        if self.independent:
+            raise NoisyWorldError(f"there is no pose at {time_s:g} s, between the frames: {self.independent}")
+        if not self.known_at(time_s):
+            raise NoisyWorldError(f"there is no pose at {time_s:g} s, beside a frame whose pose is unknown")
+        return self.continuous.pose_at(time_s)
+
+    def known_at(self, times_s: ArrayLike) -> NDArray[np.bool_]:
+        """(...) seconds -> (...) bool: whether the poses before and after are known; at a stamp, the pose itself."""
+        times_s = np.asarray(times_s, dtype=np.float64)
+        before = np.clip(np.searchsorted(self.stamps_s, times_s, side="right") - 1, 0, len(self) - 1)
+        after = np.clip(np.searchsorted(self.stamps_s, times_s), 0, len(self) - 1)
+        return self.known[before] & self.known[after]
 
 
 def evenly_stamped(c2w: ArrayLike, rate_hz: float = 20.0) -> Trajectory:
@@ -96,13 +134,15 @@ def subsample(trajectory: Trajectory, start: int = 0, stop: int | None = None, e
     chosen = slice(start, stop, every)
     if len(trajectory.stamps_s[chosen]) == 0:
         raise ValueError(f"no frame is left of {len(trajectory)} with start {start} and stop {stop}")
-    return Trajectory(trajectory.c2w[chosen], trajectory.stamps_s[chosen], trajectory.notes)
+    path = trajectory.at(chosen, trajectory.stamps_s[chosen])
+    curve = None if trajectory.independent else trajectory.continuous
+    return replace(path, notes=trajectory.notes, curve=curve)
 
 
 def resample(trajectory: Trajectory, rate_hz: float) -> Trajectory:
     """Poses at t0 + k / rate_hz up to the last stamp (within a microsecond), t0 the first stamp.
 
-    Positions are interpolated linearly, rotations by slerp along the shorter arc; at a pose's own stamp it is kept.
+    They lie on the path in continuous time; at a pose's own stamp it is kept, and beside an unknown one none is known.
     Raises ValueError for a rate that is not positive, and for one that asks for more than a million poses.
     """
     rate_hz = checked_rate(rate_hz)
@@ -115,12 +155,22 @@ def resample(trajectory: Trajectory, rate_hz: float) -> Trajectory:
         )
     count = int(np.floor(intervals)) + 1
     new_s = np.arange(count) / rate_hz
-    before = np.clip(np.searchsorted(old_s, new_s, side="right") - 1, 0, max(len(trajectory) - 2, 0))
-    after = np.minimum(before + 1, len(trajectory) - 1)
-    gap_s = np.where(after > before, old_s[after] - old_s[before], 1.0)
-    u = np.clip((new_s - old_s[before]) / gap_s, 0.0, 1.0)
-    c2w = _interpolated(trajectory.c2w[before], trajectory.c2w[after], u)
-    return Trajectory(c2w, trajectory.stamps_s[0] + new_s, trajectory.notes)
+    there = np.minimum(np.searchsorted(old_s, new_s), len(trajectory) - 1)
+    stamps_s = trajectory.stamps_s[0] + new_s
+    # From the first stamp on: around 1e9 s the sum's rounding would move a pose past its neighbour.
+    own = trajectory.at(slice(None), old_s)
+    within_s = np.minimum(new_s, old_s[-1])
+    c2w = _smooth(trajectory, own, within_s)
+    kept = old_s[there] == new_s
+    c2w[kept] = trajectory.c2w[there[kept]]
+    return Trajectory(c2w, stamps_s, trajectory.notes, own.known_at(new_s), trajectory.continuous)
+
+
+def _smooth(trajectory: Trajectory, own: Trajectory, passed_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the poses (M, 4, 4) at times since the first stamp. own: the trajectory from its first stamp on."""
+    if trajectory.curve is None:
+        return own.continuous.pose_at(passed_s)
+    return trajectory.curve.pose_at(trajectory.stamps_s[0] + passed_s)
 
 
 def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) -> NDArray[np.float64]:
@@ -140,14 +190,6 @@ def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) ->
     if axes == "robot":
         return opencv_from_robot_c2w(c2w)
     return c2w
-
-
-def _interpolated(first: NDArray[np.float64], second: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray:
-    quats = slerp(quat_wxyz_from_rotation(first[:, :3, :3]), quat_wxyz_from_rotation(second[:, :3, :3]), u)
-    position = first[:, :3, 3] + u[:, None] * (second[:, :3, 3] - first[:, :3, 3])
-    between = pose(rotation_from_quat_wxyz(quats), position)
-    exact = [u == 0.0, u == 1.0]
-    return np.select([e[:, None, None] for e in exact], [first, second], between)
 
 
 def checked_rate(rate_hz: float) -> float:

@@ -82,7 +82,7 @@ class RenderedViews:
 
     def view(self, index: int) -> View:
         """Return what is seen of the mesh."""
-        frame = self._session.frame(self._paths.moment(index))
+        frame = self._session.frame(self._paths.request(index))
         assert frame.depth_m is not None
         return View(None if frame.rgb is None else rgb_bytes(frame.rgb), frame.depth_m)
 

@@ -22,7 +22,8 @@ from ...core.datasets.storage import storage_errors, write_atomic
 from ...core.geometry import Intrinsics
 from ...core.planning.source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
 from ...core.regular_files import read_array
-from ...core.trajectories.sensor_paths import Moment, SensorPaths
+from ...core.trajectories.frame_request import FrameRequest
+from ...core.trajectories.sensor_paths import SensorPaths
 from .held_scene import SourceInside
 
 MODALITIES: tuple[Modality, ...] = ("rgb", "depth")
@@ -120,12 +121,14 @@ class _Open:
         self._open = opened
         self._opened: OpenSource | None = None
 
-    def frame(self, moment: Moment) -> SourceFrame:
-        """Return the frame of a moment."""
-        if (found := self._kept.read(moment.index, self._wanted)) is not None:
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Return the frame of a request."""
+        index = request.index
+        if index is not None and (found := self._kept.read(index, self._wanted)) is not None:
             return found
         if self._opened is None:
             self._opened = self._open()
-        frame = self._opened.frame(moment)
-        self._kept.keep(moment.index, frame)
+        frame = self._opened.frame(request)
+        if index is not None:  # what is between frames is asked for once
+            self._kept.keep(index, frame)
         return frame

@@ -31,7 +31,7 @@ def _motion_differs(setting: Setting, scene: Scene, one: Identifiers, other: Ide
     laid = [lay_out(setting, scene.name, scene.frame_count, identifiers) for identifiers in (one, other)]
     if (laid[0].source_frames, laid[0].depth_frames) != (laid[1].source_frames, laid[1].depth_frames):
         return True
-    moving, _ = split_motion(setting.motion)
+    moving, _ = split_motion(setting.motion, exposed=bool(setting.exposure))
     if not moving:
         return False
     path = scene.source.trajectory()

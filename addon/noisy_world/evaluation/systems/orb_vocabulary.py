@@ -9,7 +9,7 @@ of a room that belongs to no study. Its tree is made by k-means with medians of 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.planning.plan import source_paths
+from ...core.planning.source_paths import source_paths
 from ...core.presets.preset import read_preset
 from ...core.scenes.embedded import room_mesh
 from ...core.shipped import shipped
@@ -54,8 +54,8 @@ def rendered(frames: int) -> list[NDArray[np.uint8]]:
     paths = source_paths(plan, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
-        moments = [paths.moment(number) for number in range(frames)]
-        return [CleanFrame(moment.index, source.frame(moment)).byte_rgb() for moment in moments]
+        requests = [paths.request(number) for number in range(frames)]
+        return [CleanFrame(request.frame, source.frame(request)).byte_rgb() for request in requests]
 
 
 def descriptors(rgb: NDArray[np.uint8]) -> Bits:

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a source is asked for: a frame, at an instant or while a shutter is open, from sensors on their paths."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import NoisyWorldError
+
+type ReadoutDirection = Literal["down", "up", "right", "left"]
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """When the rows of a frame see light, in seconds from its time stamp, at which the ground truth's pose is taken.
+
+    opens_s: when the exposure of the first line begins; negative is before the stamp. exposure_s: how long each line is
+    exposed; 0 is an instant. readout_s: how much later all lines have been read; 0 is a global shutter. direction: in
+    which rows (down, up) or columns (right, left) follow one another.
+
+    Raises ValueError for times that are not finite, and for exposures and readouts below 0.
+    """
+
+    opens_s: float = 0.0
+    exposure_s: float = 0.0
+    readout_s: float = 0.0
+    direction: ReadoutDirection = "down"
+
+    def __post_init__(self) -> None:
+        if not all(map(np.isfinite, (self.opens_s, self.exposure_s, self.readout_s))):
+            raise ValueError(f"a shutter's times are finite numbers of seconds: {self}")
+        if self.exposure_s < 0.0 or self.readout_s < 0.0:
+            raise ValueError(f"exposure and readout take 0 seconds or more: {self}")
+
+    @classmethod
+    def centred(cls, exposure_s: float, readout_s: float = 0.0, direction: ReadoutDirection = "down") -> "Shutter":
+        """Return a shutter whose middle line is in the middle of its exposure at the frame's time stamp."""
+        return cls(-(exposure_s + readout_s) / 2.0, exposure_s, readout_s, direction)
+
+    @property
+    def closes_s(self) -> float:
+        """When the exposure of the last line ends."""
+        return self.opens_s + self.exposure_s + self.readout_s
+
+    def line_times_s(self, count: int) -> NDArray[np.float64]:
+        """Return (count,) the middle of the exposure of each row or column, in the image's order from top or left."""
+        places = (np.arange(count) + 0.5) / count
+        order = places if self.direction in ("down", "right") else places[::-1]
+        return self.opens_s + self.exposure_s / 2.0 + self.readout_s * order
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """One frame, as a source is asked for it: what the sensors see at an instant.
+
+    index: the frame's number on the path; None between its frames. time_s: on the source's own clock, by which what
+    moves in the scene moves. rgb_c2w, depth_c2w: (4, 4) float64 camera-to-world of the colour and of the depth sensor,
+    OpenCV axes, metres. along_path: returns the request for an instant some seconds later; None where the sensors stand
+    still.
+    """
+
+    index: int | None
+    time_s: float
+    rgb_c2w: NDArray[np.float64]
+    depth_c2w: NDArray[np.float64]
+    along_path: "Callable[[float], FrameRequest] | None" = field(default=None, repr=False)
+
+    @property
+    def frame(self) -> int:
+        """The number of the frame. Raises NoisyWorldError between frames, which a recording cannot answer."""
+        if self.index is None:
+            raise NoisyWorldError(f"there is no frame at {self.time_s:g} s, between those that were recorded")
+        return self.index
+
+    def after(self, seconds: float) -> "FrameRequest":
+        """Return the request for an instant some seconds later, or earlier; this one for 0.
+
+        Raises NoisyWorldError where the paths have no pose then.
+        """
+        if seconds == 0.0:
+            return self
+        if self.along_path is None:
+            return replace(self, index=None, time_s=self.time_s + seconds)
+        return self.along_path(seconds)

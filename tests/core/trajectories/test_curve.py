@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths in continuous time, against scipy's splines, closed forms and finite differences."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cases import cases
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.geometry import pose
+from noisy_world.core.trajectories.curve import NaturalSpline
+from noisy_world.core.trajectories.frame_request import FrameRequest, Shutter
+from noisy_world.core.trajectories.rig import Sensor, sensor_trajectory
+from noisy_world.core.trajectories.rotation_spline import RotationSpline
+from noisy_world.core.trajectories.sensor_paths import SensorPaths
+from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, resample, subsample
+
+GENERATOR = np.random.default_rng(5)
+KNOTS = np.cumsum(GENERATOR.uniform(0.3, 2.0, 12))
+TURNS = Rotation.from_rotvec(np.cumsum(GENERATOR.normal(size=(12, 3)) * 0.5, axis=0))
+
+
+def turning_path(times_s, rate_deg_s=40.0, axis=(0.6, 0.0, 0.8), at_m=(0.0, 0.0, 0.0)):
+    """A camera that turns steadily about an axis and goes steadily along x."""
+    times_s = np.asarray(times_s, dtype=np.float64)
+    turned = Rotation.from_rotvec(np.radians(rate_deg_s) * times_s[..., None] * np.array(axis))
+    return pose(turned.as_matrix(), np.array(at_m) + times_s[..., None] * np.array([0.5, 0.0, 0.0]))
+
+
+def test_positions_are_scipy_s_natural_spline():
+    values = GENERATOR.normal(size=(12, 3))
+    ours, theirs = NaturalSpline(KNOTS, values), CubicSpline(KNOTS, values, bc_type="natural")
+    inside = np.linspace(KNOTS[0], KNOTS[-1], 999)
+    np.testing.assert_allclose(ours.at(inside), theirs(inside), atol=1e-13)
+    np.testing.assert_array_equal(ours.at(KNOTS), values)
+    beyond = values[-1] + 3.0 * theirs(KNOTS[-1], 1)
+    np.testing.assert_allclose(ours.at(KNOTS[-1] + 3.0), beyond, atol=1e-12)
+
+
+def test_turns_about_one_axis_are_the_natural_spline_of_the_angle():
+    angle_rad = np.cumsum(GENERATOR.uniform(-2.0, 2.0, 12))
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    spline = RotationSpline(KNOTS, Rotation.from_rotvec(angle_rad[:, None] * axis).as_matrix())
+    inside = np.linspace(KNOTS[0], KNOTS[-1], 999)
+    wanted = CubicSpline(KNOTS, angle_rad, bc_type="natural")(inside)
+    np.testing.assert_allclose(spline.at(inside), Rotation.from_rotvec(wanted[:, None] * axis).as_matrix(), atol=1e-11)
+
+
+def test_angular_velocity_and_acceleration_have_no_jump():
+    spline = RotationSpline(KNOTS, TURNS.as_matrix())
+    np.testing.assert_allclose(spline.at(KNOTS), TURNS.as_matrix(), atol=1e-15)
+    step = 1e-4
+
+    def acceleration(at):
+        around = spline.at(at[:, None] + step * np.arange(-1, 2))
+        turned = Rotation.from_matrix((around[:, :-1].swapaxes(-1, -2) @ around[:, 1:]).reshape(-1, 3, 3)).as_rotvec()
+        return np.diff(turned.reshape(-1, 2, 3), axis=1)[:, 0] / step**2
+
+    before, after = acceleration(KNOTS - 2 * step), acceleration(KNOTS + 2 * step)
+    assert np.abs(before[1:-1]).max() > 1.0
+    # What four steps of the jerk in the intervals beside a knot explain, and no more.
+    np.testing.assert_allclose(before, after, atol=4 * step * 20)
+    np.testing.assert_allclose(before[0], 0.0, atol=1e-6)
+    np.testing.assert_allclose(after[-1], 0.0, atol=1e-6)
+
+
+@cases("rate_deg_s", [0.0, 40.0, -170.0])
+@cases("origin_m", [0.0, 1e5])
+def test_a_steady_turn_stays_steady_between_and_beyond_the_poses(rate_deg_s, origin_m):
+    stamps_s = np.array([0.0, 0.5, 0.6, 1.5, 2.0])
+    path = Trajectory(turning_path(stamps_s, rate_deg_s, at_m=(origin_m, -origin_m, 0.0)), stamps_s)
+    for time_s in (-0.4, 0.25, 0.55, 1.9, 2.3):
+        wanted = turning_path(time_s, rate_deg_s, at_m=(origin_m, -origin_m, 0.0))
+        np.testing.assert_allclose(path.pose_at(time_s), wanted, atol=1e-13 + 1e-15 * origin_m)
+    np.testing.assert_array_equal(path.pose_at(0.6), path.c2w[2])
+
+
+def test_half_turns_between_poses_and_a_single_pose():
+    path = evenly_stamped(turning_path([0.0, 1.0], 180.0, (0.0, 0.0, 1.0)), 1.0)
+    turned = Rotation.from_matrix(path.pose_at(0.5)[:3, :3]).magnitude()
+    assert turned == pytest.approx(math.pi / 2, abs=1e-12)
+    alone = evenly_stamped(turning_path([0.3]), 1.0)
+    np.testing.assert_array_equal(alone.pose_at(17.0), alone.c2w[0])
+
+
+def test_parts_of_a_path_lie_on_it():
+    stamps_s = np.arange(40) / 20
+    shaken = pose(TURNS.as_matrix()[np.arange(40) % 12], GENERATOR.normal(size=(40, 3)))
+    path = Trajectory(shaken, stamps_s)
+    part = subsample(path, start=3, every=4)
+    np.testing.assert_array_equal(part.pose_at(0.42), path.pose_at(0.42))
+    np.testing.assert_allclose(resample(path, 7.0).pose_at(0.42), path.pose_at(0.42), atol=1e-12)
+    faster = path.followed(np.arange(0, 40, 2))
+    for time_s in (0.0, 0.3, 0.31, 0.77):
+        np.testing.assert_allclose(faster.pose_at(time_s), path.pose_at(2 * time_s), atol=1e-12)
+    sensor = Sensor(turning_path(0.7, at_m=(0.1, 0.2, 0.3)))
+    np.testing.assert_allclose(
+        sensor_trajectory(path, sensor).pose_at(0.42), path.pose_at(0.42) @ sensor.robot_from_sensor, atol=1e-15
+    )
+
+
+def test_what_is_unknown_stays_unknown():
+    posed = np.array([True, True, False, True, True])
+    path = Trajectory(turning_path(np.arange(5.0)), np.arange(5.0), posed=posed)
+    np.testing.assert_array_equal(subsample(path, every=2).known, [True, False, True])
+    np.testing.assert_array_equal(resample(path, 2.0).known, [True] * 3 + [False] * 3 + [True] * 3)
+    np.testing.assert_allclose(path.pose_at(0.5), turning_path(0.5), atol=1e-13)  # the unknown pose bends nothing
+    with pytest.raises(NoisyWorldError, match="unknown"):
+        path.pose_at(1.5)
+    alone = replace(path, posed=None, independent="a shake moves each pose by itself")
+    np.testing.assert_array_equal(alone.pose_at(1.0), path.c2w[1])
+    with pytest.raises(NoisyWorldError, match=r"0\.5 s, between the frames: a shake"):
+        alone.pose_at(0.5)
+    assert subsample(alone, every=2).independent == alone.independent
+
+
+def test_requests_follow_the_paths():
+    path = evenly_stamped(turning_path(np.arange(10) / 20), 20.0)
+    paths = SensorPaths(path, depth=sensor_trajectory(path, Sensor(turning_path(1.0))))
+    request = paths.request(4)
+    assert (request.index, request.time_s) == (4, 0.2)
+    np.testing.assert_array_equal(request.rgb_c2w, path.c2w[4])
+    later = request.after(0.013)
+    assert (later.index, later.time_s) == (None, pytest.approx(0.213))
+    np.testing.assert_allclose(later.rgb_c2w, turning_path(0.213), atol=1e-13)
+    np.testing.assert_allclose(later.depth_c2w, turning_path(0.213) @ turning_path(1.0), atol=1e-13)
+    assert request.after(0.0) is request
+    still = FrameRequest(0, 1.0, np.eye(4), np.eye(4)).after(0.5)
+    assert (still.index, still.time_s) == (None, 1.5)
+    with pytest.raises(NoisyWorldError, match=r"no frame at 1\.5 s"):
+        _ = still.frame
+
+
+def test_shutters():
+    rolling = Shutter.centred(0.002, 0.01)
+    times_s = rolling.line_times_s(5)
+    np.testing.assert_allclose(times_s, [-0.004, -0.002, 0.0, 0.002, 0.004], atol=1e-18)
+    np.testing.assert_allclose(replace(rolling, direction="up").line_times_s(5), times_s[::-1])
+    assert (rolling.opens_s, rolling.closes_s) == (pytest.approx(-0.006), pytest.approx(0.006))
+    np.testing.assert_array_equal(Shutter().line_times_s(3), [0.0, 0.0, 0.0])
+    for wrong in ({"exposure_s": -1.0}, {"readout_s": math.nan}):
+        with pytest.raises(ValueError, match="second"):
+            Shutter(**wrong)

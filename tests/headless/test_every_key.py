@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Each key of a preset in turn: what decides bytes changes the identity or is refused, and the rest leaves it alone."""
+
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+from cases import cases
+from own_scenes import new_scene, save
+import recorded_layouts
+from worlds import path_poses, write_replica, write_world
+
+from noisy_world.core.datasets.provenance import plain_identity
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import PresetSpec, read_preset
+from noisy_world.core.schema import list_keys, list_leaves
+from noisy_world.planning import make_plan
+
+NOISY = {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 2}}]}
+RIG = {"rgb": {"translation_m": [0, 0, 0.1]}, "depth": {"translation_m": [0, 0.1, 0.1]}}
+IDENTITY = "[[1, 0, 0, 0.2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"
+LONG = {"frames": 2000, "speed_m_s": 1.0}
+SWEPT = {"perturb": ["faster_motion"], "parameters": {"factor": [2, 3]}, "name": "x{factor}"}
+NOISES = {"perturb": ["gaussian_noise"], "severities": [1], "modes": ["static"], "stream": "a"}
+
+# For each key a preset, and a value that means something else there.
+CHANGES = {
+    "scenes[].mesh": ("mesh", "scenes.0.mesh=other.ply"),
+    "scenes[].up": ("textured", "scenes.0.up=z"),
+    "scenes[].light": ("textured", "scenes.0.light=scene"),
+    "scenes[].replica": ("replica", "scenes.0.replica=room1"),
+    "scenes[].sequence": ("recording", "scenes.0.sequence=other"),
+    "scenes[].video": ("video", "scenes.0.video=other.avi"),
+    "scenes[].depth": ("video", "scenes.0.depth=depth2"),
+    "scenes[].depth_scale_per_m": ("video", "scenes.0.depth_scale_per_m=5000"),
+    "scenes[].blend": ("blend", "scenes.0.blend=other.blend"),
+    "scenes[].scene": ("blend", "scenes.0.scene=Scene.001"),
+    "scenes[].camera": ("blend", "scenes.0.camera=Camera.001"),
+    "scenes[].frames": ("blend", "scenes.0.frames='1:3'"),
+    "scenes[].compositor": ("blend", "scenes.0.compositor=keep"),
+    "scenes[].depth_alpha": ("blend", "scenes.0.depth_alpha=0.3"),
+    "scenes[].trajectory.file": ("mesh", "scenes.0.trajectory.file=other.txt"),
+    "scenes[].trajectory.handheld.frames": ("handheld", "scenes.0.trajectory.handheld.frames=4"),
+    "scenes[].trajectory.handheld.rate_hz": ("handheld", "scenes.0.trajectory.handheld.rate_hz=10"),
+    "scenes[].trajectory.handheld.seed": ("handheld", "scenes.0.trajectory.handheld.seed=77"),
+    "scenes[].trajectory.handheld.speed_m_s": ("handheld", "scenes.0.trajectory.handheld.speed_m_s=0.8"),
+    "scenes[].trajectory.handheld.clearance_m": ("handheld", "scenes.0.trajectory.handheld.clearance_m=0.3"),
+    "scenes[].trajectory.handheld.revisit": ("long", "scenes.0.trajectory.handheld.revisit=true"),
+    "scenes[].trajectory.format": ("mesh", "scenes.0.trajectory.format=kitti"),
+    "scenes[].trajectory.pose": ("mesh", "scenes.0.trajectory.pose=w2c"),
+    "scenes[].trajectory.axes": ("mesh", "scenes.0.trajectory.axes=opengl"),
+    "scenes[].trajectory.rate_hz": ("mesh", "scenes.0.trajectory.rate_hz=10"),
+    "scenes[].trajectory.stamp_unit": ("stamped", "scenes.0.trajectory.stamp_unit=ms"),
+    "scenes[].trajectory.start": ("mesh", "scenes.0.trajectory.start=1"),
+    "scenes[].trajectory.stop": ("mesh", "scenes.0.trajectory.stop=4"),
+    "scenes[].trajectory.every": ("mesh", "scenes.0.trajectory.every=2"),
+    "scenes[].trajectory.resample_hz": ("mesh", "scenes.0.trajectory.resample_hz=7"),
+    "scenes[].rate_hz": ("unstamped", "scenes.0.rate_hz=10"),
+    "scenes[].poses": ("lost", "scenes.0.poses=keep"),
+    "scenes[].undistort": ("lens", "scenes.0.undistort=true"),
+    "scenes[].register": ("lens", "scenes.0.register=true"),
+    "scenes[].name": ("mesh", "scenes.0.name=hut"),
+    "seed": ("mesh", "seed=4"),
+    "camera.width": ("mesh", "camera.width=60"),
+    "camera.height": ("mesh", "camera.height=44"),
+    "camera.fx": ("mesh", "camera.fx=33"),
+    "camera.fy": ("mesh", "camera.fy=33"),
+    "camera.cx": ("mesh", "camera.cx=30"),
+    "camera.cy": ("mesh", "camera.cy=20"),
+    "camera.near_m": ("mesh", "camera.near_m=0.1"),
+    "camera.far_m": ("mesh", "camera.far_m=100"),
+    **{
+        f"rig.{sensor}.{name}": ("rig", *text)
+        for sensor in ("rgb", "depth")
+        for name, text in {
+            "translation_m": [f"rig.{sensor}.translation_m=[0, 0, 0.3]"],
+            "quat_wxyz": [f"rig.{sensor}.quat_wxyz=[0.5, 0.5, 0.5, 0.5]"],
+            "rotation_euler_deg": [f"rig.{sensor}.rotation_euler_deg=[-90, 0, 0]"],
+            "matrix[]": [f"rig.{sensor}={{matrix: {IDENTITY}}}"],
+        }.items()
+    },
+    "render.engine": ("mesh", "render.engine=embree"),
+    "render.backend": ("noisy", "render.backend=compositor"),
+    "render.device": ("mesh", "render.device=gpu"),
+    "render.samples": ("mesh", "render.samples=4"),
+    "render.allow_empty": ("mesh", "render.allow_empty=true"),
+    "render.processors": ("mesh", "render.processors=any"),
+    "settings[].name": ("noisy", "settings.0.name=loud"),
+    "settings[].perturb[]": ("noisy", "settings.0.perturb=[{gaussian_noise: {severity: 3}}]"),
+    "settings[].stream": ("noisy", "settings.0.stream=other"),
+    "settings[].backend": ("noisy", "settings.0.backend=compositor"),
+    "settings[].include": ("included", "settings.0.include=more.yaml"),
+    "settings[].sweep.perturb[]": ("noises", "settings.0.sweep.perturb=[fog]"),
+    "settings[].sweep.severities[]": ("noises", "settings.0.sweep.severities=[2]"),
+    "settings[].sweep.modes[]": ("noises", "settings.0.sweep.modes=[dynamic]"),
+    "settings[].sweep.stream": ("noises", "settings.0.sweep.stream=b"),
+    "settings[].sweep.parameters": ("swept", "settings.0.sweep.parameters={factor: [2, 4]}"),
+    "settings[].sweep.without": ("swept", "settings.0.sweep.without=[{factor: 3}]"),
+    "settings[].sweep.name": ("swept", "settings.0.sweep.name='fast{factor}'"),
+    "output.layout": ("mesh", "output.layout=tum"),
+    "output.image": ("mesh", "output.image=jpg"),
+    "output.colour": ("grey", "output.colour=rgb"),
+    "output.depth_scale_per_m": ("mesh", "output.depth_scale_per_m=1000"),
+    "output.depth_beyond": ("mesh", "output.depth_beyond=farthest"),
+    "output.modalities[]": ("mesh", "output.modalities=[rgb]"),
+    "output.overview": ("mesh", "output.overview=true"),
+    "output.licence": ("mesh", "output.licence=cc-by-4.0"),
+    "data": ("mesh", "data=."),
+    "only.scenes[]": ("mesh", "only.scenes=[box]"),
+    "only.settings[]": ("mesh", "only.settings=[clean]"),
+}
+
+
+def film(path, first):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48))
+    for n in range(3):
+        writer.write(np.full((48, 64, 3), first + 20 * n, np.uint8))
+    writer.release()
+
+
+def depth_folder(path, steps):
+    path.mkdir()
+    for n in range(3):
+        cv2.imwrite(str(path / f"{n:04d}.png"), np.full((48, 64), steps + n, np.uint16))
+
+
+@pytest.fixture(scope="module")
+def presets(tmp_path_factory):
+    """A folder with a preset for each kind of scene and setting, and with what the changed keys name."""
+    folder = tmp_path_factory.mktemp("presets")
+    document = read_preset(write_world(folder)).document
+    shutil.copy(folder / "mesh.ply", folder / "other.ply")
+    with (folder / "other.ply").open("a") as file:
+        file.write("\n")
+    write_replica(folder / "other.txt", path_poses(6)[::-1])
+    stamped = [f"{100 + k / 20} {k / 10} 0 1 0 0 0 1" for k in range(6)]
+    (folder / "stamped.txt").write_text("\n".join(stamped) + "\n")
+    (folder / "quad.obj").write_text("v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 1\nf 1 2 3 4\n")
+    for name in ("room0", "room1"):
+        (folder / name).mkdir()
+        shutil.copy(folder / "mesh.ply", folder / f"{name}_mesh.ply")
+        shutil.copy(folder / "traj.txt", folder / name / "traj.txt")
+    for name, layout in (
+        ("tum", "tum"),
+        ("other", "tum"),
+        ("lens", "nerfstudio"),
+        ("lost", "scannet"),
+        ("unstamped", "replica"),
+    ):
+        (folder / name).mkdir()
+        getattr(recorded_layouts, layout)(folder / name)
+    picture = sorted((folder / "other/rgb").iterdir())[0]
+    cv2.imwrite(str(picture), 255 - cv2.imread(str(picture)))
+    film(folder / "walk.avi", 40)
+    film(folder / "other.avi", 60)
+    depth_folder(folder / "depth", 1000)
+    depth_folder(folder / "depth2", 2000)
+    included = {"scenes": document["scenes"], "settings": [NOISY]}
+    (folder / "noisy.yaml").write_text(json.dumps(included))
+    (folder / "more.yaml").write_text(json.dumps({**included, "settings": [{**NOISY, "name": "more"}]}))
+
+    bare = {"seed": 3, "render": {"backend": "reference"}, "settings": [{"name": "clean"}], "output": {"layout": "tum"}}
+    box = {"name": "box", "mesh": "mesh.ply"}
+    made = {
+        "mesh": document,
+        "stamped": {**document, "scenes": [{**box, "trajectory": {"file": "stamped.txt", "stamp_unit": "s"}}]},
+        "textured": {**document, "scenes": [{**box, "mesh": "quad.obj", "up": "y", "trajectory": "traj.txt"}]},
+        "handheld": {**document, "scenes": [{**box, "trajectory": {"handheld": {"frames": 3}}}]},
+        "long": {**document, "scenes": [{**box, "trajectory": {"handheld": LONG}}]},
+        "replica": {**document, "scenes": [{"replica": "room0"}]},
+        "noisy": {**document, "settings": [NOISY]},
+        "included": {**document, "settings": [{"include": "noisy.yaml"}]},
+        "noises": {**document, "settings": [{"sweep": NOISES}]},
+        "swept": {**document, "settings": [{"sweep": SWEPT}]},
+        "rig": {**document, "rig": RIG},
+        "grey": {**document, "output": {"layout": "euroc"}},
+        "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
+        "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
+        "lost": {**bare, "scenes": [{"name": "box", "sequence": "lost"}]},
+        "unstamped": {**bare, "scenes": [{"name": "box", "sequence": "unstamped"}]},
+        "video": {**bare, "scenes": [{"name": "box", "video": "walk.avi", "depth": "depth"}]},
+        "blend": {**bare, "scenes": [{"name": "box", "blend": "hall.blend", "frames": "1:2"}]},
+    }
+    for name, content in made.items():
+        (folder / f"preset_{name}.yaml").write_text(json.dumps(content))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def hall(presets):
+    bpy = pytest.importorskip("bpy", reason="Blender's package is not installed")
+    scene = new_scene()
+    second = scene.camera.copy()
+    second.location.x += 0.1
+    scene.collection.objects.link(second)
+    scene.copy()
+    save(presets)
+    bpy.data.objects["Ball"].location.z += 0.1
+    save(presets, "other")
+    return presets
+
+
+def identity_of(folder, name, *overrides):
+    return plain_identity(make_plan(read_preset(folder / f"preset_{name}.yaml", overrides)), {})
+
+
+@pytest.fixture(scope="module")
+def identities():
+    return {}
+
+
+def test_every_key_is_here():
+    leaves = [name for name, _ in list_leaves(PresetSpec)]
+    assert sorted(CHANGES) == sorted(leaves)
+    assert set(leaves) < {name for name, _ in list_keys(PresetSpec)}
+
+
+@cases("name", list(CHANGES))
+def test_what_decides_bytes_is_in_the_identity(request, presets, identities, name):
+    base, *overrides = CHANGES[name]
+    if base == "blend":
+        request.getfixturevalue("hall")
+    if base not in identities:
+        identities[base] = identity_of(presets, base)
+    decides = dict(list_leaves(PresetSpec))[name].identity != "nothing"
+    try:
+        changed = identity_of(presets, base, *overrides)
+    except InputError as error:
+        changed = None
+        named = name.rpartition(".")[2].removesuffix("[]") in str(error) or "traj.txt" in str(error)
+    if changed is None:  # the value cannot be had in this preset, and a line names it
+        assert decides
+        assert named, name
+        return
+    assert (for_machines(changed) != for_machines(identities[base])) == decides
+
+
+def for_machines(identity):
+    """An identity without what stands in it for people."""
+    scenes = {
+        name: {part: value for part, value in scene.items() if part != "entry"}
+        for name, scene in identity["scenes"].items()
+    }
+    return {**identity, "preset": None, "preset_sha256": None, "scenes": scenes}
