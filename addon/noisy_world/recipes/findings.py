@@ -4,6 +4,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from ..core.errors import one_line
+
 NAMED = 4  # names that a line lists
 
 # What can be wrong, with the words for it; the first three are faults of the dataset whatever made it.
@@ -123,7 +125,7 @@ class Findings:
 def _listed(names: Iterable[str]) -> str:
     listed = list(names)
     more = len(listed) - NAMED
-    return ", ".join(listed[:NAMED]) + (f" and {more} more" if more > 0 else "")
+    return one_line(", ".join(listed[:NAMED]) + (f" and {more} more" if more > 0 else ""))
 
 
 def _frames(count: int) -> str:

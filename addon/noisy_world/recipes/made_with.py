@@ -6,6 +6,7 @@ from typing import Any
 
 from ..core.datasets.differences import was_is
 from ..core.datasets.provenance import base_versions, processor
+from ..core.errors import one_line
 
 BOUND = "pixels may differ by 1/255, and by more where noise falls on the other side of a threshold"
 
@@ -23,7 +24,7 @@ def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     parts = [f"{name} {was_is(*pair)}" for name, pair in versions.items()]
     if other := _processor(recipe["processor"], here["processor"]):
         parts.append(other)
-    return f"made with others than the recipe: {'; '.join(parts)}: {BOUND}" if parts else ""
+    return one_line(f"made with others than the recipe: {'; '.join(parts)}: {BOUND}") if parts else ""
 
 
 def _processor(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

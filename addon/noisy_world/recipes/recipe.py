@@ -91,7 +91,7 @@ def read_recipe(path: Path) -> Recipe:
         raise InputError(path, str(error), remedy="a recipe is what 'noisy-world recipe DATASET' writes") from error
     if not isinstance(content, dict) or content.get("kind") != KIND:
         raise InputError(path, "is no recipe", remedy="a recipe is what 'noisy-world recipe DATASET' writes")
-    identity = content.get("identity")
+    identity: Any = content.get("identity")
     formats = (content.get("format"), identity.get("format") if isinstance(identity, dict) else None)
     if formats != (FORMAT, IDENTITY_FORMAT):
         problem = f"was written by another version of Noisy World; this one is {package_version()}"
@@ -99,15 +99,17 @@ def read_recipe(path: Path) -> Recipe:
     if problem := identity_problem(identity):
         raise InputError(path, problem, where="identity", remedy="it is damaged; get it again")
     try:
-        return Recipe(path, content["identity"], _sequences(content["sequences"]), _texts(content["texts"]))
+        return Recipe(path, content["identity"], _sequences(content["sequences"], identity), _texts(content["texts"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(path, "is damaged: it lacks what a recipe holds", remedy="get it again") from error
 
 
-def _sequences(content: Any) -> dict[str, SequenceDigests]:
+def _sequences(content: Any, identity: Mapping[str, Any]) -> dict[str, SequenceDigests]:
     """Raises KeyError, TypeError, ValueError or AttributeError where this is not what `text` writes."""
     found: dict[str, SequenceDigests] = {}
     for folder, row in sorted(content.items()):
+        if folder not in identity["sequences"]:
+            raise ValueError("a sequence is one of its identity")
         frames = _frames(row["frames"])
         least = frames.least_blocks(BLOCK_FRAMES)
         images: dict[str, Digests] = {}

@@ -176,6 +176,8 @@ def test_what_is_missing_is_said(tmp_path, quick):
         (lambda text: text.replace("outcome", "ending", 1), "has no column 'outcome'"),
         (lambda text: text.replace(",40,", ",forty,", 1), "line 2, column 'frames': 'forty' is no number"),
         (lambda text: text.replace("odometry,1,", "odometry,,", 1), "line 2, column 'repeat': is no whole number"),
+        (lambda text: text.replace("room0,", "../x,", 1), "line 2, column 'scene': '../x' is no name"),
+        (lambda text: text.replace("room0,", "a\0b,", 1), "line 2, column 'scene': 'a\\x00b' is no name"),
         (lambda text: text.splitlines(keepends=True)[0], "holds no run yet"),
         (lambda text: "", "cannot be read"),
     ],
@@ -217,6 +219,14 @@ def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
     path = folder / "runs" / "room0" / "clean" / "seed-1" / "rgbd_odometry" / "repeat-1" / "errors.csv"
     path.write_text(path.read_text().replace("error_m", "mistake", 1))
     with pytest.raises(InputError, match=r"errors.csv: has no column 'error_m'"):
+        write_report(folder)
+
+
+def test_a_true_path_that_is_no_text_is_one_line(tmp_path, quick):
+    folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:2]})
+    path = folder / "sequences" / "room0" / "clean" / "seed-1" / "truth.txt"
+    path.write_bytes(path.read_bytes() + b"\xff\xfe")
+    with pytest.raises(InputError, match=r"truth.txt: cannot be read: 'utf-8' codec"):
         write_report(folder)
 
 

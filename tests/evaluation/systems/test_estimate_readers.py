@@ -2,6 +2,7 @@
 """Estimates that systems wrote, read: files written by hand, and what is wrong with others."""
 
 import json
+import warnings
 import zipfile
 
 import numpy as np
@@ -250,6 +251,22 @@ def test_splatam(tmp_path):
     np.savez(path, cam_trans=w2c)
     with pytest.raises(InputError, match="holds no cam_unnorm_rots"):
         read_estimate("splatam", path, INDEX)
+
+
+def test_quaternions_of_numbers_that_cannot_be_squared_are_refused(tmp_path):
+    vslamlab = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw\n50000000,1,2,3,0,1e300,0,1\n"
+    colmap = "1 1e300 0 0 0 1 2 3 1 000000.png\n\n"
+    quats, trans = np.full((1, 4, 6), 1e300), np.zeros((1, 3, 6))
+    np.savez(tmp_path / "params.npz", cam_unnorm_rots=quats, cam_trans=trans)
+    (tmp_path / "v.csv").write_text(vslamlab)
+    (tmp_path / "images.txt").write_text(colmap)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match="the quaternion has length inf, not 1"):
+            read_estimate("vslamlab", tmp_path / "v.csv", INDEX)
+        for reader, name in (("colmap", "images.txt"), ("splatam", "params.npz")):
+            with pytest.raises(InputError, match="a quaternion of zeros, or of numbers beyond 1e154"):
+                read_estimate(reader, tmp_path / name, INDEX)
 
 
 def test_an_archive_of_what_is_no_array_is_refused(tmp_path):

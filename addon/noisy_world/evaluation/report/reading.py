@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.datasets.json_text import read_json
 from ...core.errors import InputError
 from ...core.regular_files import read_bytes, read_text
+from ...core.schema import shown
 from ..analysis.over_clean import with_over_clean
 from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
@@ -23,6 +24,8 @@ KEY = ("scene", "setting", "seed")
 """What names a sequence."""
 RUN_KEY = (*KEY, "system", "repeat")
 TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure")
+FOLDERS = ("scene", "setting", "seed", "system")
+"""Columns whose texts name folders."""
 RUN_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed", "system", "repeat", "outcome", "failure")
 SEQUENCE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
 STRICT_PREFIX = "strict."
@@ -106,7 +109,17 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
             table[name] = table[name].map(text_of)
         else:
             table[name] = _numbers(table[name].tolist(), path, name)
+    for name in FOLDERS:
+        if name in needed:
+            _check_folders(table[name].tolist(), path, name)
     return table
+
+
+def _check_folders(names: list[str], path: Path, column: str) -> None:
+    """Raise InputError for a name that is none of a folder: what it leads to would be read."""
+    for line, name in enumerate(names, start=2):
+        if name in ("", ".", "..") or "/" in name or "\0" in name:
+            raise InputError(path, f"{shown(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:

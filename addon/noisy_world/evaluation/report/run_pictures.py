@@ -16,7 +16,7 @@ from .figures.drawing import Picture
 from .figures.over_time import TimePanel, over_time
 from .figures.paths import PathPanel, paths
 from .picks import ERROR, Pick, picked_runs, picked_sequences
-from .reading import Results, read_rows
+from .reading import REMEDY, Results, read_rows
 from .tables import shown
 
 STRIPS = ("orb_tracked", "psnr_db", "laplacian_variance", "image_noise", "depth_missing", "depth_noise_m", "speed_mps")
@@ -160,7 +160,10 @@ def _true_positions(path: Path, missing: list[str]) -> Floats | None:
     if not path.is_file():
         missing.append(f"{'/'.join(path.parts[-5:])} is not there: the path is not drawn.")
         return None
-    lines = [line.split() for line in read_text(path).splitlines() if line and line[0] != "#"]
+    try:
+        lines = [line.split() for line in read_text(path).splitlines() if line and line[0] != "#"]
+    except (OSError, UnicodeError) as error:
+        raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
     try:
         return np.array([[float(value) for value in line[1:4]] for line in lines]).reshape(-1, 3)
     except ValueError:

@@ -36,10 +36,11 @@ def read(path: Path, index: Index) -> Estimate:
         return NO_POSE
     table = np.array(values)
     check_finite(file, [f"frame {number}" for number in numbers], table)
-    lengths = np.linalg.norm(table[:, :4], axis=1)
-    if (lengths == 0.0).any():
-        where = f"frame {numbers[int(np.argmin(lengths))]}"
-        raise InputError(file, "its rotation is a quaternion of zeros", where=where)
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(table[:, :4], axis=1)
+    if not (usable := (lengths > 0.0) & np.isfinite(lengths)).all():
+        where = f"frame {numbers[int(np.argmin(usable))]}"
+        raise InputError(file, "its rotation is a quaternion of zeros, or of numbers beyond 1e154", where=where)
     w2c = pose(rotation_from_quat_wxyz(table[:, :4] / lengths[:, None]), table[:, 4:])
     return estimate_of_frames(file, numbers, w2c, index, direction="w2c")
 

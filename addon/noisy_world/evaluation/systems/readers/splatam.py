@@ -34,8 +34,10 @@ def read(path: Path, index: Index, *, largest_bytes: int = LARGEST_READ_BYTES) -
     check_every_frame(path, count, index)
     values = np.concatenate([quats[0], translations[0]]).T.astype(np.float64)
     check_finite(path, [f"frame {number}" for number in range(count)], values)
-    lengths = np.linalg.norm(values[:, :4], axis=1)
-    if (lengths == 0.0).any():
-        raise InputError(path, "its rotation is a quaternion of zeros", where=f"frame {int(np.argmin(lengths))}")
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(values[:, :4], axis=1)
+    if not (usable := (lengths > 0.0) & np.isfinite(lengths)).all():
+        problem = "its rotation is a quaternion of zeros, or of numbers beyond 1e154"
+        raise InputError(path, problem, where=f"frame {int(np.argmin(usable))}")
     w2c = pose(rotation_from_quat_wxyz(values[:, :4] / lengths[:, None]), values[:, 4:])
     return estimate_of_frames(path, range(count), w2c, index, direction="w2c")

@@ -32,7 +32,8 @@ def read(path: Path, index: Index) -> Estimate:
     rows = text_rows(path, read_text(path))
     table = all_finite(rows.table((8,), f"a line is {COLUMNS}"))
     stamps_s = _seconds(path, rows.cells(0), " ".join(rows.headers), stamps_of(index))
-    lengths = np.linalg.norm(table.values[:, 4:], axis=1)
+    with np.errstate(over="ignore"):  # of a number that is refused, as its length is not 1
+        lengths = np.linalg.norm(table.values[:, 4:], axis=1)
     wrong = np.abs(lengths - 1.0) > _QUAT_NORM_TOLERANCE
     table.fail_where(wrong, "the quaternion has length {}, not 1", of=lengths, remedy=f"a line is {COLUMNS}")
     quats = np.roll(table.values[:, 4:] / lengths[:, None], 1, axis=1)
