@@ -186,3 +186,12 @@ def test_what_cannot_be_a_source_is_said_in_words():
     assert "Camera is orthographic, not perspective" in said()
     scene.camera = None
     assert "the scene Scene has no camera of its own" in said()
+
+
+def test_a_compositor_that_is_not_there_cannot_be_kept(tmp_path):
+    scene = new_scene()
+    scene.compositing_node_group = None
+    path = save(tmp_path)
+    told = r"compositor: keep: the scene .* has no compositor; leave the key out"
+    with pytest.raises(InputError, match=told), opened(path, keep=True):
+        pass

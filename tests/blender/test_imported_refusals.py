@@ -117,6 +117,14 @@ def test_values_that_are_not_finite(tmp_path):
     assert refusal(room) == "line 4: '1e999' is too large for float32; the file is damaged: export it again"
 
 
+def test_a_texture_transformed_beyond_measure(tmp_path):
+    room = rooms.write_obj(tmp_path)
+    for option in ("-s inf 1 1", "-o nan 0 0"):
+        (tmp_path / "room.mtl").write_text(f"newmtl walls\nmap_Kd {option} walls.png\n")
+        forget_meshes()
+        assert refusal(room) == "a texture's place is NaN or infinite; the file is damaged: export it again"
+
+
 DAMAGED = "a coordinate is NaN or infinite; the file is damaged: export it again"
 
 

@@ -242,7 +242,7 @@ def test_a_full_disk_is_one_line(killing_world, undisturbed, tmp_path, jobs):
 def test_dry_run_and_lists_write_nothing(world, tmp_path):
     out = tmp_path / "nothing"
     plan = generate_here(world, "--out", out, "--dry-run", "--frames", "2:5").stdout
-    for words in ("sequences  1", "renders    1, 3 frames", "160 x 120", "MB"):
+    for words in ("sequences  1", "renders    1, 3 frames", "160 x 120", "estimate   "):
         assert words in plan
     assert generate_here(world, "--list").stdout == "clean/box\n"
     assert generate_here("--set", "settings.0.name=other", world, "--list").stdout == "other/box\n"

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.trajectories.frame_request import FrameRequest
@@ -80,6 +81,9 @@ class OwnSceneSession:
             open_file(str(file.path))
             scene = bpy.data.scenes[file.scene]
             show_scene(scene)
+        if file.keep_compositor and scene.compositing_node_group is None:
+            problem = f"the scene {scene.name!r} has no compositor"
+            raise InputError(file.path, problem, where="compositor: keep", remedy="leave the key out, or add them")
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)

@@ -90,7 +90,8 @@ def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[str, 
 
     Returns what a user should know. Raises as import_mesh does, and InputError where the file holds no lights.
     """
-    return _import(path, blend.parent, blend=str(blend), asked=up).notes
+    scene = _import(path, blend.parent, blend=str(blend), asked=up)
+    return (*scene.notes, *link_notes(path, [*files_beside(path), *map(Path, scene.beside)]))
 
 
 def _import(path: Path, folder: Path, **more: object) -> ImportedScene:

@@ -120,7 +120,7 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
         height, width = before.shape[:2]
-        only = replace(sequence, frames=(index,))
+        only = replace(sequence, frames=range(index, index + 1))
         with colour_of([only], camera_at(scene, sequence, index), (width, height)) as colour:
             image = colour.of(clean)[only.folder, index]()
             made, notes = image.pixels(), image.notes

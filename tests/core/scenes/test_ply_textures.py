@@ -193,6 +193,14 @@ class TestWhereItLies:
         np.testing.assert_array_equal(mesh.texture.pictures[0], PIXELS)
         assert mesh.notes == (f"its texture is named {name!r}: a.png beside the mesh was taken",)
 
+    def test_a_link_that_leads_elsewhere_is_followed_and_said(self, folder, tmp_path_factory):
+        target = tmp_path_factory.mktemp("store") / "blob"
+        target.write_bytes(png(255 - PIXELS))
+        (folder / "link.png").symlink_to(target)
+        mesh = read_ply(self.mesh(folder, "link.png"))
+        np.testing.assert_array_equal(mesh.texture.pictures[0], 255 - PIXELS)
+        assert mesh.notes == (f"its file 'link.png' is a link out of the mesh's folder, to {str(target)!r}",)
+
     def test_a_file_elsewhere_is_not_opened(self, tmp_path):
         inner = tmp_path / "inner"
         inner.mkdir()

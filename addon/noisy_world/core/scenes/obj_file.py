@@ -34,10 +34,9 @@ def check_obj(path: Path) -> None:
 def check_obj_numbers(path: Path) -> None:
     """Raise InputError where a coordinate or a colour of an OBJ file and its materials is no finite number."""
     data = _bytes(path)
-    check_lines(path, data, rb"v", 3, "coordinate")
-    check_lines(path, data, rb"vt", 1, "texture coordinate")
+    check_lines(path, data, ((b"v", 3, "coordinate"), (b"vt", 1, "texture coordinate")))
     for library in filter(is_file, _libraries(path, data)):
-        check_lines(library, _bytes(library), rb"K[de]", 3, "colour")
+        check_lines(library, _bytes(library), ((rb"K[de]", 3, "colour"),))
 
 
 def faces_of_obj(path: Path) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from .beside import link_notes
 from .mesh import Texture
 from .ply_faces import Faces
 from .ply_file import DAMAGED, Element, Header, Rows, check_finite
@@ -129,6 +130,7 @@ def _texture(path: Path, header: Header, tables: dict[str, Rows], faces: Faces, 
             notes.append(f"its texture {file.name[:200]!r} is missing in {file.path.parent}: other colours are shown")
         elif file.moved:
             notes.append(f"its texture is named {file.name[:200]!r}: {file.path.name} beside the mesh was taken")
+    notes += link_notes(path, [file.path for file in files if file.found])
     numbers, pictures = np.full(len(files), -1), []
     for number, file in enumerate(files):
         if file.found and np.any(picture_of == number):

@@ -20,20 +20,21 @@ _OF_NUMBERS = b"0123456789+-.eE, \t\r\n"
 _LARGE = re.compile(rb"[0-9]{29}|[eE]\+?0*+[1-9][0-9]")  # all smaller numbers are below 1e38, and float32 holds them
 
 
-def check_lines(path: Path, data: bytes, keywords: bytes, least: int, what: str) -> None:
+def check_lines(path: Path, data: bytes, kinds: tuple[tuple[bytes, int, str], ...]) -> None:
     """Raise InputError where a line that begins with a keyword has something else than numbers, or too few of them.
 
-    keywords: a pattern of them. least: how many numbers there have to be. what: these are, a coordinate for instance.
-    What follows # is a comment; a line goes on behind a \\ at its end.
+    kinds: for each a pattern of keywords, how many numbers there have to be, and what these are. What follows # is a
+    comment; a line goes on behind a \\ at its end.
     """
     text = data.replace(b"\\\r\n", b"   ").replace(b"\\\n", b"  ") if b"\\" in data else data
-    lines = rb"^" + _BLANKS + rb"*+(?:" + keywords + rb")" + _BLANKS + rb"++"
-    more = rb"(?:" + _BLANKS + rb"++" + _NUMBER + rb"){%d,}+" % (least - 1)
-    odd = re.compile(lines + rb"(?!" + _NUMBER + more + _BLANKS + rb"*+\r?(?:#|$))", re.MULTILINE)
-    if found := odd.search(text):
-        raise _error(path, data, text, found.end(), least=least, what=what)
-    if _LARGE.search(text):
-        for line in re.finditer(lines + rb"([^#\r\n]*+)", text, re.MULTILINE):
+    large = _LARGE.search(text) is not None
+    for keywords, least, what in kinds:
+        lines = rb"^" + _BLANKS + rb"*+(?:" + keywords + rb")" + _BLANKS + rb"++"
+        more = rb"(?:" + _BLANKS + rb"++" + _NUMBER + rb"){%d,}+" % (least - 1)
+        odd = re.compile(lines + rb"(?!" + _NUMBER + more + _BLANKS + rb"*+\r?(?:#|$))", re.MULTILINE)
+        if found := odd.search(text):
+            raise _error(path, data, text, found.end(), least=least, what=what)
+        for line in re.finditer(lines + rb"([^#\r\n]*+)", text, re.MULTILINE) if large else ():
             if _too_large(line[1].split()):
                 raise _error(path, data, text, line.start(1), least=least, what=what)
 
