@@ -2,11 +2,11 @@
 """Every metric of a trajectory by its name: what it says, in which unit, and which way is better."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from .success import BAD_POSE_M, LARGEST_ATE_M, LARGEST_RPE_DEG, LARGEST_RPE_M, LEAST_TRACKED, THRESHOLDS_M
 
-type Better = Literal["lower", "higher", ""]
+Better: TypeAlias = Literal["lower", "higher", ""]
 
 
 @dataclass(frozen=True)

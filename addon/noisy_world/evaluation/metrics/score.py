@@ -2,6 +2,7 @@
 """A trajectory scored: an estimate against the true path."""
 
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +44,8 @@ from .success import (
     success_auc,
 )
 
-type Float64 = NDArray[np.float64]
-type Values = dict[str, float | None]
+Float64: TypeAlias = NDArray[np.float64]
+Values: TypeAlias = dict[str, float | None]
 
 FEWEST_POSES = 3
 """Two poses and one can always be laid over the truth."""
