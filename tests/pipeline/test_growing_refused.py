@@ -135,7 +135,7 @@ def test_a_disk_that_is_too_small_is_noted(tmp_path, monkeypatch):
     # One more setting of colour: its six images alone, as depth is linked.
     change(preset, {"settings": [CLEAN, FOG, {"name": "dim", "perturb": [{"brightness": None}]}]})
     report = run(preset, tmp_path / "out")
-    assert "about 35 kB" in report.notes[0]
+    assert "about 43 kB" in report.notes[0]
 
 
 @pytest.mark.parametrize(

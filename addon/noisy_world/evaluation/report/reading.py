@@ -120,7 +120,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
 def _check_folders(names: list[str], path: Path, column: str) -> None:
     """Raise InputError for a name that is none of a folder: what it leads to would be read."""
     for line, name in enumerate(names, start=2):
-        if name in ("", ".", "..") or "/" in name or "\0" in name or len(name.encode()) > LONGEST_NAME_BYTES:
+        if name in ("", ".", "..") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_NAME_BYTES:
             raise InputError(path, f"{shown(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
 
 
