@@ -127,18 +127,15 @@ def test_the_nearest_of_several_counts_and_one_camera_changes_nothing():
     assert not moved[:, 0].any()
 
 
-def test_a_depth_pixel_covers_its_own_rectangle_of_colour():
-    # Pixels higher than wide, and two by two of colour for each of depth: the edges of both fall together.
-    small, large = Intrinsics(5, 4, 10.0, 13.0, 2.0, 1.5), Intrinsics(10, 8, 20.0, 26.0, 4.5, 3.5)
+@pytest.mark.parametrize(("fx_px", "fy_px"), [(10.0, 13.0), (13.0, 10.0)])
+def test_a_depth_pixel_covers_its_own_rectangle_of_colour(fx_px, fy_px):
+    # Pixels that are no squares; six by six of colour for each of depth, so that the edges of both fall together.
+    small = Intrinsics(5, 4, fx_px, fy_px, 2.0, 1.5)
+    large = Intrinsics(30, 24, 6 * fx_px, 6 * fy_px, 6 * 2.0 + 2.5, 6 * 1.5 + 2.5)
     depth_m = np.random.default_rng(2).permutation(np.linspace(1, 2, 20, dtype=np.float32)).reshape(4, 5)
     depth_m[1, 3] = 0
-    assert np.array_equal(
-        Registration(large, DepthCamera(small)).depth_in_colour(depth_m), depth_m.repeat(2, 0).repeat(2, 1)
-    )
-    wide, fine = Intrinsics(5, 4, 13.0, 10.0, 2.0, 1.5), Intrinsics(10, 8, 26.0, 20.0, 4.5, 3.5)
-    assert np.array_equal(
-        Registration(fine, DepthCamera(wide)).depth_in_colour(depth_m), depth_m.repeat(2, 0).repeat(2, 1)
-    )
+    found_m = Registration(large, DepthCamera(small)).depth_in_colour(depth_m)
+    assert np.array_equal(found_m, depth_m.repeat(6, axis=0).repeat(6, axis=1))
 
 
 # --- lenses ---
