@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
+from ..installed import Distribution
 from ..streams import stream
 from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
@@ -164,17 +165,6 @@ PairingApply: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64
 
 -1 leaves the frame out.
 """
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """An installed Python package, by its name and version."""
-
-    name: str
-    version: str
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.version}"
 
 
 @dataclass(frozen=True, kw_only=True)
