@@ -150,10 +150,11 @@ slam-env: venv ## an environment with ORB-SLAM3 and Open3D's SLAM; PYTHON_SLAM=/
 	$(INSTALL_ORB_SLAM3)
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
-	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+	uv pip compile pyproject.toml --extra blender --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
 	uv pip compile --group pyproject.toml:evaluate --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-evaluate.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
+	uv pip compile pyproject.toml --group library --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-library.lock
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
