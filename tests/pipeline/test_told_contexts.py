@@ -11,28 +11,30 @@ from dataclasses import dataclass
 import fake_session
 import numpy as np
 import pytest
-from probes import COLOUR, DEPTH, Probes
+from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from scipy.spatial.transform import Rotation
 from worlds import write_world
 from written import replica_poses, run
 
 from noisy_world.core.perturbing.kinds import MotionPerturbation
+from noisy_world.core.planning.source_paths import source_paths
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import key
 from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.planning import make_plan
 
 STAMPS_S = [0.0, 0.1, 0.15, 0.35, 0.4, 0.7, 0.8, 1.1, 1.15]
-BOTH = [{COLOUR: {"severity": 2}}, {DEPTH: {"severity": 2}}]
 KEYED = [{name: {"levels": [1, 4, 2, 5], "mode": "keyed"}} for name in (COLOUR, DEPTH)]
 FASTER, THREE = ({"faster_motion": {"factor": factor}} for factor in (2, 3))
 SHAKY = {"motion_deviation": {"rotation_deg": 20, "translation_m": 0.3}}
 RIG = {"rgb": {"translation_m": [0.1, 0.0, 0.2], "rotation_euler_deg": [-90.0, 20.0, -90.0]}}
 SETTINGS = {
-    "fast": [FASTER, *BOTH],
-    "late": [{"desync": {"offset": 2, "edge": "drop"}}, FASTER, *BOTH],
-    "early": [{"desync": {"offset": -1, "edge": "drop"}}, *BOTH],
-    "shaky": [SHAKY, THREE, {"desync": {"offset": -1}}, *BOTH],
+    "fast": [FASTER, *BOTH_PROBES],
+    "late": [{"desync": {"offset": 2, "edge": "drop"}}, FASTER, *BOTH_PROBES],
+    "early": [{"desync": {"offset": -1, "edge": "drop"}}, *BOTH_PROBES],
+    "shaky": [SHAKY, THREE, {"desync": {"offset": -1}}, *BOTH_PROBES],
     "keyed": [*KEYED, FASTER, {"desync": {"offset": 1}}],
-    "swayed": [FASTER, {"sway": {"by_m": 1.0}}, *BOTH],
+    "swayed": [FASTER, {"sway": {"by_m": 1.0}}, *BOTH_PROBES],
 }
 # By hand, by setting: the frames that are made, the source frame of each frame of the sequence, and the frame whose
 # depth each takes. The sway moves the poses that faster motion chose, so its render has these alone.
@@ -84,7 +86,8 @@ def made(tmp_path_factory):
         run(preset, folder / "out")
         part.install(patched, SWAY)
         run(preset, folder / "part", frames=slice(1, 3))
-    return folder / "out", whole, part
+        plan = make_plan(read_preset(preset))
+    return folder / "out", whole, part, plan
 
 
 def source_of(image):
@@ -93,7 +96,7 @@ def source_of(image):
 
 
 def test_images_stamps_and_severities_are_of_the_frame_that_is_made(made):
-    _, probes, _ = made
+    _, probes, _, _ = made
     for setting, (frames, sources, depth_frames) in WANTED.items():
         colour, depth = probes.of(COLOUR, setting), probes.of(DEPTH, setting)
         assert list(colour) == frames
@@ -107,7 +110,7 @@ def test_images_stamps_and_severities_are_of_the_frame_that_is_made(made):
 
 
 def test_motion_is_that_of_the_written_poses_in_the_cameras_own_time(made):
-    out, probes, _ = made
+    out, probes, _, _ = made
     for setting in SETTINGS:
         # Replica has a line for each frame that is made; before the first of `early` there is one that is left out.
         poses = replica_poses(out / setting / "box/traj.txt")
@@ -130,7 +133,7 @@ def test_motion_is_that_of_the_written_poses_in_the_cameras_own_time(made):
 
 
 def test_frames_made_alone_are_told_the_same(made):
-    _, whole, part = made
+    _, whole, part, _ = made
     for setting, (frames, _, depth_frames) in WANTED.items():
         wanted = [frame for frame in frames if frame in (1, 2)]
         assert list(part.of(COLOUR, setting)) == wanted
@@ -142,9 +145,23 @@ def test_frames_made_alone_are_told_the_same(made):
         assert place[0] == DEPTH or told.context.motion.key == other.context.motion.key
 
 
+def test_a_render_is_asked_for_at_the_times_of_the_scene(made):
+    # What moves in a scene is where it was when the path passed: a faster camera sees later moments of it.
+    _, _, _, plan = made
+    times_s = {
+        render.name: [source_paths(plan, render).request(frame).time_s for frame in render.frames]
+        for render in plan.renders
+    }
+    assert times_s == {
+        "box": STAMPS_S,
+        "box@shaky": [STAMPS_S[frame] for frame in (0, 3, 6)],
+        "box@swayed": [STAMPS_S[frame] for frame in (0, 2, 4, 6, 8)],
+    }
+
+
 def test_a_deviation_moves_the_robot_and_the_camera_with_it(made):
     # The paper's deviation is the robot's: turning it swings a camera that sits off its centre.
-    out, _, _ = made
+    out, _, _, _ = made
     nominal, true = (replica_poses(out / "shaky/box" / name) for name in ("traj_nominal.txt", "traj.txt"))
     robot = replica_poses(out / "shaky/box/traj_robot.txt")
     mounted = np.linalg.inv(robot) @ true

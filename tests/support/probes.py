@@ -11,6 +11,7 @@ from noisy_world.core.schema import key
 from noisy_world.perturbations import registry
 
 COLOUR, DEPTH = "tell_colour", "tell_depth"
+BOTH_PROBES = [{COLOUR: {"severity": 2}}, {DEPTH: {"severity": 2}}]
 
 
 @dataclass(frozen=True)
