@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Protocol
+from typing import Any, Protocol
 
 from ..other_name import give_other_name
 from .errors import NoisyWorldError
@@ -46,13 +46,14 @@ class Door[T]:
     """How installed packages bring things of one kind.
 
     group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
-    kinds: the classes of which it is an instance.
+    kinds: the classes of which it is an instance. problem: returns what is wrong with one in a sentence, or "".
     """
 
     group: str
     word: str
     attribute: str
     kinds: tuple[type[T], ...]
+    problem: Callable[[T], str] = lambda _: ""
 
 
 @dataclass(frozen=True)
@@ -142,9 +143,33 @@ class Registry[T: Named](Mapping[str, T]):
         found = self.distribution(name)
         return f"; from {found}" if found else ""
 
+    def only[S](self, kind: type[S]) -> "Mapping[str, S]":
+        """Return those of one class, which are found when they are first asked for."""
+        return _Only(self, kind)
+
     def forget(self) -> None:
         """Look again for what is installed, when it is asked the next time."""
         self.__dict__.pop("_found", None)
+
+
+class _Only[S](Mapping[str, S]):
+    """The things of a registry that are of one class."""
+
+    def __init__(self, every: Mapping[str, Any], kind: type[S]) -> None:
+        self._every = every
+        self._kind = kind
+
+    def __getitem__(self, name: str) -> S:
+        item = self._every[name]
+        if not isinstance(item, self._kind):
+            raise KeyError(name)
+        return item
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, item in self._every.items() if isinstance(item, self._kind))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
 
 def _distribution(entry: EntryPoint) -> Distribution:
@@ -180,6 +205,8 @@ def _loaded(load: Callable[[], object], where: str) -> object:
 
 def _checked[T](found: object, where: str, door: Door[T]) -> T:
     if isinstance(found, door.kinds):
+        if problem := door.problem(found):
+            raise NoisyWorldError(f"{where}: {problem}; mend or uninstall the package")
         return found
     names = [kind.__name__ for kind in door.kinds]
     if any(base.__name__ in names for base in type(found).__mro__):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..schema import shown
 from .json_text import read_json
 from .layouts import LAYOUTS
 from .provenance import FORMAT, cameras_of
@@ -198,7 +199,10 @@ def identity_problem(value: Any) -> str:
         return "is not the identity of a dataset"
     if value["format"] != FORMAT:
         return ""
-    whole = _fits(value, _IDENTITY) and _has_cameras(value) and value["output"]["layout"] in LAYOUTS
+    whole = _fits(value, _IDENTITY) and _has_cameras(value)
+    if whole and value["output"]["layout"] not in LAYOUTS:
+        told = shown(value["output"]["layout"])
+        return f"is in the layout {told}, which is not known here: install the package that brings it"
     whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
     if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
         return "lacks what an identity holds, or holds something else"
