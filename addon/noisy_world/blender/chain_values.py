@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -19,10 +19,10 @@ LEFT_AT = "noisy_world_left_at"  # of a chain: the values that we gave its socke
 KEYED = "noisy_world_keyed"  # of a chain: the paths of the sockets that we keyed, as JSON
 BUILT_AS = "noisy_world_built_as"  # of a chain: its nodes and links as we made them, as JSON
 
-type IndexOf = Callable[[int], int]
+IndexOf: TypeAlias = Callable[[int], int]
 """A scene frame -> the frame of the sequence that it shows."""
 
-type StanceAt = Callable[[int], Stance]
+StanceAt: TypeAlias = Callable[[int], Stance]
 """A frame of the sequence -> how the camera stands and moves at it."""
 
 

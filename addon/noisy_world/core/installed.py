@@ -13,10 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 from ..other_name import give_other_name
 from .errors import NoisyWorldError
+
+T = TypeVar("T")
+S = TypeVar("S")
 
 PACKAGE = "noisy_world"  # the name by which installed packages import us; inside Blender our own name is another
 
@@ -41,8 +44,11 @@ class Named(Protocol):
         ...
 
 
+N = TypeVar("N", bound=Named)
+
+
 @dataclass(frozen=True)
-class Door[T]:
+class Door(Generic[T]):
     """How installed packages bring things of one kind.
 
     group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
@@ -66,7 +72,7 @@ class Loaded:
 
 
 @dataclass(frozen=True)
-class Brought[T]:
+class Brought(Generic[T]):
     """A thing and the package that brought it; None for our own."""
 
     item: T
@@ -87,7 +93,7 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
         yield Loaded(_loaded(entry.load, where), distribution, where)
 
 
-def collected[T: Named](door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
+def collected(door: Door[N], own: Iterable[N]) -> dict[str, Brought[N]]:
     """Return things of one kind by name: our own, and then those of installed packages.
 
     Raises NoisyWorldError naming the package that brings something else, or a name that is in use.
@@ -99,7 +105,7 @@ def collected[T: Named](door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]
     return found
 
 
-def add[T: Named](found: dict[str, Brought[T]], new: Brought[T], word: str) -> None:
+def add(found: dict[str, Brought[N]], new: Brought[N], word: str) -> None:
     """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
     name = new.item.name
     if name in found:
@@ -111,21 +117,21 @@ def add[T: Named](found: dict[str, Brought[T]], new: Brought[T], word: str) -> N
     found[name] = new
 
 
-class Registry[T: Named](Mapping[str, T]):
+class Registry(Mapping[str, N]):
     """Things of one kind by name, our own first; those of installed packages are found when it is first asked.
 
     Raises NoisyWorldError then, naming the package that brings something else, or a name that is in use.
     """
 
-    def __init__(self, door: Door[T], own: Callable[[], Iterable[T]]) -> None:
+    def __init__(self, door: Door[N], own: Callable[[], Iterable[N]]) -> None:
         self.door = door
         self._own = own
 
     @cached_property
-    def _found(self) -> dict[str, Brought[T]]:
+    def _found(self) -> dict[str, Brought[N]]:
         return collected(self.door, self._own())
 
-    def __getitem__(self, name: str) -> T:
+    def __getitem__(self, name: str) -> N:
         return self._found[name].item
 
     def __iter__(self) -> Iterator[str]:
@@ -143,7 +149,7 @@ class Registry[T: Named](Mapping[str, T]):
         found = self.distribution(name)
         return f"; from {found}" if found else ""
 
-    def only[S](self, kind: type[S]) -> "Mapping[str, S]":
+    def only(self, kind: type[S]) -> "Mapping[str, S]":
         """Return those of one class, which are found when they are first asked for."""
         return _Only(self, kind)
 
@@ -152,7 +158,7 @@ class Registry[T: Named](Mapping[str, T]):
         self.__dict__.pop("_found", None)
 
 
-class _Only[S](Mapping[str, S]):
+class _Only(Mapping[str, S]):
     """The things of a registry that are of one class."""
 
     def __init__(self, every: Mapping[str, Any], kind: type[S]) -> None:
@@ -177,7 +183,7 @@ def _distribution(entry: EntryPoint) -> Distribution:
     return Distribution(entry.dist.name, entry.dist.version)
 
 
-def _brought_by[T](entry: Loaded, door: Door[T]) -> Iterator[T]:
+def _brought_by(entry: Loaded, door: Door[T]) -> Iterator[T]:
     package = entry.found
     if not (isinstance(package, ModuleType) and hasattr(package, "__path__")):
         yield _checked(package, entry.where, door)
@@ -203,7 +209,7 @@ def _loaded(load: Callable[[], object], where: str) -> object:
         raise NoisyWorldError(f"{where} cannot be loaded: {told}; mend or uninstall the package") from error
 
 
-def _checked[T](found: object, where: str, door: Door[T]) -> T:
+def _checked(found: object, where: str, door: Door[T]) -> T:
     if isinstance(found, door.kinds):
         if problem := door.problem(found):
             raise NoisyWorldError(f"{where}: {problem}; mend or uninstall the package")

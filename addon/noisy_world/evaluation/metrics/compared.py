@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ from .errors import (
 )
 from .protocols import Protocol
 
-type Float64 = NDArray[np.float64]
-type Delta = Literal["1frame", "1s", "1m"]
+Float64: TypeAlias = NDArray[np.float64]
+Delta: TypeAlias = Literal["1frame", "1s", "1m"]
 
 
 @dataclass(frozen=True, eq=False)

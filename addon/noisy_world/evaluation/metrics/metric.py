@@ -4,12 +4,12 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 from .compared import Compared
 
-type Better = Literal["lower", "higher", ""]
-type Compute = Callable[[Compared], float | None]
+Better: TypeAlias = Literal["lower", "higher", ""]
+Compute: TypeAlias = Callable[[Compared], float | None]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class TrajectoryMetric(Metric):
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise ValueError(f"{self.name!r} is no name: small letters, digits and underscores, a letter first")
-        if self.better not in get_args(Better.__value__):
+        if self.better not in get_args(Better):
             raise ValueError(f"{self.name}: better is {self.better!r}, but has to be lower, higher or empty")
         if not (self.label and self.meaning):
             raise ValueError(f"{self.name}: needs a label and a meaning")

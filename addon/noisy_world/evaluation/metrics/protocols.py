@@ -6,12 +6,12 @@ can be compared otherwise.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from .alignment import Alignment
 from .association import MAX_DIFFERENCE_S
 
-type Kind = Literal["strict", "paper"]
+Kind: TypeAlias = Literal["strict", "paper"]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 """A trajectory scored: an estimate against the true path."""
 
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from .frame_errors import FrameErrors
 from .names import metrics_of, value_of
 from .protocols import PROTOCOLS, Protocol
 
-type Values = dict[str, float | None]
+Values: TypeAlias = dict[str, float | None]
 
 FEWEST_POSES = 3
 """Two poses and one can always be laid over the truth."""
