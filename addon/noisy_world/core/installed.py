@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ..other_name import give_other_name
 from .errors import NoisyWorldError
@@ -35,24 +35,13 @@ class Distribution:
         return f"{self.name} {self.version}"
 
 
-class Named(Protocol):
-    """What is told apart by its name."""
-
-    @property
-    def name(self) -> str:
-        """By which presets, options and tables call it."""
-        ...
-
-
-N = TypeVar("N", bound=Named)
-
-
 @dataclass(frozen=True)
 class Door(Generic[T]):
     """How installed packages bring things of one kind.
 
     group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
-    kinds: the classes of which it is an instance. problem: returns what is wrong with one in a sentence, or "".
+    kinds: the classes of which it is an instance; each has a name. problem: returns what is wrong with one in a
+    sentence, or "".
     """
 
     group: str
@@ -93,21 +82,20 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
         yield Loaded(_loaded(entry.load, where), distribution, where)
 
 
-def collected(door: Door[N], own: Iterable[N]) -> dict[str, Brought[N]]:
+def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
     """Return things of one kind by name: our own, and then those of installed packages.
 
     Raises NoisyWorldError naming the package that brings something else, or a name that is in use.
     """
-    found = {item.name: Brought(item, None) for item in own}
+    found = {_name(item): Brought(item, None) for item in own}
     for entry in loaded_entries(door.group):
         for item in _brought_by(entry, door):
-            add(found, Brought(item, entry.distribution), door.word)
+            add(found, _name(item), Brought(item, entry.distribution), door.word)
     return found
 
 
-def add(found: dict[str, Brought[N]], new: Brought[N], word: str) -> None:
+def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:
     """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
-    name = new.item.name
     if name in found:
         other = found[name].distribution
         raise NoisyWorldError(
@@ -117,21 +105,21 @@ def add(found: dict[str, Brought[N]], new: Brought[N], word: str) -> None:
     found[name] = new
 
 
-class Registry(Mapping[str, N]):
+class Registry(Mapping[str, T]):
     """Things of one kind by name, our own first; those of installed packages are found when it is first asked.
 
     Raises NoisyWorldError then, naming the package that brings something else, or a name that is in use.
     """
 
-    def __init__(self, door: Door[N], own: Callable[[], Iterable[N]]) -> None:
+    def __init__(self, door: Door[T], own: Callable[[], Iterable[T]]) -> None:
         self.door = door
         self._own = own
 
     @cached_property
-    def _found(self) -> dict[str, Brought[N]]:
+    def _found(self) -> dict[str, Brought[T]]:
         return collected(self.door, self._own())
 
-    def __getitem__(self, name: str) -> N:
+    def __getitem__(self, name: str) -> T:
         return self._found[name].item
 
     def __iter__(self) -> Iterator[str]:
@@ -176,6 +164,10 @@ class _Only(Mapping[str, S]):
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+
+def _name(item: Any) -> str:
+    return item.name
 
 
 def _distribution(entry: EntryPoint) -> Distribution:
