@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.streams import stream
 
 type Float32 = NDArray[np.float32]
@@ -34,7 +34,7 @@ def tile() -> NDArray[np.uint8]:
     return drawn
 
 
-TILE = Picture("Dirt on a lens", "1", tile)
+TILE = BroughtImage("Dirt on a lens", "1", tile)
 
 
 def _around(position: tuple[float, float], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32]:

@@ -17,7 +17,7 @@ type Pairs = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Spread:
+class ErrorStatistics:
     """What is said of many errors: root of the mean square, mean, median, largest, standard deviation (of all)."""
 
     rmse: float
@@ -27,9 +27,9 @@ class Spread:
     std: float
 
 
-def spread_of(errors: Float64) -> Spread:
+def spread_of(errors: Float64) -> ErrorStatistics:
     """(N,), N >= 1, finite -> their statistics."""
-    return Spread(
+    return ErrorStatistics(
         float(np.sqrt(np.mean(np.square(errors)))),
         float(errors.mean()),
         float(np.median(errors)),
