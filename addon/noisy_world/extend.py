@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an author of perturbations imports: the five kinds, their contexts, and what node groups are built with.
+"""What the author of a package imports that brings perturbations or metrics.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-A perturbation is one file with a `PERTURBATION`; an installed package brings it by an entry point of the group
-`noisy_world.perturbations`. docs/your_perturbation.md has a whole example. Importing this needs no Blender.
+Each is one file with a `PERTURBATION` or a `METRIC`; an installed package brings it by an entry point of the group
+`noisy_world.perturbations` or `noisy_world.metrics`. docs/extend.md has an example of every kind, and
+`noisy_world.testing` tests whether one keeps its contract. Importing this needs no Blender.
 """
 
 from .core.geometry import Intrinsics
@@ -22,10 +23,12 @@ from .core.perturbing.kinds import (
 from .core.schema import key
 from .core.trajectories.frame_request import Shutter
 from .core.trajectories.trajectory import Trajectory
+from .evaluation.metrics import Compared, TrajectoryMetric
 
 __all__ = [
     "Canvas",
     "ColourPerturbation",
+    "Compared",
     "DepthPerturbation",
     "ExposurePerturbation",
     "FrameContext",
@@ -37,5 +40,6 @@ __all__ = [
     "Shutter",
     "Socket",
     "Trajectory",
+    "TrajectoryMetric",
     "key",
 ]

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
+from typing import TypeAlias
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
@@ -34,7 +35,7 @@ from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from tools.showcase import DEMO, FRAME, SEED, demo_frame, perturbed, shown_perturbations
 
-type Tiles = list[NDArray[np.uint8]]
+Tiles: TypeAlias = list[NDArray[np.uint8]]
 
 SEVERITIES = (1, 3, 5)  # as in the paper, like the strengths below
 DEVIATIONS = ((1, 0.0125), (3, 0.025), (5, 0.05))  # degrees, metres

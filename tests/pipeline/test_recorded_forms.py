@@ -13,11 +13,12 @@ from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.datasets.registration import Registration
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.optics import DepthCamera, Distortion
+from noisy_world.core.optics import DepthCamera, Distortion, Optics
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.perturb import frames
 from noisy_world.planning import make_plan
+from noisy_world.sources.rectification import Rectification
 
 BOTH = [{"fog_depth": {"severity": 3}}, {"depth_gaussian_noise": {"severity": 2}}]
 
@@ -126,7 +127,40 @@ def test_the_nearest_of_several_counts_and_one_camera_changes_nothing():
     assert not moved[:, 0].any()
 
 
+@pytest.mark.parametrize(("fx_px", "fy_px"), [(10.0, 13.0), (13.0, 10.0)])
+def test_a_depth_pixel_covers_its_own_rectangle_of_colour(fx_px, fy_px):
+    # Pixels that are no squares; six by six of colour for each of depth, so that the edges of both fall together.
+    small = Intrinsics(5, 4, fx_px, fy_px, 2.0, 1.5)
+    large = Intrinsics(30, 24, 6 * fx_px, 6 * fy_px, 6 * 2.0 + 2.5, 6 * 1.5 + 2.5)
+    depth_m = np.random.default_rng(2).permutation(np.linspace(1, 2, 20, dtype=np.float32)).reshape(4, 5)
+    depth_m[1, 3] = 0
+    found_m = Registration(large, DepthCamera(small)).depth_in_colour(depth_m)
+    assert np.array_equal(found_m, depth_m.repeat(6, axis=0).repeat(6, axis=1))
+
+
 # --- lenses ---
+
+
+def test_undistorted_depth_is_that_of_the_nearest_pixel():
+    camera, (k1, k2, p1, p2) = Intrinsics(40, 30, 30.0, 39.0, 19.0, 15.5), (-0.25, 0.06, 0.01, -0.02)
+    lens = Distortion("radial-tangential", (k1, k2, p1, p2))
+    depth_m = np.random.default_rng(3).choice(np.float32([0.0, 1.0, 2.5, 4.0]), (30, 40))
+    found = Rectification(camera, Optics(distortion=lens), undistort=True).depth_m(depth_m)
+    # Brown's model, as OpenCV's documentation prints it.
+    v, u = np.mgrid[:30, :40]
+    x, y = (u - 19.0) / 30.0, (v - 15.5) / 39.0
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2 * r2
+    column = (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) * 30.0 + 19.0
+    row = (y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) * 39.0 + 15.5
+    # OpenCV rounds places to 1/32 px, so halfway between two pixels either may count.
+    clear = (abs(column % 1 - 0.5) > 1 / 32) & (abs(row % 1 - 0.5) > 1 / 32)
+    nearest = np.rint(row).astype(int), np.rint(column).astype(int)
+    inside = (nearest[0] >= 0) & (nearest[0] < 30) & (nearest[1] >= 0) & (nearest[1] < 40)
+    wanted_m = np.where(inside, depth_m[np.clip(nearest[0], 0, 29), np.clip(nearest[1], 0, 39)], 0.0)
+    assert clear.sum() > 1000
+    assert np.array_equal(found[clear], wanted_m[clear])
+    assert set(np.unique(found)) == {0.0, 1.0, 2.5, 4.0}
 
 
 def test_a_lens_is_carried_or_taken_out(tmp_path):

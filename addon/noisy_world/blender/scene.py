@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh as a Blender object that shows exactly its colours, unlit."""
 
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import bpy
 import numpy as np
@@ -11,9 +11,9 @@ from ..core.scenes.mesh import NEUTRAL_GREY, Mesh, Texture
 from .materials import COLOUR_ATTRIBUTE, UV_ATTRIBUTE, new_image, texture_material, vertex_colour_material
 
 ORIGIN_PROPERTY = "noisy_world_origin_m"
-type Domain = Literal["POINT", "CORNER"]
+Domain: TypeAlias = Literal["POINT", "CORNER"]
 """What of a mesh has colours, in Blender's words."""
-type Decoding = Literal["none", "shader", "attribute"]
+Decoding: TypeAlias = Literal["none", "shader", "attribute"]
 """Where display-encoded colours are converted to linear light: nowhere, in the material, or before they are stored."""
 
 

@@ -11,7 +11,7 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan, Render
 
-KNOWN = ("keys", "layouts", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "metrics", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 MOST_RENDERS = 20  # that a dry run lists one by one
 MOST_SETTINGS = 12  # of a render that it names
@@ -30,6 +30,8 @@ def list_known(what: str) -> int:
         return list_layouts()
     if what == "perturbations":
         return list_perturbations()
+    if what == "metrics":
+        return list_metrics()
     rows = list(list_keys(PresetSpec))
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
@@ -54,6 +56,18 @@ def list_layouts() -> int:
     for layout in RECORDED.values():
         print(f"{layout.name}  {layout.label}: {layout.meaning}")
         print(f"    {layout.files}")
+    return 0
+
+
+def list_metrics() -> int:
+    """List every metric of a trajectory by protocol strict: its name, heading, unit, which way is better, meaning."""
+    from ..evaluation.metrics import METRICS
+
+    for name, metric in METRICS.items():
+        unit = f" [{metric.unit}]" if metric.unit else ""
+        better = f", {metric.better} is better" if metric.better else ""
+        print(f"{name}  {metric.label}{unit}{better}{METRICS.origin(name)}")
+        print(f"    {metric.meaning}")
     return 0
 
 

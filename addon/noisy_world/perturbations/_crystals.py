@@ -8,6 +8,7 @@ import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,9 @@ from ..core.node_graphs.graph import BroughtImage
 from ..core.regular_files import read_bytes
 from ..core.streams import stream
 
-type Float32 = NDArray[np.float32]
+T = TypeVar("T", bound=np.generic)
+
+Float32: TypeAlias = NDArray[np.float32]
 
 WIDTH_PX, HEIGHT_PX = 3072, 320  # along the edge, and from it inwards
 TIME_SHRUNK = 4  # the map of times is so many times smaller
@@ -126,5 +129,5 @@ def _blurred(strip: Float32, sigma_px: float) -> Float32:
     return blurred[:, reach:-reach]
 
 
-def _wrapped[T: np.generic](strip: NDArray[T], columns: int) -> NDArray[T]:
+def _wrapped(strip: NDArray[T], columns: int) -> NDArray[T]:
     return np.pad(strip, ((0, 0), (columns, columns)), mode="wrap")

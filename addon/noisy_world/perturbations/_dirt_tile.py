@@ -7,6 +7,7 @@ Scherr, "An optical model for image artifacts produced by dust particles on lens
 
 import math
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import BroughtImage
 from ..core.streams import stream
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 SIZE = (768, 512)  # width and height in texels
 TEXEL_PX = 2.0  # pixels of the reference width that a texel spans

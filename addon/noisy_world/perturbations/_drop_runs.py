@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,8 @@ from ._drop_laws import LensDrops
 from ._drop_sheet import DropSheet
 from ._white_noise import WhiteNoise
 
-type Float32 = NDArray[np.float32]
-type Indices = NDArray[np.intp]
+Float32: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True)

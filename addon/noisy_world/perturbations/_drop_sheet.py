@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,9 @@ from . import _drop_laws as laws
 from ._glass import Pane
 from ._white_noise import WhiteNoise
 
-type Float32 = NDArray[np.float32]
-type Indices = NDArray[np.intp]
-type Turns = tuple[np.float32, ...]
+Float32: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.intp]
+Turns: TypeAlias = tuple[np.float32, ...]
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from ._glass import Pane, blurred, laid_over, pane, reduced, shown_at
 from ._linear_light import decoded
 from ._white_noise import WhiteNoise, white_noise
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 ROWS = 48  # of a band of the glass's image; chosen so that its arrays stay in the processor's cache
 
@@ -61,7 +62,7 @@ def shares(parameters: LensDrops) -> list[float]:
     inner, outer = curve[1] - curve[0], curve[2] - curve[1]
     often = [outer, inner, inner, outer]
     classes = [laws.of_class(number) for number in range(laws.CLASSES)]
-    area = sum(share * item.area for share, item in zip(often, classes, strict=True))
+    area = math.fsum(share * item.area for share, item in zip(often, classes, strict=True))
     dense = -math.log(1 - parameters.coverage) / area
     return [min(1.0, dense * share * item.cell) for share, item in zip(often, classes, strict=True)]
 

@@ -6,6 +6,7 @@ exp(-camera's height / falloff) z (1 - e^-u) / u, u = k z / falloff.
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ._fog_waves import GRID_PX, Bank, key_of, mean_before, slab_means
 from ._linear_light import decoded, encoded
 from ._view import camera_of
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 FARTHEST = 100.0  # visibilities: void counts as this far, where no light is left of an even fog
 STEEPEST = 80.0  # of u: fog that a ray goes down into is no denser, as float32 ends there

@@ -11,6 +11,7 @@ pixel by its own depth.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,8 @@ from numpy.typing import NDArray
 from ..core.streams import stream
 from ..core.trajectories.camera_state import CameraState
 
-type Float32 = NDArray[np.float32]
-type Float64 = NDArray[np.float64]
+Float32: TypeAlias = NDArray[np.float32]
+Float64: TypeAlias = NDArray[np.float64]
 
 OCTAVES = 3
 WAVES = 18  # six an octave; chosen: fewer are seen as waves

@@ -8,14 +8,17 @@ has no end, and only the cubes in sight are looked at.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._precipitation import Precipitation
 
-type Float64 = NDArray[np.float64]
-type Float32 = NDArray[np.float32]
+T = TypeVar("T", bound=np.floating)
+
+Float64: TypeAlias = NDArray[np.float64]
+Float32: TypeAlias = NDArray[np.float32]
 
 NEAR_M = 0.2  # chosen: nothing falls between a camera and its hood
 CLASS_RATIO = 2.0  # of a class's largest diameter to its least; chosen, the least time
@@ -198,7 +201,7 @@ def _in_cells(air: Air, view: AirCamera, of: _Class, some: slice) -> Particles:
     return Particles(position_m[:, kept].T, velocity_m_s[:, kept].T, diameter_m[kept])
 
 
-def _turned[T: np.floating](vectors: NDArray[T], rotation: Float64) -> NDArray[T]:
+def _turned(vectors: NDArray[T], rotation: Float64) -> NDArray[T]:
     """Return rotation.T @ vectors (3, N). For so narrow a product BLAS takes longer, on all cores."""
     turn = rotation.T.astype(vectors.dtype)
     x, y, z = vectors

@@ -3,15 +3,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._particles import NEAR_M, AirCamera, Particles
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
-type Piece = tuple[NDArray[np.int32], Float32]
+Piece: TypeAlias = tuple[NDArray[np.int32], Float32]
 """Of pixels that streaks hide: index, and the share of light hidden."""
 
 PIECE = 1 << 15  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache

@@ -7,6 +7,7 @@ of the veil of all particles too small to be seen by themselves, as Koschmieder'
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from ._streaks import Lens, optical_depth, streaks_of
 from ._view import camera_of
 from ._void import SKY_M
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

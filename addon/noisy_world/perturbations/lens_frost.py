@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ from ._frost_nodes import build
 from ._linear_light import LUMINANCE, decoded, encoded
 from ._patterns import three_channels
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

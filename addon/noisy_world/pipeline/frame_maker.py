@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Sequence as Many
 from functools import partial
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
@@ -24,6 +24,8 @@ from .frame_writer import FrameWriter, Lost
 from .report import Report
 from .stage_timer import DECODING, LOADING, RENDERING, StageTimer
 from .stock import Finished
+
+T = TypeVar("T")
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
@@ -158,7 +160,7 @@ class FrameMaker:
         self.close()
 
 
-class _Kept[T]:
+class _Kept(Generic[T]):
     """What a context manager gave, kept open until something else takes its place."""
 
     def __init__(self) -> None:

@@ -7,13 +7,15 @@ float32 as there: a quad along the diagonal from its first corner, unless that l
 off ears.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
 from .ears import cut_ears, turn
 
-type Points = NDArray[np.float32]
+Points: TypeAlias = NDArray[np.float32]
 
 _IN_TWO = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 _ACROSS = np.array([[0, 1, 3], [1, 2, 3]], dtype=np.int32)  # where the diagonal from the first corner lies outside

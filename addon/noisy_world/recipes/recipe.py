@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from ..core.datasets.dataset_state import identity_problem, is_inside
 from ..core.datasets.json_text import read_json
@@ -19,7 +19,7 @@ FORMAT = 1  # version of the file; raised when its keys or its digests change
 KIND = "recipe of Noisy World"
 DIGESTS = f"the first {DIGEST_BYTES} bytes of SHA-256 in URL-safe base64"
 
-type Digests = Mapping[int, str]
+Digests: TypeAlias = Mapping[int, str]
 """A digest by the number of the block."""
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 from ..core.regular_files import read_bytes
 
-type ReadImage = Callable[[str, str], bytes]
+ReadImage: TypeAlias = Callable[[str, str], bytes]
 """Returns the content of an image of a sequence: by its name inside the sequence's folder, and its SHA-256."""
 
 

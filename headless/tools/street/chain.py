@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -33,7 +33,7 @@ from noisy_world.perturbations import registry
 GAP = 60
 TOP = 200  # of the nodes, so that a node editor shows them as it opens
 OVERRIDE = "Override Severity"
-type Keys = Sequence[tuple[int, float]]
+Keys: TypeAlias = Sequence[tuple[int, float]]
 """Scene frames with values; between them the value goes straight from one to the other."""
 
 

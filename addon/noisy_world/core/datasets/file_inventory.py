@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from ..machine import available_threads
 from ..regular_files import open_text
@@ -19,7 +20,7 @@ from .dataset_state import JOURNALS
 from .records import FRAMES, FrameRecord, read_record
 from .storage import sha256_of_regular_file
 
-type Digest = Callable[[Path], str | None]
+Digest: TypeAlias = Callable[[Path], str | None]
 """A function that returns a file's SHA-256; None where it is missing or cannot be read."""
 
 RECENT = 200  # records of a journal, the last ones, of which it is asked when they were written

@@ -2,7 +2,8 @@
 """Whether a folder can be a dataset's: nobody's but ours, and nothing of the dataset lies behind a link."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
@@ -68,4 +69,16 @@ def _is_ours(name: Path) -> bool:
     """Tell whether a sequence may have a file or a folder of this name, in any layout."""
     inside = PurePosixPath(name.as_posix())
     patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.patterns)]
-    return any(inside.full_match(pattern) or inside in PurePosixPath(pattern).parents for pattern in patterns)
+    return any(
+        _matches(inside.parts, PurePosixPath(pattern).parts) or inside in PurePosixPath(pattern).parents
+        for pattern in patterns
+    )
+
+
+def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Tell whether a path's parts are those of a pattern, where ** stands for any number of them."""
+    if not pattern:
+        return not parts
+    if pattern[0] == "**":
+        return any(_matches(parts[count:], pattern[1:]) for count in range(len(parts) + 1))
+    return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])

@@ -11,7 +11,7 @@ import time
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from ..errors import BusyError
 from ..presets.preset import canonical
@@ -27,7 +27,7 @@ from .storage import FolderLock, Hasher, Mover, storage_errors, write_atomic
 
 PATIENCE_S = 2.0  # how long the lock of a process is waited for that may have been killed; chosen
 
-type Frames = dict[str, tuple[FrameRecord, ...]]
+Frames: TypeAlias = dict[str, tuple[FrameRecord, ...]]
 """Records of frames by the sequence's folder."""
 
 

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Kind = Literal["float", "int", "bool", "menu", "vector", "color"]
-type Value = Socket | float | tuple[float, ...]
+Kind: TypeAlias = Literal["float", "int", "bool", "menu", "vector", "color"]
+Value: TypeAlias = "Socket | float | tuple[float, ...]"
 
 IMAGE_KINDS = ("vector", "color")  # the kinds with several numbers at each pixel
 INTERFACE = -1  # the node number of the group's own inputs

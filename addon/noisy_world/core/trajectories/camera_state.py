@@ -6,13 +6,14 @@ The air's axes are right, down and forward of the sequence's first image, made l
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .motion import CameraMotion
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

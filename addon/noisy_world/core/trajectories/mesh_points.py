@@ -2,13 +2,14 @@
 """A mesh as points that lie close on its faces, as fine as a budget allows: so that no mesh takes minutes."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scenes.mesh import Mesh
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 _NEEDLE = 256  # sizes long: 12.8 m of 5 cm
 _CHUNK = 100_000  # triangles cut at a time, so that memory stays flat

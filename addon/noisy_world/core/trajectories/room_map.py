@@ -7,6 +7,7 @@ would have too many of them, or the mesh too many pieces.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,8 +16,8 @@ from ..errors import NoisyWorldError
 from ..scenes.mesh import Mesh
 from .mesh_points import SampledTriangles, faces_of
 
-type Float64 = NDArray[np.float64]
-type Mask = NDArray[np.bool_]
+Float64: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
 
 # Chosen, unless a comment says otherwise: what looks like a person walking through a furnished room.
 _CELL_M = 0.05  # the map's resolution: fine enough for a gap between furniture, some 10^4 cells for a room

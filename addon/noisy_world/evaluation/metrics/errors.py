@@ -6,14 +6,15 @@ compares poses after alignment, the relative pose error (RPE) motions between tw
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import rotation_angle_rad
 
-type Float64 = NDArray[np.float64]
-type Pairs = NDArray[np.int64]
+Float64: TypeAlias = NDArray[np.float64]
+Pairs: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

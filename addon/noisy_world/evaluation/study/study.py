@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.presets.preset import check_document
 from ...core.progress import Progress
+from ..metrics import METRICS
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import System
@@ -106,7 +107,9 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
-        how = {"maps": self.order.maps, "protocol": self.order.protocol}
+        how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol}
+        if brought := {name: str(found) for name in METRICS if (found := METRICS.distribution(name))}:
+            how["metrics"] = brought
         return {**how, "subject": self.origin.identity, "systems": systems}
 
 

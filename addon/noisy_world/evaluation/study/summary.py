@@ -5,6 +5,7 @@ import csv
 import statistics
 from collections.abc import Iterable
 from io import StringIO
+from typing import TypeAlias
 
 from ...core.errors import one_line
 from ...core.extras import need
@@ -18,7 +19,7 @@ NEEDED = ("tabulate",)
 
 SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
 """What is shown by each protocol: the first is the error, in metres."""
-type Row = dict[str, str]
+Row: TypeAlias = dict[str, str]
 
 
 def summary_text(results: ResultsFolder, protocol: str) -> str:

@@ -4,7 +4,7 @@
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from ...perturbations import registry
 from ..csv_cells import cell_of
@@ -17,7 +17,7 @@ from .scoring import MAP, PAPER, STRICT
 from .written import read_indicators, read_scores, read_study
 
 RUNS, SEQUENCES = "runs.csv", "sequences.csv"
-type Row = dict[str, Any]
+Row: TypeAlias = dict[str, Any]
 
 
 def write_tables(results: ResultsFolder) -> None:

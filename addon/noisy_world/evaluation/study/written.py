@@ -75,6 +75,9 @@ def _problem(study: Any) -> str:
         return "subject.settings: is no mapping"
     if not isinstance(study.get("systems"), dict):
         return "systems: is no mapping"
+    metrics = study.get("metrics", {})  # of installed packages, with these
+    if not isinstance(metrics, dict) or not all(isinstance(said, str) for said in metrics.values()):
+        return "metrics: is no mapping of texts"
     if not isinstance(study.get("seeds"), list) or not all(type(seed) is int for seed in study["seeds"]):
         return "seeds: is no list of whole numbers"
     if type(study.get("repeats")) is not int:

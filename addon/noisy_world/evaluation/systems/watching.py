@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from .definition import Limits
 
@@ -22,7 +22,7 @@ POLL_S = 0.05
 OVERDUE_S = 60.0  # after the time limit and the grace: then the guard itself was stopped
 LONGEST_TOLD = 2**16  # bytes of what the guard says
 
-type Ended = Literal["itself", "limit", "asked", "missing", "over", "unwatched"]
+Ended: TypeAlias = Literal["itself", "limit", "asked", "missing", "over", "unwatched"]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_byt
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
-type Modality = Literal["rgb", "depth"]
+Modality: TypeAlias = Literal["rgb", "depth"]
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
-type StampsLike = FrameStamps | Sequence[float] | NDArray[np.float64]
+StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
 _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}

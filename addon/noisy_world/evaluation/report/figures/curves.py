@@ -4,7 +4,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from .drawing import NARROW_IN, Picture, drawing, look, shortened, svg_bytes, unused
 
@@ -16,7 +16,7 @@ ACROSS, ACROSS_NARROW = 4, 2
 SIZE_IN = (2.25, 1.75)  # of a panel
 STATIC, DYNAMIC = "static", "dynamic"
 
-type Looks = dict[str, tuple[str, str]]
+Looks: TypeAlias = dict[str, tuple[str, str]]
 
 
 @dataclass(frozen=True)
