@@ -28,7 +28,7 @@ JOURNALS = "journal-*.jsonl"
 
 
 @dataclass(frozen=True)
-class Standing:
+class DatasetState:
     """A dataset in a folder.
 
     identity: what it was made from, with all that a run which did not end was to make; None where that is unknown.
@@ -56,10 +56,10 @@ class Standing:
         return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
 
 
-NOTHING = Standing(None, None, frozenset(), holds_frames=False)
+NOTHING = DatasetState(None, None, frozenset(), holds_frames=False)
 
 
-def read_standing(out: Path) -> Standing | None:
+def read_dataset_state(out: Path) -> DatasetState | None:
     """Return what a folder holds of a dataset; None where it holds none of ours."""
     opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
     manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
@@ -70,7 +70,7 @@ def read_standing(out: Path) -> Standing | None:
     identity = opened or (manifest["identity"] if manifest else None)
     sequences = begun | recorded | set(identity["sequences"] if identity else ())
     sequences |= set(manifest["identity"]["sequences"] if manifest else ())
-    return Standing(
+    return DatasetState(
         identity,
         manifest,
         frozenset(sequences),
