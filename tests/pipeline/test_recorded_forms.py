@@ -19,7 +19,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.perturb import frames
 from noisy_world.planning import make_plan
-from noisy_world.sources.treated import Treatment
+from noisy_world.sources.rectification import Rectification
 
 BOTH = [{"fog_depth": {"severity": 3}}, {"depth_gaussian_noise": {"severity": 2}}]
 
@@ -157,7 +157,7 @@ def test_undistorted_depth_is_that_of_the_nearest_pixel():
     camera, (k1, k2, p1, p2) = Intrinsics(40, 30, 30.0, 39.0, 19.0, 15.5), (-0.25, 0.06, 0.01, -0.02)
     lens = Distortion("radial-tangential", (k1, k2, p1, p2))
     depth_m = np.random.default_rng(3).choice(np.float32([0.0, 1.0, 2.5, 4.0]), (30, 40))
-    found = Treatment(camera, Optics(distortion=lens), undistort=True).depth_m(depth_m)
+    found = Rectification(camera, Optics(distortion=lens), undistort=True).depth_m(depth_m)
     # Brown's model, as OpenCV's documentation prints it.
     v, u = np.mgrid[:30, :40]
     x, y = (u - 19.0) / 30.0, (v - 15.5) / 39.0
