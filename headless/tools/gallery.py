@@ -117,7 +117,7 @@ def of_sequences() -> Iterator[tuple[str, Tiles]]:
                 at = sequence.frame_at(WALK_FRAME)
                 seen = [sequence.shown(frame) for frame in (at, at + 1)]
                 sources = [each.rgb_source for each in seen] + [seen[0].depth_source]
-                frames = [CleanFrame(source, opened.frame(paths.moment(source))) for source in sources]
+                frames = [CleanFrame(source, opened.frame(paths.request(source))) for source in sources]
                 name = sequence.setting.name
                 rgbs[name] = [rgb_bytes(frame.float_rgb()) for frame in frames[:2]]
                 depths_m[name] = frames[2].depth_m

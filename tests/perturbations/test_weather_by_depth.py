@@ -13,14 +13,14 @@ from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg, rotve
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.trajectories.motion import motion_between
 from noisy_world.perturbations import rain_depth, snow_depth
-from noisy_world.perturbations._particles import NEAR_M, Air, Particles, View, in_sight
+from noisy_world.perturbations._particles import NEAR_M, Air, Particles, AirCamera, in_sight
 from noisy_world.perturbations._precipitation import Precipitation, veil_depth
 from noisy_world.perturbations._weather import view_of
 from noisy_world.perturbations._streaks import Lens, Streaks, optical_depth, streaks_of
 
 MODULES = {"snow_depth": snow_depth, "rain_depth": rain_depth}
 STILL = np.zeros(3)
-VIEW = View(np.eye(3), STILL, STILL, STILL, (200.0, 210.0), (99.5, 59.5), (200, 120), np.inf, 0.0)
+VIEW = AirCamera(np.eye(3), STILL, STILL, STILL, (200.0, 210.0), (99.5, 59.5), (200, 120), np.inf, 0.0)
 
 
 def published(name, rate_mm_h, diameter_mm):

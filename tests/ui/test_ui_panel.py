@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tab's properties and operators: the list's order, the user's own file left alone, what registration leaves."""
 
+import math
+from dataclasses import fields
+
 import bpy
 import numpy as np
 import pytest
@@ -82,6 +85,30 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     assert done.given == {"thickness": 3.0}
     step.enabled = False
     assert steps_of(settings()) == ()
+
+
+def test_properties_are_in_blenders_units_and_presets_in_their_own():
+    # Blender shows angles of radians in degrees, lengths in metres, and a camera's in millimetres, as they are stored.
+    units = {"deg": ("ROTATION", "ANGLE"), "m": ("LENGTH", "DISTANCE"), "mm": ("CAMERA", "DISTANCE_CAMERA")}
+    in_units = {"deg": math.pi / 180}
+    step, seen = settings().steps.add(), set()
+    for name, perturbation in registry().items():
+        shown = getattr(step, name).bl_rna.properties
+        for item in fields(perturbation.parameters):
+            unit = item.metadata["key"].unit
+            if unit not in units or not isinstance(item.default, float):
+                continue
+            seen.add(unit)
+            prop = shown[item.name.removesuffix("_deg")]
+            assert (prop.unit, prop.subtype) == units[unit], (name, item.name)
+            assert prop.default == pytest.approx(item.default * in_units.get(unit, 1.0)), (name, item.name)
+            if (most := item.metadata["key"].maximum) is not None:
+                assert prop.hard_max == pytest.approx(most * in_units.get(unit, 1.0)), (name, item.name)
+    assert seen == set(units)
+    settings().steps.clear()
+    settings().deviation_rotation, settings().deviation_translation_m = math.pi / 6, 0.25
+    (said,) = document.to_document(settings())["settings"][-1]["perturb"]
+    assert said == {"motion_deviation": {"rotation_deg": 30.0, "translation_m": 0.25}}
 
 
 def in_title_case(label):

@@ -16,8 +16,8 @@ from ..core.node_graphs.chain import build_written, is_active, socket_of, socket
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
+from ..core.trajectories.camera_state import camera_state_of
 from ..core.trajectories.motion import CameraMotion
-from ..core.trajectories.stance import stance_of
 from .nodes import ensure_group, remove_group
 from .render import muted_output
 from .scratch_images import read_rows, write_plain_floats
@@ -176,7 +176,7 @@ class Compositor:
         now = self._scene.frame_current
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
-                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, stance=stance_of(motion)
+                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, stance=camera_state_of(motion)
             )
             notes.append(note)
         return values, notes

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Panel, Picture, Socket
+from ..core.node_graphs.graph import INTERFACE, BroughtImage, Graph, GroupInput, Node, Panel, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
 from .typed import interface, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
 
@@ -289,7 +289,7 @@ def _tidy(tree: bpy.types.NodeTree) -> None:
 # --- pictures ---
 
 
-def ensure_picture(picture: Picture) -> bpy.types.Image:
+def ensure_picture(picture: BroughtImage) -> bpy.types.Image:
     """Return the image of a picture, packed into the file; it is made again if its version differs."""
     old = made_before(bpy.data.images, picture.name)
     if old is not None and old.get(PICTURE_VERSION) == picture.version:

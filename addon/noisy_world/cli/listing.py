@@ -44,17 +44,17 @@ def list_layouts() -> int:
 
     Then those of recordings that are read alone, and the files that each is told by.
     """
-    from ..core.datasets.layouts import LAYOUTS, RECORDED
+    from ..core.datasets.layouts import EVERY, LAYOUTS, RECORDED
     from ..core.presets.output import OutputSpec
 
     for layout in LAYOUTS.values():
-        print(f"{layout.name}  {layout.label}, {layout.meaning}")
+        print(f"{layout.name}  {layout.label}, {layout.meaning}{EVERY.origin(layout.name)}")
         print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
         farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
         print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
     print("\nread alone, as sequence: FOLDER")
     for layout in RECORDED.values():
-        print(f"{layout.name}  {layout.label}: {layout.meaning}")
+        print(f"{layout.name}  {layout.label}: {layout.meaning}{EVERY.origin(layout.name)}")
         print(f"    {layout.files}")
     return 0
 

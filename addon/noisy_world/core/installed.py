@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ..other_name import give_other_name
 from .errors import NoisyWorldError
 
 T = TypeVar("T")
+S = TypeVar("S")
 
 PACKAGE = "noisy_world"  # the name by which installed packages import us; inside Blender our own name is another
 
@@ -34,30 +35,20 @@ class Distribution:
         return f"{self.name} {self.version}"
 
 
-class Named(Protocol):
-    """What is told apart by its name."""
-
-    @property
-    def name(self) -> str:
-        """By which presets, options and tables call it."""
-        ...
-
-
-N = TypeVar("N", bound=Named)
-
-
 @dataclass(frozen=True)
 class Door(Generic[T]):
     """How installed packages bring things of one kind.
 
     group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
-    kinds: the classes of which it is an instance.
+    kinds: the classes of which it is an instance; each has a name. problem: returns what is wrong with one in a
+    sentence, or "".
     """
 
     group: str
     word: str
     attribute: str
     kinds: tuple[type[T], ...]
+    problem: Callable[[T], str] = lambda _: ""
 
 
 @dataclass(frozen=True)
@@ -91,21 +82,20 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
         yield Loaded(_loaded(entry.load, where), distribution, where)
 
 
-def collected(door: Door[N], own: Iterable[N]) -> dict[str, Brought[N]]:
+def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
     """Return things of one kind by name: our own, and then those of installed packages.
 
     Raises NoisyWorldError naming the package that brings something else, or a name that is in use.
     """
-    found = {item.name: Brought(item, None) for item in own}
+    found = {_name(item): Brought(item, None) for item in own}
     for entry in loaded_entries(door.group):
         for item in _brought_by(entry, door):
-            add(found, Brought(item, entry.distribution), door.word)
+            add(found, _name(item), Brought(item, entry.distribution), door.word)
     return found
 
 
-def add(found: dict[str, Brought[N]], new: Brought[N], word: str) -> None:
+def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:
     """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
-    name = new.item.name
     if name in found:
         other = found[name].distribution
         raise NoisyWorldError(
@@ -115,21 +105,21 @@ def add(found: dict[str, Brought[N]], new: Brought[N], word: str) -> None:
     found[name] = new
 
 
-class Registry(Mapping[str, N]):
+class Registry(Mapping[str, T]):
     """Things of one kind by name, our own first; those of installed packages are found when it is first asked.
 
     Raises NoisyWorldError then, naming the package that brings something else, or a name that is in use.
     """
 
-    def __init__(self, door: Door[N], own: Callable[[], Iterable[N]]) -> None:
+    def __init__(self, door: Door[T], own: Callable[[], Iterable[T]]) -> None:
         self.door = door
         self._own = own
 
     @cached_property
-    def _found(self) -> dict[str, Brought[N]]:
+    def _found(self) -> dict[str, Brought[T]]:
         return collected(self.door, self._own())
 
-    def __getitem__(self, name: str) -> N:
+    def __getitem__(self, name: str) -> T:
         return self._found[name].item
 
     def __iter__(self) -> Iterator[str]:
@@ -147,9 +137,37 @@ class Registry(Mapping[str, N]):
         found = self.distribution(name)
         return f"; from {found}" if found else ""
 
+    def only(self, kind: type[S]) -> "Mapping[str, S]":
+        """Return those of one class, which are found when they are first asked for."""
+        return _Only(self, kind)
+
     def forget(self) -> None:
         """Look again for what is installed, when it is asked the next time."""
         self.__dict__.pop("_found", None)
+
+
+class _Only(Mapping[str, S]):
+    """The things of a registry that are of one class."""
+
+    def __init__(self, every: Mapping[str, Any], kind: type[S]) -> None:
+        self._every = every
+        self._kind = kind
+
+    def __getitem__(self, name: str) -> S:
+        item = self._every[name]
+        if not isinstance(item, self._kind):
+            raise KeyError(name)
+        return item
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, item in self._every.items() if isinstance(item, self._kind))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def _name(item: Any) -> str:
+    return item.name
 
 
 def _distribution(entry: EntryPoint) -> Distribution:
@@ -185,6 +203,8 @@ def _loaded(load: Callable[[], object], where: str) -> object:
 
 def _checked(found: object, where: str, door: Door[T]) -> T:
     if isinstance(found, door.kinds):
+        if problem := door.problem(found):
+            raise NoisyWorldError(f"{where}: {problem}; mend or uninstall the package")
         return found
     names = [kind.__name__ for kind in door.kinds]
     if any(base.__name__ in names for base in type(found).__mro__):

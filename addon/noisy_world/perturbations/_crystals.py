@@ -13,7 +13,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.regular_files import read_bytes
 from ..core.streams import stream
 
@@ -95,10 +95,10 @@ def atlas() -> NDArray[np.uint8]:
     return made
 
 
-def atlas_picture() -> Picture:
+def atlas_picture() -> BroughtImage:
     """Return the atlas as node groups take it."""
     digest = hashlib.sha256(b"".join(read_bytes(map_file(name)) for name in ("thickness", "time"))).hexdigest()
-    return Picture("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
+    return BroughtImage("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
 
 
 def _read(name: str) -> NDArray[np.uint8]:

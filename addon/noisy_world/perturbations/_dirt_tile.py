@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.streams import stream
 
 Float32: TypeAlias = NDArray[np.float32]
@@ -35,7 +35,7 @@ def tile() -> NDArray[np.uint8]:
     return drawn
 
 
-TILE = Picture("Dirt on a lens", "1", tile)
+TILE = BroughtImage("Dirt on a lens", "1", tile)
 
 
 def _around(position: tuple[float, float], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32]:

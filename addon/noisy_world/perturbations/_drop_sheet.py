@@ -18,7 +18,7 @@ Turns: TypeAlias = tuple[np.float32, ...]
 
 
 @dataclass(frozen=True)
-class Sheet:
+class DropSheet:
     """All arrays are (h * w,). x_px, y_px: each pixel's place on the even glass, in pixels of the frame.
 
     rho_squared: square of the distance from the middle of its drop, in radii; 1 where there is none. aside, down: the
@@ -34,7 +34,7 @@ class Sheet:
     taken: Float32
 
     @classmethod
-    def of(cls, pane: Pane, size_px: float, turns: Turns) -> "Sheet":
+    def of(cls, pane: Pane, size_px: float, turns: Turns) -> "DropSheet":
         """Return a sheet without drops. size_px: their median diameter. turns: as `uneven` has them."""
         x, y = uneven(pane, size_px, turns)
         zeros = [np.zeros(x.size, np.float32) for _ in range(3)]

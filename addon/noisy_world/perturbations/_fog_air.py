@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.perturbing.kinds import FrameContext
-from ..core.trajectories.stance import Stance, stance_of
+from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ._bands import by_bands
 from ._fog_glow import glow_of
 from ._fog_parameters import EXTINCTION, FogDepth
@@ -49,7 +49,7 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     farthest_m = np.float32(FARTHEST * parameters.visibility_m)
     depth_m = context.depth_m
     distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
-    stance = stance_of(context.motion)
+    stance = camera_state_of(context.motion)
     found = distance_m * np.float32(EXTINCTION / parameters.visibility_m)
     if parameters.falloff_m > 0:
         found *= thinned(distance_m, parameters, stance, pixel_rays(parameters, context, size, 1))
@@ -68,7 +68,7 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     return found
 
 
-def thinned(distance_m: Float32, parameters: FogDepth, stance: Stance, rays: Float32) -> Float32:
+def thinned(distance_m: Float32, parameters: FogDepth, stance: CameraState, rays: Float32) -> Float32:
     """Return (H, W): the mean density from the camera to each distance, where it is 1 at height 0.
 
     rays: (3, H, W) of depth 1.

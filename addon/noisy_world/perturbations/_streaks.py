@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ._particles import NEAR_M, Particles, View
+from ._particles import NEAR_M, AirCamera, Particles
 
 Float32: TypeAlias = NDArray[np.float32]
 
@@ -40,7 +40,7 @@ class Streaks:
     depth_m: Float32
 
 
-def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
+def streaks_of(particles: Particles, view: AirCamera, lens: Lens) -> Streaks:
     """Project particles over an exposure.
 
     A particle of width w that moves by l covers its track, l long and as wide as the blurred particle, W; a point there
@@ -65,7 +65,7 @@ def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
     return Streaks(ends[0], ends[1], width_px, np.minimum(opacity, np.float32(MOST_OPAQUE)), depth_m)
 
 
-def _projected(position_m: Float32, view: View) -> Float32:
+def _projected(position_m: Float32, view: AirCamera) -> Float32:
     z_m = np.maximum(position_m[:, 2:], np.float32(NEAR_M / 2))
     found = position_m[:, :2] / z_m * np.array(view.focal_px, np.float32) + np.array(view.middle_px, np.float32)
     return found.astype(np.float32, copy=False)

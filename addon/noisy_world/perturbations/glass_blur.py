@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture, Socket
+from ..core.node_graphs.graph import BroughtImage, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -139,7 +139,7 @@ def _table() -> NDArray[np.uint8]:
     return picture
 
 
-TABLE = Picture("Glass Blur Offsets", "1", _table)
+TABLE = BroughtImage("Glass Blur Offsets", "1", _table)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:

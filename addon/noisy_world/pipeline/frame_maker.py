@@ -22,7 +22,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
-from .spent import DECODING, LOADING, RENDERING, Spent
+from .stage_timer import DECODING, LOADING, RENDERING, StageTimer
 from .stock import Finished
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ class FrameMaker:
 
         Raises InterruptedRunError when stopped.
         """
-        start_s, spent = time.perf_counter(), Spent()
+        start_s, spent = time.perf_counter(), StageTimer()
         with spent.rest_on(LOADING):
             source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
         loaded_s = time.perf_counter()

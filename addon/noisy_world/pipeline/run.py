@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset_state import MANIFEST_SHA256, RUN
 from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
-from ..core.datasets.standing import MANIFEST_SHA256, RUN
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import image_bytes, size_text

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from ..core.datasets.dataset_state import identity_problem, is_inside
 from ..core.datasets.json_text import read_json
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.datasets.provenance import package_version
-from ..core.datasets.standing import identity_problem, is_inside
 from ..core.errors import InputError
 from .digests import BLOCK_FRAMES, DIGEST_BYTES, blocks_of, split_digests
 from .frame_numbers import FrameNumbers

@@ -12,9 +12,9 @@ from contextlib import closing
 from dataclasses import asdict
 from typing import Any, TypeAlias
 
+from ..core.datasets.dataset_state import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER
 from ..core.datasets.json_text import parse_json
 from ..core.datasets.provenance import FORMAT
-from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.presets.preset import canonical

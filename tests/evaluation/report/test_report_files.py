@@ -20,7 +20,7 @@ from noisy_world.evaluation.analysis import tables as analysis_tables
 from noisy_world.evaluation.report import write_report
 from noisy_world.evaluation.report.per_setting import settings_table
 from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.study.results import Results as StudyResults
+from noisy_world.evaluation.study.results import ResultsFolder as StudyResults
 from noisy_world.evaluation.study.tables import write_tables
 
 # A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.

@@ -7,9 +7,9 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
+from .dataset_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .layouts import LAYOUTS
 from .records import FRAMES
-from .standing import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_standing
 
 
 def check_place(out: Path) -> None:
@@ -20,7 +20,7 @@ def check_place(out: Path) -> None:
     if work.is_symlink() or (work.exists() and not work.is_dir()):
         raise StorageError(f"{work}: is not the folder that a run works in; remove it")
     others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())
-    if others and read_standing(out) is None:
+    if others and read_dataset_state(out) is None:
         raise StorageError(f"{out}: is not empty and holds no dataset of Noisy World; choose another folder with --out")
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import NoisyWorldError
 from ..scenes.mesh import Mesh
-from .mesh_points import Faces, faces_of
+from .mesh_points import SampledTriangles, faces_of
 
 Float64: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -133,7 +133,7 @@ def _check_resolution(mesh: Mesh) -> None:
         )
 
 
-def _grid(least_m: Float64, most_m: Float64, clearance_m: float, faces: Faces) -> Grid:
+def _grid(least_m: Float64, most_m: Float64, clearance_m: float, faces: SampledTriangles) -> Grid:
     """Return the finest grid that is neither too large nor cuts the faces into too many pieces."""
     cell_m = max(_CELL_M, clearance_m / _CLEARANCE_CELLS)
     while True:

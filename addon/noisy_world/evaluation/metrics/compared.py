@@ -12,8 +12,8 @@ from ...core.trajectories.trajectory import Trajectory
 from .alignment import Similarity, least_squares_alignment, stands_still
 from .association import Rows
 from .errors import (
+    ErrorStatistics,
     Pairs,
-    Spread,
     consecutive_pairs,
     pairs_apart,
     path_length_m,
@@ -76,12 +76,12 @@ class Compared:
         return np.zeros(0) if self.failure else rotation_errors_deg(self.estimate, self.true)
 
     @cached_property
-    def position(self) -> Spread:
+    def position(self) -> ErrorStatistics:
         """Statistics of the distances, of a run that did not fail."""
         return spread_of(self.position_errors_m)
 
     @cached_property
-    def rotation(self) -> Spread | None:
+    def rotation(self) -> ErrorStatistics | None:
         """Statistics of the angles, of a run that did not fail; None where the rotation is not known."""
         return spread_of(self.rotation_errors_deg) if self.rotation_known else None
 

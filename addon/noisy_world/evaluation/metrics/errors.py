@@ -18,7 +18,7 @@ Pairs: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Spread:
+class ErrorStatistics:
     """What is said of many errors: root of the mean square, mean, median, largest, standard deviation (of all)."""
 
     rmse: float
@@ -28,9 +28,9 @@ class Spread:
     std: float
 
 
-def spread_of(errors: Float64) -> Spread:
+def spread_of(errors: Float64) -> ErrorStatistics:
     """(N,), N >= 1, finite -> their statistics."""
-    return Spread(
+    return ErrorStatistics(
         float(np.sqrt(np.mean(np.square(errors)))),
         float(errors.mean()),
         float(np.median(errors)),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...core.extras import need
 from ...core.geometry import invert_pose, rotation_angle_rad
 from ...core.requirements import missing_packages
-from .story import Edge
+from .tracking_history import Edge
 
 Float64: TypeAlias = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from ...core.datasets.differences import first_difference
 from ...core.errors import StorageError
-from .results import STUDY, Results
+from .results import STUDY, ResultsFolder
 from .written import ANOTHER, FORMAT, KIND, read_study
 
 BY_NAME = ("scenes", "settings", "sequences", "found")
@@ -14,7 +14,7 @@ FOR_PEOPLE = ("preset", "preset_sha256")
 """Parts that decide nothing which other parts do not tell."""
 
 
-def opened(results: Results, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
+def opened(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
     """Write what is evaluated, beside what was before in the same folder.
 
     Raises StorageError where the folder holds a study of something else, in a line that names the first difference.

@@ -19,9 +19,9 @@ from .describing import describe, show, worst_frames
 from .found_origin import FoundOrigin
 from .made_origin import MadeOrigin
 from .mapping import MapsOfCase, maps_of
-from .order import Order
+from .order import StudyOrder
 from .origin import CaseSequence, Origin
-from .results import ERRORS, SCORES, Results
+from .results import ERRORS, SCORES, ResultsFolder
 from .run_files import read_run_record
 from .scoring import MAP, score_run
 
@@ -29,13 +29,13 @@ from .scoring import MAP, score_run
 class Study:
     """A study that is to be carried out. Any number of processes may work at different cases of one."""
 
-    def __init__(self, order: Order, *, stop: threading.Event) -> None:
+    def __init__(self, order: StudyOrder, *, stop: threading.Event) -> None:
         """Find the systems and the files of the scenes. stop: when set, `carry_out` ends with InterruptedRunError.
 
         Raises InputError for what is missing or wrong.
         """
         self.order = order
-        self.results = Results(order.folder)
+        self.results = ResultsFolder(order.folder)
         self.systems = {system.name: system for system in isolating(map(find_system, order.systems), order.isolate)}
         self._stop = stop
 

@@ -65,7 +65,7 @@ def _definitions() -> dict[str, Brought[_Definition]]:
     found = {name: Brought(_Definition(name, SHIPPED / f"{name}.yaml"), None) for name in shipped_names()}
     for entry in loaded_entries(GROUP):
         for definition in _brought_by(entry.found, entry.where):
-            add(found, Brought(definition, entry.distribution), "system")
+            add(found, definition.name, Brought(definition, entry.distribution), "system")
     return found
 
 

@@ -23,7 +23,7 @@ Next: TypeAlias = Callable[[int], str | None]
 """Returns the name of the next piece for the worker of a number; None where there is none."""
 
 
-class Crew:
+class WorkerPool:
     """Workers on this machine."""
 
     def __init__(

@@ -43,7 +43,7 @@ class Edge:
     first_from_second: Float64
 
 
-class Story:
+class TrackingHistory:
     """What became of the frames so far, and the keyframes with their places in one another."""
 
     def __init__(self) -> None:
