@@ -80,8 +80,7 @@ def worked(tmp_path_factory):
     (site / "my_lab_tests.py").write_text(TESTS)  # which are run from the package's own folder
     (folder / "tested").mkdir()
     (folder / "tested/my_lab").symlink_to(site / "my_lab")
-    (folder / "tested/tests").mkdir()
-    (folder / "tested/tests/a_recording").symlink_to(folder / "phone")
+    (site / "a_recording").symlink_to(folder / "phone")
     scenes = [
         {"name": "flat", "sequence": str(folder / "flat/clean/box")},
         {"name": "phone", "sequence": str(folder / "phone")},
