@@ -18,7 +18,7 @@ from worlds import ROOT, path_poses, write_world
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-FLAT, PHONE, UPWARD, STILL = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
@@ -47,6 +47,14 @@ for words in (
     print(">", *words, flush=True)
     if command.main(words):
         sys.exit(f"{words} ended with an error")
+import os, pathlib, my_lab_tests
+os.chdir("tested")
+for name in ("flat", "upward", "still"):
+    pathlib.Path("..", name + "_works").mkdir()
+my_lab_tests.test_flat(pathlib.Path("../flat_works"))
+my_lab_tests.test_phone()
+my_lab_tests.test_upward()
+my_lab_tests.test_still(pathlib.Path("../still_works"))
 """
 
 
@@ -69,6 +77,10 @@ def worked(tmp_path_factory):
     output = {"layout": "flat", "depth_scale_per_m": 2000}
     write_world(folder / "made", frames=FRAMES, size=(32, 24), settings=noise, render=RENDER, output=output)
     write_phone(folder / "phone")
+    (site / "my_lab_tests.py").write_text(TESTS)  # which are run from the package's own folder
+    (folder / "tested").mkdir()
+    (folder / "tested/my_lab").symlink_to(site / "my_lab")
+    (site / "a_recording").symlink_to(folder / "phone")
     scenes = [
         {"name": "flat", "sequence": str(folder / "flat/clean/box")},
         {"name": "phone", "sequence": str(folder / "phone")},
