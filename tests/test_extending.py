@@ -13,12 +13,16 @@ import cv2
 import installed_package
 import numpy as np
 import pytest
-from worlds import ROOT, path_poses, write_world
+from worlds import ROOT, generate, path_poses, write_world
+
+from noisy_world.core.datasets.dataset_state import identity_problem
+from noisy_world.core.datasets.layouts import EVERY
+from noisy_world.core.errors import NoisyWorldError
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-FLAT, PHONE, UPWARD, STILL = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
@@ -47,6 +51,14 @@ for words in (
     print(">", *words, flush=True)
     if command.main(words):
         sys.exit(f"{words} ended with an error")
+import os, pathlib, my_lab_tests
+os.chdir("tested")
+for name in ("flat", "upward", "still"):
+    pathlib.Path("..", name + "_works").mkdir()
+my_lab_tests.test_flat(pathlib.Path("../flat_works"))
+my_lab_tests.test_phone()
+my_lab_tests.test_upward()
+my_lab_tests.test_still(pathlib.Path("../still_works"))
 """
 
 
@@ -69,6 +81,10 @@ def worked(tmp_path_factory):
     output = {"layout": "flat", "depth_scale_per_m": 2000}
     write_world(folder / "made", frames=FRAMES, size=(32, 24), settings=noise, render=RENDER, output=output)
     write_phone(folder / "phone")
+    (site / "my_lab_tests.py").write_text(TESTS)  # which are run from the package's own folder
+    (folder / "tested").mkdir()
+    (folder / "tested/my_lab").symlink_to(site / "my_lab")
+    (site / "a_recording").symlink_to(folder / "phone")
     scenes = [
         {"name": "flat", "sequence": str(folder / "flat/clean/box")},
         {"name": "phone", "sequence": str(folder / "phone")},
@@ -135,3 +151,53 @@ def test_a_study_has_the_metric_and_the_system(worked):
     assert {(row["system"], row["setting"]) for row in rows} == {("still", "clean"), ("still", "noise")}
     assert all(float(row["upward_max_m"]) > 0 for row in rows)
     assert "largest error upwards" in (folder / "results/report.md").read_text()
+
+
+# --- what is wrong ---
+
+NAMELESS = FLAT.replace('name = "flat"', 'name = "Flat one"')
+WITHOUT = FLAT.replace("depth_scale_per_m = 1000.0", "").replace('label = "Flat"', "")
+UNMADE = FLAT.replace("LAYOUT = FlatLayout()", "LAYOUT = FlatLayout")
+IN_USE = FLAT.replace('name = "flat"', 'name = "tum"')
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (NAMELESS, "'Flat one' is no name of a layout: small letters, digits and underscores, a letter first"),
+        (WITHOUT, "its layout FlatLayout lacks label, depth_scale_per_m"),
+        (UNMADE, "is a class; give an object of it: LAYOUT = FlatLayout()"),
+        (IN_USE, "its layout tum has the name of one of our own; rename it, or uninstall the package"),
+        ("LAYOUT = 1", "is a int, but has to be one of Layout, RecordedLayout, or a package of modules"),
+    ],
+)
+def test_a_broken_layout_is_one_line(monkeypatch, tmp_path, text, told):
+    modules = {"__init__.py": "", "flat.py": text}
+    installed_package.install(tmp_path, "broken-lab", "0.1", {"x": "broken_lab.flat:LAYOUT"}, modules, kind="layouts")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    EVERY.forget()
+    try:
+        with pytest.raises(NoisyWorldError) as raised:
+            list(EVERY)
+    finally:
+        monkeypatch.undo()
+        EVERY.forget()
+        for name in [item for item in sys.modules if item.partition(".")[0] == "broken_lab"]:
+            del sys.modules[name]
+    assert str(raised.value).startswith("broken-lab 0.1: ")
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_dataset_whose_layout_is_not_installed_says_so(worked):
+    folder, _ = worked
+    identity = json.loads((folder / "flat/manifest.json").read_text())["identity"]
+    assert identity_problem(identity) == (
+        "is in the layout 'flat', which is not known here: install the package that brings it"
+    )
+    # The command, without the package: one line, and what is there stays.
+    result = generate(folder / "made/preset.yaml", "--set", "output.layout=tum", "--out", folder / "flat", check=False)
+    assert result.returncode == 1
+    assert "Traceback" not in result.stderr
+    assert len(list((folder / "flat/clean/box").glob("*.png"))) == 2 * FRAMES
+    assert "'flat', which is not known here: install the package that brings it" in result.stderr

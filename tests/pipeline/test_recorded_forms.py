@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from analytic import box_depth
+from probes import BOTH_PROBES, COLOUR, Probes
 from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
 from written import run
 
@@ -258,6 +259,20 @@ def test_frames_without_a_pose(tmp_path):
         make_plan(read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"]))
     with pytest.raises(InputError, match="goes with sequence"):
         make_plan(read_preset(path, ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']))
+
+
+def test_how_a_camera_moves_is_unknown_at_and_after_an_unknown_pose(tmp_path, monkeypatch):
+    source, written = recording(tmp_path, "scannet")
+    (lost,) = written.lost
+    assert 0 < lost < 3
+    probes = Probes()
+    probes.install(monkeypatch)
+    path = preset_of(tmp_path / "p", source, scene={"poses": "keep"}, steps=BOTH_PROBES)
+    run(path, tmp_path / "out")
+    told = probes.of(COLOUR, "noisy")
+    assert [told[frame].context.motion is None for frame in range(4)] == [
+        frame in (lost, lost + 1) for frame in range(4)
+    ]
 
 
 @pytest.mark.parametrize("layout", ["replica", "tum", "euroc", "vslamlab"])

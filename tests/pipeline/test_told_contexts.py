@@ -5,6 +5,7 @@ The frames say by arithmetic which pose of the render they show; stamps and sour
 follows from the ground truth as it is written.
 """
 
+import json
 import sys
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from noisy_world.core.perturbing.kinds import MotionPerturbation
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import key
+from noisy_world.core.streams import stream
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.planning import make_plan
 
@@ -71,6 +73,8 @@ def made(tmp_path_factory):
     """The dataset of all settings, what the probes were told, and what they were told of some of its frames alone."""
     folder = tmp_path_factory.mktemp("told")
     settings = [{"name": name, "perturb": steps} for name, steps in SETTINGS.items()]
+    noise = {"gaussian_noise": {"severity": 2}}
+    settings += [{"name": name, "stream": "shared", "perturb": [SHAKY, noise]} for name in ("one", "other")]
     scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "path.txt", "axes": "robot"}}]
     output = {"layout": "replica", "image": "png", "depth_scale_per_m": 1000}
     preset = write_world(folder, size=(8, 6), settings=settings, scenes=scenes, rig=RIG, output=output)
@@ -156,6 +160,8 @@ def test_a_render_is_asked_for_at_the_times_of_the_scene(made):
         "box": STAMPS_S,
         "box@shaky": [STAMPS_S[frame] for frame in (0, 3, 6)],
         "box@swayed": [STAMPS_S[frame] for frame in (0, 2, 4, 6, 8)],
+        "box@one": STAMPS_S,
+        "box@other": STAMPS_S,
     }
 
 
@@ -170,3 +176,17 @@ def test_a_deviation_moves_the_robot_and_the_camera_with_it(made):
     clean = replica_poses(out / "fast/box/traj_robot.txt")
     np.testing.assert_allclose(planned[[0, 2]], clean[[0, 3]], atol=1e-12)
     assert np.abs(planned - robot).max() > 0.1
+
+
+def test_settings_of_one_stream_are_moved_each_by_its_own_name(made):
+    # `stream` is the name of random patterns of colour and depth. A path's are drawn by the setting's own.
+    out, _, _, plan = made
+    planned = plan.scenes[0].source.trajectory().c2w
+    for setting in ("one", "other"):
+        robot = replica_poses(out / setting / "box/traj_robot.txt")
+        for frame in range(len(STAMPS_S)):
+            normals = stream(3, "box", setting, "motion_deviation", 0, frame=frame).standard_normal(6)
+            np.testing.assert_allclose(robot[frame, :3, 3] - planned[frame, :3, 3], 0.3 * normals[3:], atol=1e-12)
+        lines = [json.loads(line) for line in (out / setting / "box/frames.jsonl").read_text().splitlines()]
+        drawn_by = [line["perturbed"]["rgb"][0]["stream"] for line in lines]
+        assert drawn_by == [[3, "box", "shared", "gaussian_noise", 0]] * len(STAMPS_S)

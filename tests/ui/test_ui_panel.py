@@ -17,7 +17,7 @@ from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
-from noisy_world.ui import described, document, presets
+from noisy_world.ui import described, document, panels, presets
 
 
 # --- the list ---
@@ -29,6 +29,7 @@ pytestmark = pytest.mark.usefixtures("add_on")
 def test_the_list_keeps_the_propagation_order():
     for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
+    assert tuple(panels.STAGE_LABELS) == STAGES
     names = [step.perturbation for step in settings().steps]
     assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), registry()[name].order))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}

@@ -21,6 +21,7 @@ from .step_fields import draw_step
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "motion": ("Motion", "CON_FOLLOWPATH"),
+    "exposure": ("Exposure", "MOD_TIME"),
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
     "sensor": ("Sensor", "TEXTURE"),

@@ -10,6 +10,7 @@ import pytest
 from noisy_world.core.errors import InputError, NoisyWorldError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import (
+    ColourWork,
     chosen_poses,
     drawn_motion,
     expose,
@@ -34,6 +35,7 @@ from noisy_world.core.perturbing.steps import Setting
 from noisy_world.core.schema import Place, key
 from noisy_world.core.streams import stream
 from noisy_world.core.trajectories.frame_request import Shutter
+from noisy_world.core.trajectories.motion import CameraMotion
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
 
 SEQUENCE = (7, "room", "setting")
@@ -336,6 +338,39 @@ def test_a_sequence_has_no_pattern_from_frame_to_frame():
         motion("a", apply=raising, temporals=("fresh",))
     with pytest.raises(ValueError, match="has no temporals"):
         pairing("a", BACK.choose, temporals=("fresh",))
+
+
+def test_work_is_shared_only_where_all_that_it_looks_at_is_equal():
+    def moving(velocity_m_s):
+        return CameraMotion(np.eye(4), np.eye(4), np.array([velocity_m_s, 0.0, 0.0]), np.zeros(3))
+
+    def same(rgb, _parameters, _context):
+        return rgb
+
+    base = replace(WHERE, motion=moving(1.0))
+    others = {
+        "index": replace(base, index=4),
+        "setting": replace(base, identifiers=(7, "room", "other")),
+        "motion": replace(base, motion=moving(2.0)),
+        "unknown motion": replace(base, motion=None),
+    }
+    wanted = {
+        "looks": (colour("looks", same, uses_motion=True), set(others)),
+        "draws": (colour("draws", same), {"index", "setting"}),
+        "repeats": (colour("repeats", same, repeatable=True), set()),
+    }
+    for name, (perturbation, differ) in wanted.items():
+        made = steps(perturbation)
+        key_of = ColourWork.of(made, base).key
+        assert ColourWork.of(made, replace(base, motion=moving(1.0))).key == key_of
+        assert {what for what, where in others.items() if ColourWork.of(made, where).key != key_of} == differ, name
+        assert ColourWork.of(steps(perturbation, **{name: {"amount": 2.0}}), base).key != key_of
+    drifting = colour("drifting", same, temporals=("fresh", "fixed", "drift"))
+    keys = {
+        ColourWork.of(steps(drifting, drifting={"temporal": temporal}), base).key
+        for temporal in ("fresh", "fixed", "drift")
+    }
+    assert len(keys) == 3
 
 
 # --- exposure ---

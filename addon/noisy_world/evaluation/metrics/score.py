@@ -17,7 +17,7 @@ from .alignment import (
     least_squares_alignment,
     stands_still,
 )
-from .association import associate_poses
+from .association import MAX_DIFFERENCE_S, associate_poses
 from .compared import Compared
 from .frame_errors import FrameErrors
 from .names import metrics_of, value_of
@@ -86,18 +86,26 @@ def score_trajectory(
     how = protocol.alignment(monocular=monocular) if alignment is None else alignment
     scored = keyframes if protocol.keyframes and keyframes is not None else estimate
     within_s = protocol.max_difference_s if max_difference_s is None else max_difference_s
+    matched = compare_poses(scored, truth, protocol, how, within_s)
+    values = {name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()}
+    errors, counts = _frame_errors(matched), (len(scored), len(truth), len(matched.frames))
+    return Score(protocol.name, how, matched.by, matched.failure, *counts, within_s, values, errors)
+
+
+def compare_poses(
+    scored: Estimate,
+    truth: Trajectory,
+    protocol: Protocol = PROTOCOLS["strict"],
+    how: Alignment = Alignment.SE3,
+    within_s: float = MAX_DIFFERENCE_S,
+) -> Compared:
+    """Return an estimate laid over the truth, or why it cannot be: what metrics are computed from."""
     rows, frames = associate_poses(scored.stamps_s, truth.stamps_s, within_s)
     matched = Compared(scored.c2w[rows], truth, frames, protocol)
-    failure = _failure(scored, matched, how)
-    by = None if failure else _alignment(matched, how)
-    if by is None:
-        matched = replace(matched, failure=failure)
-    else:
-        aligned = aligned_poses(matched.estimate, by)
-        matched = replace(matched, estimate=aligned, by=by, rotation_known=by.rotation_known)
-    values = {name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()}
-    errors = _frame_errors(matched)
-    return Score(protocol.name, how, by, failure, len(scored), len(truth), len(rows), within_s, values, errors)
+    if failure := _failure(scored, matched, how):
+        return replace(matched, failure=failure)
+    by = _alignment(matched, how)
+    return replace(matched, estimate=aligned_poses(matched.estimate, by), by=by, rotation_known=by.rotation_known)
 
 
 def _failure(scored: Estimate, matched: Compared, how: Alignment) -> str:
