@@ -441,6 +441,10 @@ def test_choices_and_what_was_drawn_follow_one_another():
     assert paired_depth(steps(*pairs), 4, SEQUENCE).tolist() == [2, -1, -1, 3]
 
 
+RAISED = np.zeros((4, 4))
+RAISED[2, 3] = 1.0
+
+
 def test_poses_that_are_moved_apart_have_nothing_between_them():
     path = evenly_stamped(np.tile(np.eye(4), (4, 1, 1)), 10.0)
     apart = MotionPerturbation(**(COMMON | {"name": "apart"}), apply=lambda path, parameters, context: path)
@@ -449,6 +453,11 @@ def test_poses_that_are_moved_apart_have_nothing_between_them():
     assert moved.independent == "apart moves each pose by itself"
     with pytest.raises(NoisyWorldError, match="between the frames: apart moves"):
         moved.pose_at(0.05)
+    up = MotionPerturbation(
+        **(COMMON | {"name": "up"}), apply=lambda path, parameters, context: replace(path, c2w=path.c2w + RAISED)
+    )
+    raised = move(steps(up), path.followed(np.array([0, 2])), SEQUENCE)  # no curve is left of the path before
+    np.testing.assert_array_equal(raised.continuous.pose_at(raised.stamps_s), raised.c2w)
     # What is shown of it afterwards has nothing between its poses either.
     with pytest.raises(NoisyWorldError, match="between the frames: apart moves"):
         take_poses(move(steps(apart), path, SEQUENCE), np.array([0, 2])).pose_at(0.05)
