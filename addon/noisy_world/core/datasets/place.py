@@ -76,7 +76,7 @@ def _is_ours(name: Path) -> bool:
 
 
 def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
-    """Tell whether a path's parts are those of a pattern, where ** stands for any number; at the end for one or more."""
+    """Tell whether a path's parts are those of a pattern, where ** stands for any number, at the end not for none."""
     if not pattern:
         return not parts
     if pattern[0] == "**" and len(pattern) == 1:
