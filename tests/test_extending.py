@@ -19,7 +19,8 @@ from noisy_world.core.datasets.dataset_state import identity_problem
 from noisy_world.core.datasets.layouts import EVERY
 from noisy_world.core.errors import NoisyWorldError
 
-pytest.importorskip("embreex", reason="embreex comes with an extra")
+for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
+    pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
 FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
