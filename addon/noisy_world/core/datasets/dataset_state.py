@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from glob import iglob
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,9 @@ def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manife
 
 def journal_folders(work: Path) -> frozenset[str]:
     """Return the sequences of which a run has finished a frame, by the journals in its working folder."""
-    return _folders(path for path in work.glob(f"*/*/{JOURNALS}") if path.is_file() and path.stat().st_size)
+    # Path.glob of Python 3.11 and 3.12 fails where another process has just removed a folder.
+    names = iglob(f"*/*/{JOURNALS}", root_dir=work, include_hidden=True)  # noqa: PTH207
+    return _folders(path for path in map(work.joinpath, names) if path.is_file() and path.stat().st_size)
 
 
 def _recorded_folders(out: Path) -> frozenset[str]:
