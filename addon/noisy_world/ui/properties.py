@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ..core.channels import CHANNELS, COLOUR_AND_DEPTH, Channel
 from ..core.errors import NoisyWorldError
-from ..core.labels import parameter_label, title
+from ..core.labels import american, parameter_label, title
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
@@ -35,6 +36,18 @@ if TYPE_CHECKING:
 
 # Presets hold no keyframes, so what they hold cannot be animated; but for a severity, which they hold frame by frame.
 _flag = partial(bpy.props.BoolProperty, options=set())
+
+
+def _channel_flag(item: Channel) -> Any:
+    """Return the property that says whether a channel is written."""
+    return _flag(
+        name=american(item.label),
+        description=american(f"Render and write {item.spoken}"),
+        default=item.name in COLOUR_AND_DEPTH,
+        update=tell(f"use_{item.name}"),
+    )
+
+
 _enum = partial(bpy.props.EnumProperty, options=set())
 _whole = partial(bpy.props.IntProperty, options=set())
 _text = partial(bpy.props.StringProperty, options=set())
@@ -334,8 +347,7 @@ def _panel_members() -> dict[str, Any]:
         ),
         "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
-        "use_rgb": _flag(name="Color", description="Render and write color", default=True, update=tell("use_rgb")),
-        "use_depth": _flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),
+        **{f"use_{name}": _channel_flag(item) for name, item in CHANNELS.items()},
         "output_folder": _text(
             name="Output",
             description="Folder of the dataset",

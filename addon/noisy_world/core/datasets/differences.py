@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import COLOUR_AND_DEPTH, in_order
 from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.sequence import Sequence, lay_out
@@ -240,7 +241,7 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
     for frame in shorter.frames:
         if sequence.leaves_out(frame) or shorter.shown(frame) != sequence.shown(frame):
             return False
-    rows = array_of(shorter.sources(("rgb", "depth")))
+    rows = array_of(shorter.sources(in_order(COLOUR_AND_DEPTH)))
     return all(
         np.array_equal(left.c2w[rows], right.c2w[rows])
         for left, right in zip(before.named().values(), after.named().values(), strict=True)

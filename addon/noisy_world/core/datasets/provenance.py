@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import CHANNELS, COLOUR_AND_DEPTH
 from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..optics import OPTICS_KEYS
@@ -38,8 +39,7 @@ FORMAT = 2  # version of the identity and the manifest; raised when their keys c
 
 CONVENTIONS = {
     "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
-    "depth": "planar depth z of the pixel's centre; uint16 = round(metres * depth_scale_per_m); 0 is void",
-    "rgb": "RGB, 8 bits, sRGB-encoded; void is black",
+    **{name: CHANNELS[name].convention for name in COLOUR_AND_DEPTH},
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
@@ -278,10 +278,16 @@ def manifest(
         "depth_beyond": plan.format.depth_beyond,
         OUT_OF_RANGE: {folder: loss.content() for folder, loss in losses.items()},
         "colour": plan.format.colour,
-        "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
+        "conventions": conventions(plan.format),
         "frames": frames,
         "files": files,
     }
+
+
+def conventions(format_: OutputFormat) -> dict[str, str]:
+    """Return what the values in a dataset's files mean; colour and depth are told where they are left out, too."""
+    channels = {name: CHANNELS[name].convention for name in format_.modalities}
+    return CONVENTIONS | channels | (GREY if format_.colour == "grey" else {}) | format_.layout.conventions
 
 
 def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:

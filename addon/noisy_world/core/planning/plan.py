@@ -69,6 +69,12 @@ class Render:
         """Whether a step of depth depends on colour."""
         return any(sequence.setting.needs_rgb for sequence in self.sequences)
 
+    @property
+    def needed_besides(self) -> frozenset[Modality]:
+        """The channels that steps need, whether they are written or not."""
+        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth))
+        return frozenset(name for name, wanted in needed if wanted)
+
 
 @dataclass(frozen=True)
 class Plan:
