@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import surface_channels
 from ..datasets.layouts import Modality, OutputFormat
 from ..datasets.registration import Registration
 from ..errors import InputError
@@ -27,6 +28,8 @@ from ..trajectories.trajectory import Axes
 from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
+
+SURFACE_ENGINES = ("cycles", "embree")  # that tell which surface a pixel sees
 
 
 @dataclass(frozen=True)
@@ -259,6 +262,9 @@ def _check_exposure(
     if not setting.exposure:
         return
     exposing = setting.exposure[0].perturbation.name
+    if asked := surface_channels(preset.spec.output.modalities):
+        problem = f"{setting.name}: {exposing} makes colour and depth of several moments, and no {asked[0].name}"
+        raise preset.place("output.modalities").error(problem, "take one of them out")
     if why := scene.source.gives.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
         raise _place_of(scene).error(problem, "take that setting out, or render a mesh")
@@ -311,6 +317,20 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             problem = "a video has no depth, but output.modalities asks for it"
             remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
             raise scene.place.at("video").error(problem, remedy)
+        _check_surface(scene, preset)
+
+
+def _check_surface(scene: Scene, preset: Preset) -> None:
+    """Refuse channels of a mesh's surface where frames are not of one, or are rendered by an engine without them."""
+    asked = [item.name for item in surface_channels(preset.spec.output.modalities)]
+    if not asked:
+        return
+    place, what, engine = preset.place("output.modalities"), " and ".join(asked), preset.spec.render.engine
+    if not scene.source.gives.surface:
+        problem = f"{what}: {scene.name} has none: it comes from meshes that are shown as they are stored"
+        raise place.error(problem, "take it out, or leave that scene out")
+    if engine not in SURFACE_ENGINES:
+        raise place.error(f"{what}: render.engine {engine} cannot tell it", f"use {' or '.join(SURFACE_ENGINES)}")
 
 
 def _place_of(scene: Scene) -> Place:

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datasets with channels beside colour and depth: what is written, kept, packed and refused."""
+
+import json
+import sys
+import threading
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+
+from cases import cases
+from worlds import path_poses, write_world
+
+from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+from noisy_world.recipes.opening import open_path
+
+RAYS = {"engine": "embree", "samples": 1, "backend": "reference"}
+SETTINGS = [
+    {"name": "clean"},
+    {"name": "fog", "perturb": [{"fog": {"severity": 3}}]},
+    {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]},
+    {"name": "late", "perturb": [{"desync": {"offset": 1}}]},
+]
+ALL = ["rgb", "depth", "normal"]
+
+
+def run(preset, out, **options):
+    return Run(
+        make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **options
+    )
+
+
+def images(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*.png"))}
+
+
+def walls(c2w, size):
+    """The normals (H, W, 3) of the box room's walls in camera axes, by which wall a ray meets first."""
+    width, height = size
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    ray = (
+        np.stack([(u - (width - 1) / 2), (v - (height - 1) / 2), np.full(u.shape, width / 2)], axis=-1) @ c2w[:3, :3].T
+    )
+    to_wall = np.where(ray > 0, np.array([2.0, 1.5, 2.5]) - c2w[:3, 3], np.array([-2.0, -1.5, 0.0]) - c2w[:3, 3])
+    axis = (to_wall / ray).argmin(axis=-1)
+    world = -np.sign(np.take_along_axis(ray, axis[..., None], -1)) * np.eye(3)[axis]
+    return world @ c2w[:3, :3]
+
+
+@cases("layout", LAYOUTS)
+def test_normals_lie_beside_what_was_there_without_them(layout, tmp_path):
+    keys = {"render": RAYS, "settings": SETTINGS}
+    tmp_path /= layout
+    output = {"layout": layout, "image": "png"}
+    plain = write_world(tmp_path / "plain", output=output, **keys)
+    more = write_world(tmp_path / "more", output={**output, "modalities": ALL}, **keys)
+    run(plain, tmp_path / "a").make_dataset()
+    run(more, tmp_path / "b").make_dataset()
+    before, after = images(tmp_path / "a"), images(tmp_path / "b")
+    beside = {path: data for path, data in after.items() if path not in before}
+    assert {path: after[path] for path in before} == before
+    assert len(beside) == 6 + 6 + 3 + 6
+    assert all("normal" in str(path.parent) for path in beside)
+
+    poses = path_poses(6)
+    for setting, sources in (("clean", range(6)), ("fog", range(6)), ("fast", (0, 2, 4)), ("late", range(6))):
+        here = [data for path, data in sorted(beside.items()) if path.parts[0] == setting]
+        for data, source in zip(here, sources, strict=True):
+            steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
+            assert steps.dtype == np.uint16
+            expected = walls(poses[source], (64, 48))
+            wrong = np.abs(steps / 65535 * 2 - 1 - expected).max(axis=-1) > 2e-5
+            edges = np.abs(cv2.Laplacian(expected, cv2.CV_64F)).max(axis=-1) > 1e-6
+            assert not (wrong & ~cv2.dilate(edges.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
+
+    manifest = json.loads((tmp_path / "b/manifest.json").read_text())
+    assert "camera's axes" in manifest["conventions"]["normal"]
+    assert "normal" not in json.loads((tmp_path / "a/manifest.json").read_text())["conventions"]
+    again = run(more, tmp_path / "b")
+    again.make_dataset()
+    assert again.report.frames_rendered == 0
+
+
+def test_a_lost_normal_is_made_again_and_overwriting_leaves_none(tmp_path):
+    output = {"layout": "replica", "image": "png"}
+    keys = {"render": RAYS, "settings": SETTINGS[:2]}
+    preset = write_world(tmp_path / "world", output={**output, "modalities": ["normal"]}, **keys)
+    out = tmp_path / "out"
+    run(preset, out).make_dataset()
+    before = images(out)
+    assert {path.parent.name for path in before} == {"normal"}
+    (out / "fog/box/normal/000003.png").unlink()
+    (out / "clean/box/normal/000004.png").write_bytes(b"no image")
+    again = run(preset, out)
+    again.make_dataset()
+    assert again.report.frames_rendered == 2
+    assert images(out) == before
+    run(write_world(tmp_path / "world", output=output, **keys), out, overwrite=True).make_dataset()
+    assert not list(out.rglob("normal"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"output": {"modalities": ["rgb", "normals"]}}, ["output.modalities", "'normals'", "did you mean 'normal'"]),
+        (
+            {"output": {"modalities": ALL}, "render": {**RAYS, "engine": "eevee"}},
+            ["normal", "eevee", "cycles or embree"],
+        ),
+        ({"output": {"modalities": ["normal", "normal"]}}, ["output.modalities", "each once"]),
+    ],
+)
+def test_what_cannot_be_given_is_refused_in_a_line(keys, words, tmp_path):
+    preset = write_world(tmp_path, **{"render": RAYS, **keys})
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(preset))
+    assert "\n" not in str(error.value)
+    for word in (str(preset), *words):
+        assert word in str(error.value)
+
+
+def test_a_recording_has_no_normals(tmp_path):
+    preset = write_world(tmp_path / "world", frames=2, render=RAYS)
+    run(preset, tmp_path / "out").make_dataset()
+    document = {
+        "scenes": [{"name": "again", "sequence": str(tmp_path / "out/clean/box")}],
+        "settings": [{"name": "clean"}],
+        "output": {"modalities": ALL},
+    }
+    recorded = tmp_path / "recorded.yaml"
+    recorded.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match=r"output\.modalities: normal: again has none"):
+        make_plan(read_preset(recorded))
+    assert np.array_equal(open_path(tmp_path / "out")["clean/box"][1].rgb.shape, (48, 64, 3))
