@@ -16,7 +16,7 @@ from cases import cases
 from worlds import path_poses, write_world
 
 from noisy_world.core.datasets.layouts import LAYOUTS
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, NoisyWorldError, StorageError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
@@ -141,3 +141,44 @@ def test_a_recording_has_no_normals(tmp_path):
     with pytest.raises(InputError, match=r"output\.modalities: normal: again has none"):
         make_plan(read_preset(recorded))
     assert np.array_equal(open_path(tmp_path / "out")["clean/box"][1].rgb.shape, (48, 64, 3))
+
+
+def with_objects(folder, ids):
+    """Give the walls of a world's mesh object ids."""
+    path = folder / "mesh.ply"
+    *lines, last = path.read_text().rstrip("\n").split("end_header\n")[1].split("\n")
+    head = path.read_text().split("end_header\n")[0] + "property int object_id\nend_header\n"
+    rows = [*lines, last]
+    faces = [f"{row} {number}" for row, number in zip(rows[-6:], ids, strict=True)]
+    path.write_text(head + "\n".join([*rows[:-6], *faces]) + "\n")
+
+
+def test_instances_have_a_file_of_ids_and_names(tmp_path):
+    keys = {"render": RAYS, "output": {"layout": "tum", "modalities": ["rgb", "instance"]}}
+    preset, out = write_world(tmp_path / "world", frames=2, **keys), tmp_path / "out"
+    with pytest.raises(InputError, match=r"scenes\.0\.mesh: has no instance: its faces have no property object_id"):
+        make_plan(read_preset(preset))
+    with_objects(tmp_path / "world", [300, 7, 7, 65535, -1, 12])
+    names = tmp_path / "world/info_semantic.json"
+    run(preset, out).make_dataset()
+    objects = json.loads((out / "clean/box/instance.json").read_text())
+    assert objects == {"void": 0, "objects": [{"id": number, "name": None} for number in (7, 12, 300, 65535)]}
+    for path in (out / "clean/box/instance").iterdir():
+        ids = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert ids.dtype == np.uint16
+        assert set(np.unique(ids)) <= {0, 7, 12, 300, 65535}
+        assert len(np.unique(ids)) > 2
+
+    names.write_text(json.dumps({"objects": [{"id": 7, "class_name": "wall"}, {"id": 9, "class_name": "door"}]}))
+    with pytest.raises(StorageError, match="the file of its objects' names is not"):
+        run(preset, out).make_dataset()
+    run(preset, out, overwrite=True).make_dataset()
+    assert json.loads((out / "clean/box/instance.json").read_text())["objects"][0] == {"id": 7, "name": "wall"}
+    names.write_text('{"objects": [3]}')
+    with pytest.raises(InputError, match=r"info_semantic\.json: has no list of objects"):
+        run(preset, tmp_path / "other").make_dataset()
+    large = tmp_path / "large"
+    preset = write_world(large, frames=2, **keys)
+    with_objects(large, [1, 2, 3, 4, 5, 65536])
+    with pytest.raises(NoisyWorldError, match="object_id 65536 does not fit into the 16 bits"):
+        run(preset, tmp_path / "third").make_dataset()

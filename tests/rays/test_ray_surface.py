@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Normals from rays against planes, boxes and spheres in closed form, in camera axes."""
+"""Normals and objects from rays against planes, boxes and spheres in closed form."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from cases import cases
-from surface_views import SURFACES, box, plane, seen, worst_normal
+from surface_views import SURFACES, box, check_instances, plane, seen, worst_normal
 
 
 @cases("made", SURFACES)
@@ -33,3 +33,7 @@ def test_colour_and_depth_are_the_same_beside_them():
     assert np.array_equal(alone.rgb, beside.rgb)
     assert np.array_equal(alone.depth_m, beside.depth_m)
     assert alone.image("normal") is None
+
+
+def test_every_pixel_off_edges_has_its_object():
+    check_instances("embree")

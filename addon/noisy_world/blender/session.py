@@ -128,6 +128,8 @@ class Session:
         for shot in self._shots:
             place_camera(self._scene, self._camera, request.depth_c2w if shot.from_depth_sensor else request.rgb_c2w)
             self._engine.set_samples(self._scene, shot.samples)
+            if self._images.needs:
+                self._scene.update_tag()  # or Cycles would not hear of fewer samples while its camera stays
             rendered = self._renderer.render()
             rgb = rendered.rgb if shot.rgb else rgb
             depth_m = rendered.depth_m if shot.depth else depth_m

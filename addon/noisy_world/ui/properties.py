@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..core.channels import CHANNELS, COLOUR_AND_DEPTH, Channel
+from ..core.channels import CHANNELS
 from ..core.errors import NoisyWorldError
-from ..core.labels import american, parameter_label, title
+from ..core.labels import parameter_label, title
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
@@ -25,7 +25,7 @@ from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, described, tell, told_once
+from .described import LARGEST_INT, LISTENERS, channel_flag, described, tell, told_once
 from .recorded_fields import SOURCES, recorded_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
@@ -36,18 +36,6 @@ if TYPE_CHECKING:
 
 # Presets hold no keyframes, so what they hold cannot be animated; but for a severity, which they hold frame by frame.
 _flag = partial(bpy.props.BoolProperty, options=set())
-
-
-def _channel_flag(item: Channel) -> Any:
-    """Return the property that says whether a channel is written."""
-    return _flag(
-        name=american(item.label),
-        description=american(f"Render and write {item.spoken}"),
-        default=item.name in COLOUR_AND_DEPTH,
-        update=tell(f"use_{item.name}"),
-    )
-
-
 _enum = partial(bpy.props.EnumProperty, options=set())
 _whole = partial(bpy.props.IntProperty, options=set())
 _text = partial(bpy.props.StringProperty, options=set())
@@ -347,7 +335,7 @@ def _panel_members() -> dict[str, Any]:
         ),
         "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
-        **{f"use_{name}": _channel_flag(item) for name, item in CHANNELS.items()},
+        **{f"use_{name}": channel_flag(item) for name, item in CHANNELS.items()},
         "output_folder": _text(
             name="Output",
             description="Folder of the dataset",

@@ -3,13 +3,15 @@
 
 from collections.abc import Iterable
 
-from . import depth, normal, rgb
+from . import depth, instance, normal, rgb
 from .channel import Channel
 from .surface import SurfaceChannel
 
 __all__ = ["CHANNELS", "COLOUR_AND_DEPTH", "Channel", "in_order", "surface_channels"]
 
-CHANNELS: dict[str, Channel] = {item.name: item for item in (rgb.CHANNEL, depth.CHANNEL, normal.CHANNEL)}
+CHANNELS: dict[str, Channel] = {
+    item.name: item for item in (rgb.CHANNEL, depth.CHANNEL, normal.CHANNEL, instance.CHANNEL)
+}
 """Every channel by its name in presets, in the order in which their images are made and listed."""
 
 COLOUR_AND_DEPTH = frozenset({rgb.CHANNEL.name, depth.CHANNEL.name})

@@ -3,14 +3,53 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from ..datasets.depth_range import OutOfRange
-    from ..datasets.layouts.layout import Layout, OutputFormat
-    from ..trajectories.stamps import FrameStamps
+from ..datasets.depth_range import OutOfRange
+from ..trajectories.stamps import FrameStamps
+
+type Image = Literal["jpg", "png"]
+"""What colour may be stored as."""
+
+
+class ImageNames(Protocol):
+    """What a channel asks a layout: how its files are named, inside a sequence's folder."""
+
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
+        """Return the name of a colour image."""
+        ...
+
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
+        """Return the name of a depth image."""
+        ...
+
+    def channel_name(self, channel: str, frame: int, stamps: FrameStamps, suffix: str) -> str:
+        """Return the name of an image of a channel that layouts know nothing of."""
+        ...
+
+
+class ImageFormat(Protocol):
+    """What a channel asks the format of a dataset."""
+
+    @property
+    def image(self) -> Image:
+        """What colour is stored as."""
+        ...
+
+    def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
+        """Encode colour."""
+        ...
+
+    def encode_depth(self, depth_m: NDArray[Any]) -> bytes:
+        """Encode depth."""
+        ...
+
+    def out_of_range(self, depth_m: NDArray[Any]) -> OutOfRange | None:
+        """Count the pixels whose depth an image cannot hold; None where it holds all."""
+        ...
+
 
 type KindOfSteps = Literal["rgb", "depth"]
 """Which of a setting's steps act on a channel: perturbations of colour, or of depth."""
@@ -52,7 +91,7 @@ class Channel(ABC):
     paired: ClassVar[bool] = False
 
     @abstractmethod
-    def suffix(self, written: "OutputFormat") -> str:
+    def suffix(self, written: ImageFormat) -> str:
         """Return how the names of its files end, such as "png"."""
 
     @abstractmethod
@@ -60,18 +99,18 @@ class Channel(ABC):
         """Return the same by what the identity of a dataset says of its output."""
 
     @abstractmethod
-    def name_in(self, layout: "Layout", frame: int, stamps: "FrameStamps", suffix: str) -> str:
+    def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the name of a frame's file inside its sequence's folder."""
 
     @abstractmethod
-    def encode(self, pixels: NDArray[Any], written: "OutputFormat") -> bytes:
+    def encode(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
         """Return its image, (H, W) or (H, W, components), as a file of the dataset."""
 
     @abstractmethod
-    def pixel_bytes(self, written: "OutputFormat") -> PixelBytes:
+    def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large its files are."""
 
-    def lost(self, pixels: NDArray[Any], written: "OutputFormat") -> "OutOfRange | None":
+    def lost(self, pixels: NDArray[Any], written: ImageFormat) -> OutOfRange | None:
         """Return what of an image its file cannot hold; None where it holds all."""
         del pixels, written
         return None

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Planar depth."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
-from .channel import Channel, PixelBytes
-
-if TYPE_CHECKING:
-    from ..datasets.depth_range import OutOfRange
-    from ..datasets.layouts.layout import Layout, OutputFormat
-    from ..trajectories.stamps import FrameStamps
+from ..datasets.depth_range import OutOfRange
+from ..trajectories.stamps import FrameStamps
+from .channel import Channel, ImageFormat, ImageNames, PixelBytes
 
 _BYTES = PixelBytes(0.5, 0.5, (0.2, 0.9), (0.2, 0.9), (1.5, 2.1))  # measured as colour's
 
@@ -29,7 +26,7 @@ class Depth(Channel):
     steps = "depth"
     paired = True
 
-    def suffix(self, written: "OutputFormat") -> str:
+    def suffix(self, written: ImageFormat) -> str:
         """Return PNG's."""
         del written
         return "png"
@@ -39,21 +36,21 @@ class Depth(Channel):
         del output
         return "png"
 
-    def name_in(self, layout: "Layout", frame: int, stamps: "FrameStamps", suffix: str) -> str:
+    def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the layout's name of a depth image."""
         del suffix
         return layout.depth_name(frame, stamps.depth.ns[frame])
 
-    def encode(self, pixels: NDArray[Any], written: "OutputFormat") -> bytes:
+    def encode(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
         """Encode (H, W) float32, metres, 0 = void."""
         return written.encode_depth(pixels)
 
-    def pixel_bytes(self, written: "OutputFormat") -> PixelBytes:
+    def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large 16-bit PNG is."""
         del written
         return _BYTES
 
-    def lost(self, pixels: NDArray[Any], written: "OutputFormat") -> "OutOfRange | None":
+    def lost(self, pixels: NDArray[Any], written: ImageFormat) -> OutOfRange | None:
         """Return the depth that 16 bits do not hold."""
         return written.out_of_range(pixels)
 

@@ -2,15 +2,13 @@
 """Surface normals."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scenes.mesh import Mesh
 from .surface import Surface, SurfaceChannel
-
-if TYPE_CHECKING:
-    from ..scenes.mesh import Mesh
 
 FULL = 65535  # of 16 bits
 
@@ -32,7 +30,7 @@ class Normal(SurfaceChannel):
     needs = frozenset({"normals"})
     bytes_per_pixel = 1.0
 
-    def of_mesh(self, mesh: "Mesh") -> Callable[[Surface], NDArray[Any]]:
+    def of_mesh(self, mesh: Mesh) -> Callable[[Surface], NDArray[Any]]:
         """Return what gives the normals (H, W, 3) float32; zero where nothing is seen."""
         del mesh
         return _normals

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
-from .channel import Channel, PixelBytes
-
-if TYPE_CHECKING:
-    from ..datasets.layouts.layout import Layout, OutputFormat
-    from ..trajectories.stamps import FrameStamps
+from ..trajectories.stamps import FrameStamps
+from .channel import Channel, ImageFormat, ImageNames, PixelBytes
 
 # Measured in two rooms with every perturbation of the benchmark, and the bounds widened to what the shipped presets'
 # files and recordings have.
@@ -32,7 +29,7 @@ class Rgb(Channel):
     convention = "RGB, 8 bits, sRGB-encoded; void is black"
     steps = "rgb"
 
-    def suffix(self, written: "OutputFormat") -> str:
+    def suffix(self, written: ImageFormat) -> str:
         """Return the kind of image that the preset chose."""
         return written.image
 
@@ -40,15 +37,15 @@ class Rgb(Channel):
         """Return the kind of image that the identity tells."""
         return output["image"]
 
-    def name_in(self, layout: "Layout", frame: int, stamps: "FrameStamps", suffix: str) -> str:
+    def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the layout's name of a colour image."""
         return layout.rgb_name(frame, stamps.rgb.ns[frame], "jpg" if suffix == "jpg" else "png")
 
-    def encode(self, pixels: NDArray[Any], written: "OutputFormat") -> bytes:
+    def encode(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
         """Encode (H, W, 3), uint8 or float32 in [0, 1]."""
         return written.encode_rgb(pixels)
 
-    def pixel_bytes(self, written: "OutputFormat") -> PixelBytes:
+    def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large JPEG or PNG is."""
         return _BYTES[written.image]
 

@@ -4,18 +4,16 @@
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from pathlib import Path
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.images import encode_steps
-from .channel import Channel, PixelBytes
-
-if TYPE_CHECKING:
-    from ..datasets.layouts.layout import Layout, OutputFormat
-    from ..scenes.mesh import Mesh
-    from ..trajectories.stamps import FrameStamps
+from ..scenes.mesh import Mesh
+from ..trajectories.stamps import FrameStamps
+from .channel import Channel, ImageFormat, ImageNames, PixelBytes
 
 type Fact = Literal["normals", "faces"]
 """What a renderer can tell of a surface: its direction, or which face of the mesh it is."""
@@ -37,14 +35,34 @@ class Surface:
 class SurfaceChannel(Channel):
     """A channel that is computed from what a frame sees of a mesh, by any engine that can tell it.
 
-    needs: what it is computed from. It is written as PNG of 16 bits, never perturbed, and lies in a folder of its name.
+    needs: what it is computed from. has_content: whether its values have meanings of each scene's own. It is written as
+    PNG of 16 bits, never perturbed, and lies in a folder of its name.
     """
 
     needs: ClassVar[frozenset[Fact]]
+    has_content: ClassVar[bool] = False
     bytes_per_pixel: ClassVar[float]
 
+    def problem(self, mesh: str) -> str:
+        """Return why a mesh cannot give it, or ""; nothing but its file's head is read. mesh: as a scene names it."""
+        del mesh
+        return ""
+
+    def files(self, mesh: str) -> tuple[Path, ...]:
+        """Return the files beside a mesh's that decide what `content` says."""
+        del mesh
+        return ()
+
+    def content(self, mesh: Mesh, path: str) -> dict[str, Any]:
+        """Return what its values mean in this scene, for a file NAME.json of each sequence, if it has such.
+
+        path: of the mesh, as a scene names it. Raises InputError where a file beside it is damaged.
+        """
+        del mesh, path
+        return {}
+
     @abstractmethod
-    def of_mesh(self, mesh: "Mesh") -> Callable[[Surface], NDArray[Any]]:
+    def of_mesh(self, mesh: Mesh) -> Callable[[Surface], NDArray[Any]]:
         """Return what makes its image, of `dtype` and `components`, of what a frame sees of a mesh.
 
         What it keeps of the mesh stays in memory while that is rendered. Raises ValueError, saying why, where the mesh
@@ -55,7 +73,7 @@ class SurfaceChannel(Channel):
     def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
         """Return an image as 16-bit values, as its file holds them."""
 
-    def suffix(self, written: "OutputFormat") -> str:
+    def suffix(self, written: ImageFormat) -> str:
         """Return PNG's."""
         del written
         return "png"
@@ -65,16 +83,16 @@ class SurfaceChannel(Channel):
         del output
         return "png"
 
-    def name_in(self, layout: "Layout", frame: int, stamps: "FrameStamps", suffix: str) -> str:
+    def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return a name in a folder of the channel's name."""
         return layout.channel_name(self.name, frame, stamps, suffix)
 
-    def encode(self, pixels: NDArray[Any], written: "OutputFormat") -> bytes:
+    def encode(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
         """Encode as PNG of 16 bits."""
         del written
         return encode_steps(self.steps_of(pixels))
 
-    def pixel_bytes(self, written: "OutputFormat") -> PixelBytes:
+    def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large its files are; nothing perturbs them."""
         del written
         usual, bounds = self.bytes_per_pixel, (0.1 * self.bytes_per_pixel, 3 * self.bytes_per_pixel)

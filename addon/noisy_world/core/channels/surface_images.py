@@ -2,22 +2,20 @@
 """The images of all surface channels that a renderer of a mesh is asked for."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import NDArray
 
 from ..errors import NoisyWorldError
+from ..scenes.mesh import Mesh
 from . import surface_channels
 from .surface import Fact, Surface
-
-if TYPE_CHECKING:
-    from ..scenes.mesh import Mesh
 
 
 class SurfaceImages:
     """Makes the images of the surface channels among some names. needs: what they are made from; empty without any."""
 
-    def __init__(self, names: Iterable[str], mesh: "Mesh") -> None:
+    def __init__(self, names: Iterable[str], mesh: Mesh) -> None:
         """Take from the mesh what they need. Raises NoisyWorldError where it cannot give one of them."""
         channels = surface_channels(names)
         self.needs: frozenset[Fact] = frozenset().union(*(item.needs for item in channels))

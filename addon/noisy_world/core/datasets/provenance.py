@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import CHANNELS, COLOUR_AND_DEPTH
+from ..channels import CHANNELS as REGISTERED
+from ..channels import COLOUR_AND_DEPTH, surface_channels
 from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..optics import OPTICS_KEYS
@@ -34,16 +35,18 @@ from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
 from .layouts import OutputFormat
 from .records import OUT_OF_RANGE
+from .storage import sha256_of_file
 
 FORMAT = 2  # version of the identity and the manifest; raised when their keys change
 
 CONVENTIONS = {
     "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
-    **{name: CHANNELS[name].convention for name in COLOUR_AND_DEPTH},
+    **{name: REGISTERED[name].convention for name in COLOUR_AND_DEPTH},
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
 KEYS = "keys"  # those of a preset that decide bytes by their own values
+CHANNELS = "channels"  # of a scene: the files that say what the values of its channels mean
 BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
@@ -138,11 +141,22 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     return {
         "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
+        **_channels(plan, scene),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
         **_keys(deciding_values(plan.preset.spec.scenes[entry_number(scene)])),
     }
+
+
+def _channels(plan: Plan, scene: Scene) -> dict[str, dict[str, str]]:
+    """Return the hashes of files that say what the values of channels mean; nothing where there is none."""
+    found = {
+        f"{item.name}_sha256": hashlib.sha256("".join(map(str, map(sha256_of_file, files))).encode()).hexdigest()
+        for item in surface_channels(plan.format.modalities)
+        if (files := item.files(scene.source.location))
+    }
+    return {CHANNELS: found} if found else {}
 
 
 def told_entry(spec: SceneSpec) -> dict[str, Any]:
@@ -286,7 +300,7 @@ def manifest(
 
 def conventions(format_: OutputFormat) -> dict[str, str]:
     """Return what the values in a dataset's files mean; colour and depth are told where they are left out, too."""
-    channels = {name: CHANNELS[name].convention for name in format_.modalities}
+    channels = {name: REGISTERED[name].convention for name in format_.modalities}
     return CONVENTIONS | channels | (GREY if format_.colour == "grey" else {}) | format_.layout.conventions
 
 

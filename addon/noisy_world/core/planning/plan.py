@@ -28,8 +28,7 @@ from ..trajectories.trajectory import Axes
 from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
-
-SURFACE_ENGINES = ("cycles", "embree")  # that tell which surface a pixel sees
+from .surface_checks import check_surface
 
 
 @dataclass(frozen=True)
@@ -317,20 +316,7 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             problem = "a video has no depth, but output.modalities asks for it"
             remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
             raise scene.place.at("video").error(problem, remedy)
-        _check_surface(scene, preset)
-
-
-def _check_surface(scene: Scene, preset: Preset) -> None:
-    """Refuse channels of a mesh's surface where frames are not of one, or are rendered by an engine without them."""
-    asked = [item.name for item in surface_channels(preset.spec.output.modalities)]
-    if not asked:
-        return
-    place, what, engine = preset.place("output.modalities"), " and ".join(asked), preset.spec.render.engine
-    if not scene.source.gives.surface:
-        problem = f"{what}: {scene.name} has none: it comes from meshes that are shown as they are stored"
-        raise place.error(problem, "take it out, or leave that scene out")
-    if engine not in SURFACE_ENGINES:
-        raise place.error(f"{what}: render.engine {engine} cannot tell it", f"use {' or '.join(SURFACE_ENGINES)}")
+        check_surface(scene, preset)
 
 
 def _place_of(scene: Scene) -> Place:
