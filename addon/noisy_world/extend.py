@@ -1,15 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an author of perturbations imports: the five kinds, their contexts, and what node groups are built with.
+"""What the author of a package imports that brings perturbations, layouts or metrics.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-A perturbation is one file with a `PERTURBATION`; an installed package brings it by an entry point of the group
-`noisy_world.perturbations`. docs/your_perturbation.md has a whole example. Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `LAYOUT` or a `METRIC`; an installed package brings it by an entry point of
+the group `noisy_world.perturbations`, `noisy_world.layouts` or `noisy_world.metrics`. docs/extend.md has an example of
+every kind, and `noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
 """
 
+from .core.datasets.frame_times import read_frame_times
+from .core.datasets.known_poses import PosePolicy, truth_file
+from .core.datasets.layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
+from .core.datasets.layouts.layout import Layout, SequenceFacts, lines, numbered
+from .core.datasets.layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
+from .core.datasets.layouts.recorded import RecordedLayout
+from .core.datasets.stored import StoredSequence
+from .core.errors import InputError
 from .core.geometry import Intrinsics
 from .core.node_graphs.graph import Graph, Socket
 from .core.node_graphs.groups import Canvas
+from .core.optics import PINHOLE, Optics
 from .core.perturbing.kinds import (
     ColourPerturbation,
     DepthPerturbation,
@@ -20,22 +30,49 @@ from .core.perturbing.kinds import (
     SequenceContext,
 )
 from .core.schema import key
+from .core.trajectories.files import read_trajectory, tum_text
 from .core.trajectories.frame_request import Shutter
+from .core.trajectories.stamps import FrameStamps
 from .core.trajectories.trajectory import Trajectory
+from .evaluation.metrics import Compared, TrajectoryMetric
 
 __all__ = [
+    "CAM_PARAMS",
+    "PINHOLE",
     "Canvas",
     "ColourPerturbation",
+    "Compared",
     "DepthPerturbation",
     "ExposurePerturbation",
     "FrameContext",
+    "FrameStamps",
     "Graph",
+    "InputError",
     "Intrinsics",
+    "Layout",
     "MotionPerturbation",
+    "NumberedPoses",
+    "Optics",
     "PairingPerturbation",
+    "PosePolicy",
+    "RecordedLayout",
     "SequenceContext",
+    "SequenceFacts",
     "Shutter",
     "Socket",
+    "StoredSequence",
     "Trajectory",
+    "TrajectoryMetric",
+    "cam_params_text",
+    "folder_of_poses",
     "key",
+    "lines",
+    "numbered",
+    "numbered_frames",
+    "numbered_images",
+    "read_cam_params",
+    "read_frame_times",
+    "read_trajectory",
+    "truth_file",
+    "tum_text",
 ]

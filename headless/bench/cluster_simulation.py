@@ -18,13 +18,13 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 CUTS = (128, 256, 512, 1024, 2048, 4096, 8192)  # numbers of shards that are tried; the benchmark has 128 renders
 
-type Limit = Literal["processors", "disk", "merging", "shards"]
+Limit: TypeAlias = Literal["processors", "disk", "merging", "shards"]
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from noisy_world.core.planning.plan import Plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.spent import LOADING, RENDERING
+from noisy_world.pipeline.stage_timer import LOADING, RENDERING
 from noisy_world.planning import make_plan
 
 PRESET = ROOT / "presets" / "noisy_rooms.yaml"

@@ -34,7 +34,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
     from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline.spent import Spent  # noqa: PLC0415
+    from noisy_world.pipeline.stage_timer import StageTimer  # noqa: PLC0415
     from noisy_world.pipeline.stock import Finished, Holding  # noqa: PLC0415
     from noisy_world.sources.mesh import forget_meshes, load_mesh  # noqa: PLC0415
     from noisy_world.sources.rendering import open_session  # noqa: PLC0415
@@ -58,7 +58,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> dict[str, float]:
             """Render and write; return seconds a frame, and those of all processors together."""
             start_s, start_core_s = time.perf_counter(), time.process_time()
-            with FrameWriter(dataset, render, Finished([Holding(dataset, render)]), Spent()) as writer:
+            with FrameWriter(dataset, render, Finished([Holding(dataset, render)]), StageTimer()) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.request(shown))), {})

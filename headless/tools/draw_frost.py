@@ -16,7 +16,7 @@ import sys
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 from noisy_world.core.streams import stream
 from noisy_world.perturbations._crystals import HEIGHT_PX, TIME_SHRUNK, WIDTH_PX, map_file
 
-type Field = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
+Field: TypeAlias = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
 
 # All chosen by eye, after photographs of frost on windows. Lengths in pixels of the map; the unit of time is what a
 # plume of mean speed takes for a pixel.

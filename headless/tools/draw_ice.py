@@ -9,7 +9,7 @@ Needles, ferns, rime and a wrinkled sheet: grey JPEG files in the add-on, where 
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file
 
 JPEG_QUALITY = 95  # chosen: the loss is far below what frost shows, and the four files stay small
 
-type Field = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
+Field: TypeAlias = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
 
 
 def main() -> int:

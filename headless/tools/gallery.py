@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
+from typing import TypeAlias
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
-from noisy_world.core.planning.plan import source_paths
+from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
@@ -34,7 +35,7 @@ from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from tools.showcase import DEMO, FRAME, SEED, demo_frame, perturbed, shown_perturbations
 
-type Tiles = list[NDArray[np.uint8]]
+Tiles: TypeAlias = list[NDArray[np.uint8]]
 
 SEVERITIES = (1, 3, 5)  # as in the paper, like the strengths below
 DEVIATIONS = ((1, 0.0125), (3, 0.025), (5, 0.05))  # degrees, metres
@@ -116,7 +117,7 @@ def of_sequences() -> Iterator[tuple[str, Tiles]]:
                 at = sequence.frame_at(WALK_FRAME)
                 seen = [sequence.shown(frame) for frame in (at, at + 1)]
                 sources = [each.rgb_source for each in seen] + [seen[0].depth_source]
-                frames = [CleanFrame(source, opened.frame(paths.moment(source))) for source in sources]
+                frames = [CleanFrame(source, opened.frame(paths.request(source))) for source in sources]
                 name = sequence.setting.name
                 rgbs[name] = [rgb_bytes(frame.float_rgb()) for frame in frames[:2]]
                 depths_m[name] = frames[2].depth_m

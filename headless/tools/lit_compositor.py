@@ -2,6 +2,7 @@
 """Node groups on scene-linear frames, as an artist has them behind a render: for pictures, films and previews."""
 
 from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import bpy
 import numpy as np
@@ -23,8 +24,8 @@ from tools.street.frames import LitFrame
 SEED = 1
 SKY_M = 1e10  # what a render's Depth pass has where nothing is
 FLOATS = 16  # bytes of a pixel
-type Linear = NDArray[np.float32]
-type ColourStep = Step[ColourPerturbation]
+Linear: TypeAlias = NDArray[np.float32]
+ColourStep: TypeAlias = Step[ColourPerturbation]
 
 
 class LitScene:

@@ -7,6 +7,7 @@ python headless/tools/rooms.py docs/rooms.jpg
 import argparse
 import sys
 from pathlib import Path
+from typing import TypeAlias
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
@@ -24,7 +25,7 @@ from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
-type Image = NDArray[np.uint8]
+Image: TypeAlias = NDArray[np.uint8]
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAMES = 2000

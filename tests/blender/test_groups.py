@@ -12,7 +12,7 @@ from group_tools import by_groups, keep_group, picture, step_of
 from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
 from noisy_world.core.labels import american
 from noisy_world.core.node_graphs.chain import build_chain
-from noisy_world.core.node_graphs.graph import Graph, GroupInput, Picture
+from noisy_world.core.node_graphs.graph import Graph, GroupInput, BroughtImage
 from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
@@ -327,13 +327,13 @@ def test_a_failed_build_leaves_nothing(empty, fault):
     graph = Graph("Broken", "Fails")
     image = graph.input(IMAGE)
     result = graph.group(inner, {"Image": image}).out("Image", "color")
-    good = Picture("good", "1", lambda: np.zeros((4, 4), np.uint8))
+    good = BroughtImage("good", "1", lambda: np.zeros((4, 4), np.uint8))
     result = result + graph.picture(good)
     made = {
         "node": lambda: graph.node("CompositorNodeNoSuchThing", {"Image": result}),
         "socket": lambda: graph.node("CompositorNodeBlur", {"Picture": result}),
         "property": lambda: graph.node("ShaderNodeMath", {"Value": result}, {"operation": "GUESS"}),
-        "picture": lambda: graph.node("CompositorNodeImage", {}, picture=Picture("bad", "1", no_picture)),
+        "picture": lambda: graph.node("CompositorNodeImage", {}, picture=BroughtImage("bad", "1", no_picture)),
         "inner": lambda: graph.group(inner, {"Imago": result}),
     }[fault]()
     graph.output("Image", made.out("Image", "color"))
@@ -345,12 +345,12 @@ def test_a_failed_build_leaves_nothing(empty, fault):
 
 def test_a_picture_is_packed_upright_and_exact(empty):
     values = np.arange(6 * 4 * 3, dtype=np.uint8).reshape(6, 4, 3)
-    image = ensure_picture(Picture("picture", "1", lambda: values))
+    image = ensure_picture(BroughtImage("picture", "1", lambda: values))
     assert image.packed_file is not None
-    assert ensure_picture(Picture("picture", "1", lambda: 1 / 0)) == image
+    assert ensure_picture(BroughtImage("picture", "1", lambda: 1 / 0)) == image
     pixels = np.array(image.pixels[:]).reshape(6, 4, 4)[::-1, :, :3]
     assert np.abs(pixels * 255 - values).max() < 1e-4
-    other = ensure_picture(Picture("picture", "2", lambda: values + 1))
+    other = ensure_picture(BroughtImage("picture", "2", lambda: values + 1))
     assert [item.name for item in bpy.data.images] == ["picture"]
     assert other.pixels[0] != 0
 

@@ -15,7 +15,7 @@ import pytest
 
 from noisy_world.cli import entry
 from noisy_world.cluster import remote
-from noisy_world.cluster.remote import Order, carry_out
+from noisy_world.cluster.remote import Task, carry_out
 from noisy_world.core import progress
 from noisy_world.core.datasets.provenance import package_version
 
@@ -24,7 +24,7 @@ ADDON = str(Path(__file__).resolve().parents[2] / "addon")
 
 def done(program, **values):
     told = []
-    result = carry_out(Order("shard", ("-c", textwrap.dedent(program)), **values), told.append)
+    result = carry_out(Task("shard", ("-c", textwrap.dedent(program)), **values), told.append)
     return result["status"], result["line"], told
 
 
@@ -75,7 +75,7 @@ def test_what_the_driver_is_told(monkeypatch):
         """
     monkeypatch.setattr(remote, "TELL_EVERY_S", 0.1)
     told = []
-    order = Order("shard", ("-c", textwrap.dedent(program)), told="order\n", then="end\n")
+    order = Task("shard", ("-c", textwrap.dedent(program)), told="order\n", then="end\n")
     result = carry_out(order, told.append)
     assert (result["status"], result["line"], result["report"]) == (0, "", {"frames_rendered": 7})
     assert {"note": "n", "subject": "s"} in told

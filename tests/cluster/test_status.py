@@ -12,7 +12,7 @@ from worlds import write_world
 
 from noisy_world.cli import command
 from noisy_world.cli.status_table import cell, family_of
-from noisy_world.core.datasets.tally import Tally, Written
+from noisy_world.core.datasets.file_inventory import FileInventory, JournalTimes
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.planning.shards import shards_of
 from noisy_world.core.presets.preset import read_preset
@@ -157,21 +157,21 @@ def test_reading_changes_nothing(world, tmp_path, capsys):
 def test_the_time_left_weighs_what_frames_cost():
     # One sequence at 2 frames a second, of 0.5 s each by the estimate: the run goes at the estimate's speed. What is
     # left: 10 of them, and 10 frames of 4 s in another: 45 s.
-    written = [("a/box", Written(tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False))]
+    written = [("a/box", JournalTimes(tuple(1000 + k / 2 for k in range(9)), 1.0, cut=False))]
     pace = pace_of(written, {"a/box": 0.5, "b/box": 4.0}, {"a/box": 10, "b/box": 10}, now_s=1005.0)
     assert (pace.last_s, pace.window_s, pace.frames_per_s, pace.left_s) == (1.0, 4.0, 2.0, 45.0)
     assert not pace.silent
     assert pace_of(written, {"a/box": 0.5}, {"a/box": 10}, now_s=1100.0).silent
     assert pace_of(written, {"a/box": 0.5}, None, now_s=1005.0).left_s is None
     assert pace_of(written[:0], {}, {}, now_s=1005.0).last_s is None
-    one = [("a/box", Written((1000.0,), 1.0, cut=False))]
+    one = [("a/box", JournalTimes((1000.0,), 1.0, cut=False))]
     assert pace_of(one, {"a/box": 0.5}, {"a/box": 10}, now_s=1005.0).frames_per_s is None
 
 
 def test_journals_that_were_read_in_part_count_from_where_they_begin():
     # Two writers of 1 and 100 frames a second; of the quick one only the last second was read.
-    slow = Written(tuple(float(k) for k in range(101)), 1.0, cut=False)
-    quick = Written(tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
+    slow = JournalTimes(tuple(float(k) for k in range(101)), 1.0, cut=False)
+    quick = JournalTimes(tuple(99 + k / 100 for k in range(101)), 1.0, cut=True)
     pace = pace_of(
         [("a/box", slow), ("b/box", quick)], {"a/box": 1.0, "b/box": 1.0}, {"a/box": 0, "b/box": 202}, now_s=100.0
     )
@@ -182,11 +182,15 @@ def test_journals_that_were_read_in_part_count_from_where_they_begin():
 def test_severities_share_a_row_in_a_long_table():
     assert {family_of(name) for name in ("fog_s1", "fog_s3_dynamic", "fog_s4.5", "fog")} == {"fog"}
     assert family_of("fog_static") == "fog_static"
-    items = [SequenceStatus("fog_s1", "a", 10, Tally(10)), SequenceStatus("fog_s2", "a", 10, Tally(4, ("x",)))]
-    assert [cell(items[:1]), cell(items), cell([]), cell([SequenceStatus("f", "a", 10, Tally(0))])] == [
+    items = [
+        SequenceStatus("fog_s1", "a", 10, FileInventory(10)),
+        SequenceStatus("fog_s2", "a", 10, FileInventory(4, ("x",))),
+    ]
+    nothing = [SequenceStatus("f", "a", 10, FileInventory(0))]
+    assert [cell(items[:1]), cell(items), cell([]), cell(nothing)] == [
         "done", "14/20 !1", "", "-",
     ]  # fmt: skip
-    assert cell([SequenceStatus("f", "a", None, Tally(3))]) == "3/?"
+    assert cell([SequenceStatus("f", "a", None, FileInventory(3))]) == "3/?"
 
 
 def test_a_dataset_made_in_shards(world, tmp_path, capsys):

@@ -14,7 +14,7 @@ from noisy_world.perturbations import _drop_laws as laws
 from noisy_world.perturbations import lens_drops
 from noisy_world.perturbations._drop_optics import WATER, bent
 from noisy_world.perturbations._drop_runs import runs_on
-from noisy_world.perturbations._drop_sheet import Sheet
+from noisy_world.perturbations._drop_sheet import DropSheet
 from noisy_world.perturbations._drops import cells_of, refracted, shares, sheets
 from noisy_world.perturbations._glass import pane, reduced
 from noisy_world.perturbations._white_noise import WhiteNoise
@@ -69,7 +69,7 @@ def test_a_cap_bends_light_as_snell_and_fresnel_say(contact_deg):
 def one_drop(shape, middle, radius_px, **values):
     """What one round drop shows of a picture (H, W, 3) of linear light: (h, w, 4)."""
     rows, columns = np.mgrid[: shape[0], : shape[1]].astype(np.float32) + 0.5
-    sheet = Sheet.of(pane(shape, 0.0), 1e9, (np.float32(0),) * 4)
+    sheet = DropSheet.of(pane(shape, 0.0), 1e9, (np.float32(0),) * 4)
     aside, down = ((a - m) / radius_px for a, m in ((columns, middle[0]), (rows, middle[1])))
     near = np.flatnonzero(np.hypot(aside, down).ravel() < 1)
     sheet.paint(near, aside.ravel()[near], down.ravel()[near])

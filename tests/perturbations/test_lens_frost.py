@@ -130,7 +130,7 @@ def test_without_ice_or_what_it_does_the_image_is_unchanged(values):
 
 
 def test_ice_that_is_there_stays_while_it_grows():
-    pane = lens_frost.Pane(1200, (True, False, True, False), -1.0)
+    pane = lens_frost.FrostPane(1200, (True, False, True, False), -1.0)
     before = lens_frost.ice_on((90, 150), 0.0, pane)
     assert not np.any(before)
     for grown in (0.1, 0.3, 0.6, 1.0):
@@ -166,7 +166,7 @@ def test_in_proportion_to_the_scene_s_light(factor):
 
 
 def test_a_frame_of_half_the_size_shows_the_same_ice():
-    pane = lens_frost.Pane(40, (False, True, True, False), -1.0)
+    pane = lens_frost.FrostPane(40, (False, True, True, False), -1.0)
     whole, half = (lens_frost.ice_on(size, 0.8, pane) for size in ((340, 600), (170, 300)))
     for large, small in zip(whole, half, strict=True):
         mean = large.reshape(170, 2, 300, 2).mean(axis=(1, 3))

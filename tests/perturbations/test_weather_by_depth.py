@@ -9,18 +9,18 @@ from cases import cases
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
+from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg, rotvec_from_rotation
 from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.trajectories.motion import motion_between, rotation_vector
+from noisy_world.core.trajectories.motion import motion_between
 from noisy_world.perturbations import rain_depth, snow_depth
-from noisy_world.perturbations._particles import NEAR_M, Air, Particles, View, in_sight
+from noisy_world.perturbations._particles import NEAR_M, Air, Particles, AirCamera, in_sight
 from noisy_world.perturbations._precipitation import Precipitation, veil_depth
 from noisy_world.perturbations._weather import view_of
 from noisy_world.perturbations._streaks import Lens, Streaks, optical_depth, streaks_of
 
 MODULES = {"snow_depth": snow_depth, "rain_depth": rain_depth}
 STILL = np.zeros(3)
-VIEW = View(np.eye(3), STILL, STILL, STILL, (200.0, 210.0), (99.5, 59.5), (200, 120), np.inf, 0.0)
+VIEW = AirCamera(np.eye(3), STILL, STILL, STILL, (200.0, 210.0), (99.5, 59.5), (200, 120), np.inf, 0.0)
 
 
 def published(name, rate_mm_h, diameter_mm):
@@ -279,7 +279,7 @@ def test_motion_is_since_the_frame_before_and_as_scipy_turns():
     for angle in (0.0, 1e-9, 0.3, 3.0, np.pi):
         axis = rng.standard_normal(3)
         vector = angle * axis / np.linalg.norm(axis)
-        found = rotation_vector(Rotation.from_rotvec(vector).as_matrix())
+        found = rotvec_from_rotation(Rotation.from_rotvec(vector).as_matrix())
         apart = min(np.abs(found - vector).max(), np.abs(found + vector).max() if angle == np.pi else np.inf)
         assert apart < 1e-7
     assert not motion_between(np.eye(4), np.eye(4), np.eye(4), 0.0).velocity_m_s.any()

@@ -115,11 +115,11 @@ def test_a_dataset_of_another_version_is_refused_and_replaced(tmp_path):
 @pytest.mark.parametrize("free", [0, 700])
 def test_a_full_disk_is_said_before_anything_is_made(tmp_path, monkeypatch, free):
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=free))
-    # A frame of 80 x 60 pixels is about 1.2 + 0.5 bytes a pixel, twice in each of six frames but for linked depth.
+    # A frame of 80 x 60 pixels is about 1.5 + 0.5 bytes a pixel, twice in each of six frames but for linked depth.
     preset = write_world(tmp_path / "world", frames=6, size=(80, 60), settings=[CLEAN, FOG])
     with pytest.raises(StorageError) as error:
         run(preset, tmp_path / "out")
-    told = f"about {6 * 4800 * (2 * 1.2 + 0.5) / 1e3:.0f} kB are to be written and {free} bytes are free"
+    told = f"about {6 * 4800 * (2 * 1.5 + 0.5) / 1e3:.0f} kB are to be written and {free} bytes are free"
     assert str(error.value).startswith(f"{tmp_path / 'out'}: no space left: {told}; make room there")
     assert not (tmp_path / "out").exists()
 
@@ -129,13 +129,13 @@ def test_a_disk_that_is_too_small_is_noted(tmp_path, monkeypatch):
     preset = write_world(tmp_path / "world", frames=6, size=(80, 60), settings=[CLEAN, FOG])
     report = run(preset, tmp_path / "out")
     assert report.notes == [
-        f"this will hardly fit: about 84 kB are to be written and 20 kB are free in {tmp_path / 'out'}; a run that "
+        f"this will hardly fit: about 101 kB are to be written and 20 kB are free in {tmp_path / 'out'}; a run that "
         "fills the disk goes on once there is room"
     ]
     # One more setting of colour: its six images alone, as depth is linked.
     change(preset, {"settings": [CLEAN, FOG, {"name": "dim", "perturb": [{"brightness": None}]}]})
     report = run(preset, tmp_path / "out")
-    assert "about 35 kB" in report.notes[0]
+    assert "about 43 kB" in report.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,9 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
+from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from worlds import generate_here
-from written import names_in, read, run, world
+from written import names_in, read, run, states, world
 
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError, StorageError
@@ -284,6 +285,45 @@ def test_each_frame_says_when_its_depth_was_taken_and_the_report_what_is_left_ou
     )
     names = sorted(path.name for path in (tmp_path / "ns/clean/box/mav0/depth0/data").iterdir())
     assert names == [f"{round((t - 1.4e9) * 1e6) + 7000 + 1_400_000_000_000_000}000.png" for t in wanted_s]
+    # Poses keep their own stamps too, of all frames and of chosen ones.
+    early_ns = [(round((t - 1.4e9) * 1e6) - 4000 + 1_400_000_000_000_000) * 1000 for t in wanted_s]
+    assert states(tmp_path / "ns/clean/box")[0] == early_ns
+    run(tmp_path / "e/preset.json", tmp_path / "some", frames=slice(1, 3))
+    assert states(tmp_path / "some/clean/box")[0] == early_ns[1:3]
+
+
+def test_colour_and_depth_are_told_their_own_stamps_by_preset_and_library(tmp_path, monkeypatch):
+    # Five frames are left, of the images 0, 1, 3, 4 and 5; every other of these, each with depth of the frame after it.
+    source = jittered_tum(tmp_path)
+    steps = [*BOTH_PROBES, {"desync": {"offset": 1}}, {"faster_motion": {"factor": 2}}]
+    preset = preset_of(
+        tmp_path / "p", {"name": "box", "sequence": str(source)}, settings=[{"name": "mixed", "perturb": steps}]
+    )
+    probes, library = Probes(), Probes()
+    probes.install(monkeypatch)
+    run(preset, tmp_path / "out")
+    library.install(monkeypatch)
+    with pytest.warns(UserWarning, match="left out"):
+        made = [(item, item.rgb, item.depth_m) for item in frames(source, steps, seed=3, setting="mixed", scene="box")]
+    rgb_s = [1.4e9 + k / 20 for k in (0, 1, 3)]
+    poses = find_sequence(source).trajectory.c2w[[0, 2, 4]]
+    assert np.array_equal(find_sequence(tmp_path / "out/mixed/box").trajectory.c2w.round(5), poses.round(5))
+    assert [item.stamp_s for item, _, _ in made] == pytest.approx(rgb_s, abs=1e-6)
+    assert np.array_equal([item.c2w for item, _, _ in made], poses)
+    for told in (probes, library):
+        colour, depth = told.of(COLOUR, "mixed"), told.of(DEPTH, "mixed")
+        assert (list(colour), list(depth)) == ([0, 1, 2], [1, 2])
+        for frame, item in colour.items():
+            assert item.context.stamp_s == pytest.approx(rgb_s[frame], abs=1e-6)
+            # The camera's rate stays: to the third frame it takes 0.1 s, as from image 1 to image 3.
+            passed_s = rgb_s[frame] - rgb_s[frame - 1] if frame else 1.0
+            moved_m = poses[frame, :3, 3] - poses[max(frame - 1, 0), :3, 3]
+            assert item.context.motion.velocity_m_s == pytest.approx(moved_m / passed_s, rel=1e-3)
+        for frame, item in depth.items():
+            assert item.context.stamp_s == pytest.approx(rgb_s[frame] + 0.007, abs=1e-6)
+            # Images 0, 3 and 5 show: the stand-in for the renderer makes depth a metre deeper in each image.
+            assert round(float(item.own[0, 0])) - 1 == [0, 3, 5][frame]
+            assert round(float(item.other[0, 0, 2]) * 255) == [0, 3, 5][frame]
 
 
 def test_the_library_reads_as_a_preset_does(tmp_path):

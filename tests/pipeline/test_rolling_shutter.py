@@ -18,9 +18,14 @@ from written import run, stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
+import noisy_world.planning
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics, pose
+from noisy_world.core.perturbing.kinds import MotionPerturbation
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.faster_motion import FasterMotion
+from noisy_world.planning import make_plan
 
 COUNT, RATE_HZ, SCALE = 6, 20.0, 6553.5
 SIZE = (32, 24)
@@ -160,6 +165,32 @@ def test_what_is_exposed_alike_is_rendered_once(made):
     for frame in range(COUNT):
         names = [out / name / f"box/results/depth{frame:06d}.png" for name in ("rolling", "rolling_dark")]
         assert names[0].samefile(names[1])
+
+
+def test_renders_are_shared_by_poses_and_moments_not_by_their_number(tmp_path, monkeypatch):
+    # Three of six poses each: 0, 2, 4 twice, and 1, 3, 5. Equal readouts are shared along equal poses alone.
+    odd = MotionPerturbation(
+        name="odd", label="Odd", order=20, parameters=FasterMotion, severities={}, source="here",
+        choose=lambda count, parameters, context: np.arange(1, count, parameters.factor),
+    )  # fmt: skip
+    known = registry() | {"odd": odd}
+    monkeypatch.setattr(noisy_world.planning, "registry", lambda: known)
+    settings = [
+        setting("faster", 0.03, {"faster_motion": {"factor": 2}}),
+        setting("odd", 0.03, {"odd": {"factor": 2}}),
+        setting("same", 0.03, {"faster_motion": {"factor": 2}}, {"brightness": {"severity": 2}}),
+        setting("quick", 0.01, {"faster_motion": {"factor": 2}}),
+        setting("all", 0.03),
+        {"name": "instants", "perturb": [{"odd": {"factor": 2}}]},
+        {"name": "none", "perturb": [{"rolling": {"severity": 0}}, {"faster_motion": {"factor": 2}}]},
+    ]
+    plan = make_plan(read_preset(world(tmp_path, settings)))
+    shared = [{sequence.setting.name for sequence in render.sequences} for render in plan.renders]
+    assert sorted(map(sorted, shared)) == [["all"], ["faster", "same"], ["instants", "none"], ["odd"], ["quick"]]
+    for render in plan.renders:
+        # Exposed, the chosen poses are a path of their own; instants are frames of the scene's path.
+        names = {sequence.setting.name for sequence in render.sequences}
+        assert len(render.frames) == (6 if names & {"all", "instants"} else 3)
 
 
 def test_records_say_when_the_rows_were_exposed(made):

@@ -10,7 +10,7 @@ import threading
 import pytest
 from packed import pack_to, write_preset
 
-from noisy_world.cli.workers import Order, carry_out
+from noisy_world.cli.workers import WorkerOrder, carry_out
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
 from noisy_world.core.planning.shards import Shard
 from noisy_world.core.presets.preset import read_preset
@@ -118,7 +118,7 @@ def test_workers_elsewhere_put_shards_themselves(preset, packed, place):
     # As a node of a cluster does it: an order with the address, then a shard's name.
     folder, address, scratch = place
     plan = make_plan(read_preset(preset))
-    order, heard = json.dumps(dataclasses.asdict(Order.of(plan, address, 1, scratch))), []
+    order, heard = json.dumps(dataclasses.asdict(WorkerOrder.of(plan, address, 1, scratch))), []
 
     def workers(shards, made, progress):
         for shard in shards:

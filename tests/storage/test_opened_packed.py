@@ -204,6 +204,40 @@ def test_every_kind_of_damage_is_named(recipe, copy):
     assert f".: fast.x2/hall.tar, manifest.parquet: {damaged}" in found(recipe, copy)  # no file of the layout
 
 
+def with_header(path, member, at, value):
+    """Change a member's header in a tar and its checksum with it, which POSIX has at 148: the sum with blanks there."""
+    with tarfile.open(path) as tar:
+        start = tar.getmember(member).offset
+    data = bytearray(path.read_bytes())
+    header = data[start : start + 512]
+    header[at : at + len(value)] = value
+    header[148:156] = b" " * 8
+    header[148:156] = b"%06o\0 " % sum(header)
+    data[start : start + 512] = header
+    path.write_bytes(data)
+
+
+IMAGE, LINK = "noise/hall/frames/000003.rgb.png", "noise/hall/results/frame000003.png"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ((IMAGE, 136, b"00000000001"), ".: noise/hall.tar: damaged (not as it was written)"),  # its time
+        ((IMAGE, 124, b"not a size!"), "noise/hall: 6 frames that frames.jsonl should name, frames.jsonl, traj.txt: m"),
+        ((IMAGE, 0, b"noise/hall/frames/000009"), "noise/hall: results/frame000003.png: missing"),
+        ((LINK, 157, b"noise/hall/frames/000009"), "noise/hall: results/frame000003.png: missing"),  # leads nowhere
+        ((LINK, 157, b"noise/hall/frames/000002"), "noise/hall: results/frame000003.png: damaged (not as it was"),
+    ],
+)
+def test_headers_that_say_something_else_are_damage(recipe, copy, change, told):
+    with_header(copy / "noise/hall.tar", *change)
+    lines = found(recipe, copy)
+    assert any(line.startswith(told) for line in lines), lines
+    assert all(line.startswith((".: ", "noise/hall: ")) for line in lines), lines  # the others are whole
+    assert command.main(["status", str(copy), "--check"]) == 1
+
+
 @pytest.mark.parametrize("left", [0, 100, 5000])
 def test_a_tar_that_is_cut_off(recipe, copy, left):
     tar = copy / "noise/hall.tar"

@@ -5,14 +5,18 @@ Tests share a process with others whose libraries have started threads, and a pr
 crash in a library's handlers: Ray's ends with a segmentation fault.
 """
 
+from typing import ParamSpec, TypeVar
 import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
-def in_new_process[**P, Result](function: Callable[P, Result], *arguments: P.args, **named: P.kwargs) -> Result:
+
+def in_new_process(function: Callable[P, Result], *arguments: P.args, **named: P.kwargs) -> Result:
     """Return what a module's function gives in a new process, which may be forked; skip where no system forks."""
     if "fork" not in multiprocessing.get_all_start_methods():
         pytest.skip("this system cannot fork")

@@ -135,8 +135,11 @@ BACKWARDS = PairingPerturbation(
 }  # fmt: skip
 
 
-def install(folder, name=NAME, version=VERSION, entry_points=ENTRY_POINTS, modules=MODULES):
-    """Write a distribution as an installer does; `modules` are texts by path inside its one package."""
+def install(folder, name=NAME, version=VERSION, entry_points=ENTRY_POINTS, modules=MODULES, *, kind="perturbations"):
+    """Write a distribution as an installer does; `modules` are texts by path inside its one package.
+
+    kind: the group of its entry points; None where these are by kind already, a dictionary each.
+    """
     package = folder / name.replace("-", "_")
     for path, text in modules.items():
         file = package / path
@@ -145,6 +148,9 @@ def install(folder, name=NAME, version=VERSION, entry_points=ENTRY_POINTS, modul
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-    lines = [f"{key} = {value}" for key, value in entry_points.items()]
-    (info / "entry_points.txt").write_text("\n".join(["[noisy_world.perturbations]", *lines]) + "\n")
+    groups = entry_points if kind is None else {kind: entry_points}
+    lines = []
+    for group, entries in groups.items():
+        lines += [f"[noisy_world.{group}]", *(f"{key} = {value}" for key, value in entries.items())]
+    (info / "entry_points.txt").write_text("\n".join(lines) + "\n")
     return folder

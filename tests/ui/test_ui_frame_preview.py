@@ -236,8 +236,7 @@ def test_depth_beyond_the_files_range_is_shown_as_it_is_written_and_told(room, b
     depth_m = np.where(far, np.float32(held_m), np.rint(depth_m * 24000.0).astype(np.float32) / np.float32(24000))
     seen_m = depth_m[depth_m > 0]
     expected = colour_depth(depth_m, float(seen_m.min()), float(seen_m.max()))
-    assert np.abs(image.astype(int) - expected)[far].max() <= 1
-    assert (np.abs(image.astype(int) - expected) > 2).mean() < 0.01
+    assert np.abs(image.astype(int) - expected).max() <= 1
     assert f"; {100 * far.mean():.3g} % of its pixels lie beyond 2.73 m, as far as " in about
     assert f"and become {'void' if beyond == 'void' else '2.73 m'} (a Depth Scale of " in about
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tab's properties and operators: the list's order, the user's own file left alone, what registration leaves."""
 
+import math
+from dataclasses import fields
+
 import bpy
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world import ui
 from noisy_world.perturbations import registry
-from noisy_world.ui import described, document, presets
+from noisy_world.ui import described, document, panels, presets
 
 
 # --- the list ---
@@ -26,6 +29,7 @@ pytestmark = pytest.mark.usefixtures("add_on")
 def test_the_list_keeps_the_propagation_order():
     for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
+    assert tuple(panels.STAGE_LABELS) == STAGES
     names = [step.perturbation for step in settings().steps]
     assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), registry()[name].order))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
@@ -82,6 +86,30 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     assert done.given == {"thickness": 3.0}
     step.enabled = False
     assert steps_of(settings()) == ()
+
+
+def test_properties_are_in_blenders_units_and_presets_in_their_own():
+    # Blender shows angles of radians in degrees, lengths in metres, and a camera's in millimetres, as they are stored.
+    units = {"deg": ("ROTATION", "ANGLE"), "m": ("LENGTH", "DISTANCE"), "mm": ("CAMERA", "DISTANCE_CAMERA")}
+    in_units = {"deg": math.pi / 180}
+    step, seen = settings().steps.add(), set()
+    for name, perturbation in registry().items():
+        shown = getattr(step, name).bl_rna.properties
+        for item in fields(perturbation.parameters):
+            unit = item.metadata["key"].unit
+            if unit not in units or not isinstance(item.default, float):
+                continue
+            seen.add(unit)
+            prop = shown[item.name.removesuffix("_deg")]
+            assert (prop.unit, prop.subtype) == units[unit], (name, item.name)
+            assert prop.default == pytest.approx(item.default * in_units.get(unit, 1.0)), (name, item.name)
+            if (most := item.metadata["key"].maximum) is not None:
+                assert prop.hard_max == pytest.approx(most * in_units.get(unit, 1.0)), (name, item.name)
+    assert seen == set(units)
+    settings().steps.clear()
+    settings().deviation_rotation, settings().deviation_translation_m = math.pi / 6, 0.25
+    (said,) = document.to_document(settings())["settings"][-1]["perturb"]
+    assert said == {"motion_deviation": {"rotation_deg": 30.0, "translation_m": 0.25}}
 
 
 def in_title_case(label):

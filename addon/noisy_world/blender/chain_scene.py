@@ -12,7 +12,7 @@ from ..core.node_graphs.chain import build_chain, capacity_of, step_node
 from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
-from .chain_values import StanceAt, set_values
+from .chain_values import CameraStateAt, set_values
 from .nodes import adopt, described_as, ensure_group, made_before, remove_group
 from .typed import get_node, get_value, interface, new_node, new_socket, new_tree, set_value
 
@@ -33,7 +33,7 @@ def make_chain(
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
     intrinsics: Intrinsics | None = None,
-    stance_at: StanceAt | None = None,
+    stance_at: CameraStateAt | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
@@ -225,7 +225,7 @@ def refresh_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
     intrinsics: Intrinsics | None = None,
-    stance_at: StanceAt | None = None,
+    stance_at: CameraStateAt | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 

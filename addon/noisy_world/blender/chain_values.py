@@ -3,7 +3,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -12,17 +12,17 @@ from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import shown_values, stance_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
-from ..core.trajectories.stance import Stance
+from ..core.trajectories.camera_state import CameraState
 from .typed import action_of, fcurves_of, get_value, interpolation, new_action, set_value
 
 LEFT_AT = "noisy_world_left_at"  # of a chain: the values that we gave its sockets, by their paths, as JSON
 KEYED = "noisy_world_keyed"  # of a chain: the paths of the sockets that we keyed, as JSON
 BUILT_AS = "noisy_world_built_as"  # of a chain: its nodes and links as we made them, as JSON
 
-type IndexOf = Callable[[int], int]
+IndexOf: TypeAlias = Callable[[int], int]
 """A scene frame -> the frame of the sequence that it shows."""
 
-type StanceAt = Callable[[int], Stance]
+CameraStateAt: TypeAlias = Callable[[int], CameraState]
 """A frame of the sequence -> how the camera stands and moves at it."""
 
 
@@ -35,7 +35,7 @@ def set_values(
     index_of: IndexOf | None,
     now: int | None,
     intrinsics: Intrinsics | None = None,
-    stance_at: StanceAt | None = None,
+    stance_at: CameraStateAt | None = None,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
@@ -96,7 +96,7 @@ def _values(
     index_of: IndexOf | None,
     intrinsics: Intrinsics | None,
     *,
-    stance_at: StanceAt | None,
+    stance_at: CameraStateAt | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}

@@ -2,36 +2,38 @@
 """Evaluating node groups on arrays: one upload of a frame, one evaluation, an image for each setting."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import batched
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.batches import batched
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import build_written, is_active, socket_of, socket_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
+from ..core.trajectories.camera_state import camera_state_of
 from ..core.trajectories.motion import CameraMotion
-from ..core.trajectories.stance import stance_of
 from .nodes import ensure_group, remove_group
 from .render import muted_output
 from .scratch_images import read_rows, write_plain_floats
 from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
+
+T = TypeVar("T", bound=np.generic)
 
 SCENE = "Noisy World compositor"
 # Layers of a file, and so the images that one evaluation makes; chosen, so that memory does not grow with the number of
 # settings. A file of several costs less than several files, as writing a row costs more than its bytes.
 LAYERS = 16
 FLOATS = 4  # bytes of a float32
-type Motions = Mapping[str, CameraMotion | None]
+Motions: TypeAlias = Mapping[str, CameraMotion | None]
 """How the camera moves at a frame, by chain; of those that are missing nothing is known."""
 
-type SocketValues = dict[str, dict[str, Any]]
+SocketValues: TypeAlias = dict[str, dict[str, Any]]
 """The values of sockets by name, by the step's node."""
 
 
@@ -134,7 +136,7 @@ class Compositor:
             images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
         return images, notes
 
-    def _own[T: np.generic](self, image: NDArray[T]) -> NDArray[T]:
+    def _own(self, image: NDArray[T]) -> NDArray[T]:
         return image[:, :1] if self._one_pixel else image
 
     def _prepare(
@@ -174,7 +176,7 @@ class Compositor:
         now = self._scene.frame_current
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
-                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, stance=stance_of(motion)
+                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, stance=camera_state_of(motion)
             )
             notes.append(note)
         return values, notes
@@ -244,7 +246,7 @@ class _Layers:
         self._nodes = nodes
         self._channels = 3 if output == "Image" else 1
         self._files: dict[tuple[str, ...], bpy.types.CompositorNodeOutputFile] = {}
-        for number, names in enumerate(batched(nodes, LAYERS, strict=False)):
+        for number, names in enumerate(batched(nodes, LAYERS)):
             file = new_node(tree, bpy.types.CompositorNodeOutputFile)
             file.directory, file.file_name = str(folder), f"{output}-{number}"
             file.save_as_render = False

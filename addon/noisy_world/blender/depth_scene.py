@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE
-from .eye import Eye
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
 from .render import FAR_PLANE_TOLERANCE
+from .render_camera import RenderCamera
 from .render_file import RenderFile
 from .scene_files import blocks_of
 from .typed import cycles as cycles_of
@@ -64,7 +64,9 @@ class DepthScene:
         cycles.pixel_filter_type = "BLACKMAN_HARRIS"
         cycles.filter_width = CENTRE_FILTER_PX
         offset_px = FILTER_MIDDLE * CENTRE_FILTER_PX
-        self._eye = Eye(copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True)
+        self._eye = RenderCamera(
+            copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True
+        )
         self._far_m = options.far_m
         self._file = RenderFile(copy, (intrinsics.width_px, intrinsics.height_px))
 

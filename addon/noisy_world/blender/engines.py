@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import bpy
 
@@ -11,8 +11,8 @@ from ..core.errors import MissingDependencyError
 from .render import muted_output
 from .typed import cycles as cycles_of
 
-type EngineName = Literal["cycles", "eevee", "workbench"]
-type Device = Literal["cpu", "gpu"]
+EngineName: TypeAlias = Literal["cycles", "eevee", "workbench"]
+Device: TypeAlias = Literal["cpu", "gpu"]
 
 GPU_KINDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")  # OptiX before CUDA: both drive the same cards, OptiX faster
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Unlit materials: the colours of a mesh's vertices, corners or texture as emission."""
 
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import bpy
 import numpy as np
@@ -14,8 +14,8 @@ UV_ATTRIBUTE = "UVMap"
 MATERIAL = "Noisy World vertex colours"
 TEXTURE_MATERIAL = "Noisy World texture"
 
-type _Operation = Literal["POWER", "MULTIPLY_ADD", "MULTIPLY", "CEIL", "SUBTRACT", "FLOOR"]
-type _Operand = bpy.types.NodeSocket | float | tuple[float, float, float]
+_Operation: TypeAlias = Literal["POWER", "MULTIPLY_ADD", "MULTIPLY", "CEIL", "SUBTRACT", "FLOOR"]
+_Operand: TypeAlias = bpy.types.NodeSocket | float | tuple[float, float, float]
 
 
 def vertex_colour_material(*, decode_colours: bool) -> bpy.types.Material:

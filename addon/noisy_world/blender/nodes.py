@@ -4,15 +4,17 @@
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import INTERFACE, Graph, GroupInput, Node, Panel, Picture, Socket
+from ..core.node_graphs.graph import INTERFACE, BroughtImage, Graph, GroupInput, Node, Panel, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
 from .typed import interface, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
+
+T = TypeVar("T", bound=bpy.types.ID)
 
 STAMP = "noisy_world_stamp"
 MADE_AS = "noisy_world_made_as"  # of a group or image: the description's name, and the name that Blender gave
@@ -61,7 +63,7 @@ def remove_group(tree: bpy.types.NodeTree) -> None:
                 remove_group(item) if isinstance(item, bpy.types.NodeTree) else bpy.data.batch_remove([item])
 
 
-def made_before[T: bpy.types.ID](collection: Iterable[T], name: str) -> T | None:
+def made_before(collection: Iterable[T], name: str) -> T | None:
     """Return what was made for a description of this name: neither a user's own of that name, nor a copy of it."""
     own = (item for item in collection if item.library is None)
     return next((item for item in own if item.get(MADE_AS) == _made_as(name, item)), None)
@@ -287,7 +289,7 @@ def _tidy(tree: bpy.types.NodeTree) -> None:
 # --- pictures ---
 
 
-def ensure_picture(picture: Picture) -> bpy.types.Image:
+def ensure_picture(picture: BroughtImage) -> bpy.types.Image:
     """Return the image of a picture, packed into the file; it is made again if its version differs."""
     old = made_before(bpy.data.images, picture.name)
     if old is not None and old.get(PICTURE_VERSION) == picture.version:

@@ -16,8 +16,8 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
-from .eye import Eye
 from .own_settings import make_repeatable, rendered_layer
+from .render_camera import RenderCamera
 from .render_file import RenderFile
 from .scene_camera import show_frame
 from .scene_files import blocks_of
@@ -135,7 +135,7 @@ class _Colour:
         self._rides = file.riding and scene.render.use_motion_blur
         offset_px = FILTER_MIDDLE * cycles_of(scene).filter_width if depth else 0.0
         self._eyes = {
-            name: Eye(
+            name: RenderCamera(
                 scene,
                 None if name is None else scene.objects[name],
                 intrinsics,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh as a Blender object that shows exactly its colours, unlit."""
 
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import bpy
 import numpy as np
@@ -19,9 +19,9 @@ from .materials import (
 from .render import FACE_ATTRIBUTE, FACE_OUTPUT, FACE_STEP
 
 ORIGIN_PROPERTY = "noisy_world_origin_m"
-type Domain = Literal["POINT", "CORNER"]
+Domain: TypeAlias = Literal["POINT", "CORNER"]
 """What of a mesh has colours, in Blender's words."""
-type Decoding = Literal["none", "shader", "attribute"]
+Decoding: TypeAlias = Literal["none", "shader", "attribute"]
 """Where display-encoded colours are converted to linear light: nowhere, in the material, or before they are stored."""
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import bpy
 import numpy as np
 
-from ..core.scenes.own_scene import SampledCamera, Sight
+from ..core.scenes.own_scene import CameraParameters, SampledCamera
 from .typed import camera_of
 
 
@@ -47,7 +47,7 @@ def _evaluated(scene: bpy.types.Scene) -> bpy.types.Depsgraph:
     return graph
 
 
-def sight_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> Sight:
+def sight_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> CameraParameters:
     """Return how a camera sees in a scene's image, by Blender's own rule.
 
     The sensor's size is measured along the image's longer side, in units of square pixels, unless its fit says along
@@ -61,7 +61,7 @@ def sight_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> Sight:
     sensor_mm = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
     side_px = width_px if wide else aspect * height_px
     fx_px = data.lens * side_px / sensor_mm
-    return Sight(
+    return CameraParameters(
         camera=camera.name,
         kind=data.type,
         width_px=width_px,

@@ -5,11 +5,13 @@ Errors in Blender's type stubs are worked around here too, once, each with its r
 """
 
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
+
+T = TypeVar("T", bound=bpy.types.Node)
 
 
 def new_tree(name: str) -> bpy.types.CompositorNodeTree:
@@ -19,14 +21,14 @@ def new_tree(name: str) -> bpy.types.CompositorNodeTree:
     return tree
 
 
-def new_node[T: bpy.types.Node](tree: bpy.types.NodeTree, kind: type[T]) -> T:
+def new_node(tree: bpy.types.NodeTree, kind: type[T]) -> T:
     """Add a node of one of Blender's classes."""
     node = tree.nodes.new(kind.__name__)
     assert isinstance(node, kind)
     return node
 
 
-def get_node[T: bpy.types.Node](tree: bpy.types.NodeTree, name: str, kind: type[T]) -> T:
+def get_node(tree: bpy.types.NodeTree, name: str, kind: type[T]) -> T:
     """Return a node by its name."""
     node = tree.nodes[name]
     assert isinstance(node, kind)

@@ -10,7 +10,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn, override
+from typing import Any, NoReturn
 
 from ..core.near import did_you_mean
 from .ending import exit_status
@@ -113,7 +113,6 @@ def help_text() -> str:
 class _PrintVersion(argparse.Action):
     """Print the version, which is looked up only then."""
 
-    @override
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> NoReturn:
         from ..core.datasets.provenance import package_version
 

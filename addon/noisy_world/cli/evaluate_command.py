@@ -14,7 +14,7 @@ from .places import folder, path
 from .shipped import found_preset, no_such_preset
 
 if TYPE_CHECKING:
-    from ..evaluation.study.order import Order
+    from ..evaluation.study.order import StudyOrder
 
 CONTINUES = "what has ended stays, and the same command continues from there"
 
@@ -133,11 +133,11 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     return evaluate(order_of(options), options, entry)
 
 
-def order_of(options: argparse.Namespace) -> "Order":
+def order_of(options: argparse.Namespace) -> "StudyOrder":
     """Return what is to be done, as plain values. Raises InputError for what is wrong in a preset."""
     from ..core.presets.preset import read_preset
     from ..core.presets.selection import chosen_part
-    from ..evaluation.study.order import Order
+    from ..evaluation.study.order import StudyOrder
     from .part import data_folder
 
     subject: Path = options.subject
@@ -153,7 +153,7 @@ def order_of(options: argparse.Namespace) -> "Order":
         preset = read_preset(subject, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
         document = preset.document
     out = Path("out") / f"{subject.resolve().stem}-results" if options.out is None else options.out
-    return Order(
+    return StudyOrder(
         subject=str(subject.resolve()),
         document=document,
         out=str(out.resolve()),

@@ -164,10 +164,10 @@ def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> No
 def work() -> int:
     """Make shards for the process that started this one, which names them on standard input."""
     from .running import stop_on_signal
-    from .workers import Parent, Told, carry_out
+    from .workers import CommandReader, Parent, carry_out
 
     stop = stop_on_signal(None)
-    return carry_out(Told(stop), Parent(), stop)
+    return carry_out(CommandReader(stop), Parent(), stop)
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:

@@ -11,7 +11,7 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan, Render
 
-KNOWN = ("keys", "layouts", "channels", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "channels", "metrics", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 MOST_RENDERS = 20  # that a dry run lists one by one
 MOST_SETTINGS = 12  # of a render that it names
@@ -32,6 +32,8 @@ def list_known(what: str) -> int:
         return list_channels()
     if what == "perturbations":
         return list_perturbations()
+    if what == "metrics":
+        return list_metrics()
     rows = list(list_keys(PresetSpec))
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
@@ -54,18 +56,30 @@ def list_layouts() -> int:
 
     Then those of recordings that are read alone, and the files that each is told by.
     """
-    from ..core.datasets.layouts import LAYOUTS, RECORDED
+    from ..core.datasets.layouts import EVERY, LAYOUTS, RECORDED
     from ..core.presets.output import OutputSpec
 
     for layout in LAYOUTS.values():
-        print(f"{layout.name}  {layout.label}, {layout.meaning}")
+        print(f"{layout.name}  {layout.label}, {layout.meaning}{EVERY.origin(layout.name)}")
         print(f"    images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}")
         farthest_m = OutputSpec(layout=layout.name).format.depth_limit_m
         print(f"    depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m")
     print("\nread alone, as sequence: FOLDER")
     for layout in RECORDED.values():
-        print(f"{layout.name}  {layout.label}: {layout.meaning}")
+        print(f"{layout.name}  {layout.label}: {layout.meaning}{EVERY.origin(layout.name)}")
         print(f"    {layout.files}")
+    return 0
+
+
+def list_metrics() -> int:
+    """List every metric of a trajectory by protocol strict: its name, heading, unit, which way is better, meaning."""
+    from ..evaluation.metrics import METRICS
+
+    for name, metric in METRICS.items():
+        unit = f" [{metric.unit}]" if metric.unit else ""
+        better = f", {metric.better} is better" if metric.better else ""
+        print(f"{name}  {metric.label}{unit}{better}{METRICS.origin(name)}")
+        print(f"    {metric.meaning}")
     return 0
 
 

@@ -3,7 +3,7 @@
 
 import argparse
 from collections.abc import Iterable, Sequence
-from typing import Any, NoReturn, override
+from typing import Any, NoReturn
 
 from ..core.near import nearest
 
@@ -11,13 +11,11 @@ from ..core.near import nearest
 class Parser(argparse.ArgumentParser):
     """An ArgumentParser whose complaints are one line each."""
 
-    @override
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit status 2."""
         more = "" if message.endswith("?") else f"; '{self.prog} --help' tells more"
         self.exit(2, f"{self.prog}: error: {message}{more}\n")
 
-    @override
     def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  its overloads tell types of namespaces
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
@@ -35,7 +33,6 @@ class Parser(argparse.ArgumentParser):
         near = nearest(name.lstrip("-"), known)
         return f"unknown option {name}" + (f"; did you mean {known[near]}?" if near else "")
 
-    @override
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Raise ArgumentError for a value that is none of an option's choices, with the one that is near it."""
         if action.choices is None or value in action.choices:

@@ -6,8 +6,8 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from ..cluster.ray_runner import Outcome, RayOptions, connected, run_tasks
-from ..cluster.remote import Order as Task
+from ..cluster.ray_runner import RayOptions, TaskOutcome, connected, run_tasks
+from ..cluster.remote import Task
 from ..core.datasets.provenance import package_version
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InterruptedRunError, NoisyWorldError
@@ -15,8 +15,8 @@ from ..core.progress import Progress
 from ..evaluation.study.cases import Case
 from ..evaluation.study.results import STUDY
 from ..evaluation.study.study import Study
-from .crew import END
 from .ray_workers import checkout
+from .worker_pool import END
 
 
 def evaluate_on_ray(
@@ -33,7 +33,7 @@ def evaluate_on_ray(
     Raises MissingDependencyError without Ray, NoisyWorldError where no cluster answers or cases cannot be done, after
     the others were, and InterruptedRunError where `stop` was set.
     """
-    failed: list[Outcome] = []
+    failed: list[TaskOutcome] = []
 
     def hear(message: dict[str, Any]) -> None:
         match message:
@@ -42,7 +42,7 @@ def evaluate_on_ray(
             case {"note": text}:
                 progress.note(text, message.get("subject", ""))
 
-    def ended(outcome: Outcome) -> None:
+    def ended(outcome: TaskOutcome) -> None:
         if outcome.done:
             done(Case.parse(outcome.name))
         else:

@@ -9,10 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from ..cluster.ray_runner import Outcome, RayOptions, connected, run_tasks, slots
-from ..cluster.remote import Order as Task
+from ..cluster.ray_runner import RayOptions, TaskOutcome, connected, run_tasks, slots
+from ..cluster.remote import Task
+from ..core.datasets.dataset_state import IDENTITY, WORK_FOLDER
 from ..core.datasets.provenance import package_version
-from ..core.datasets.standing import IDENTITY, WORK_FOLDER
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import InterruptedRunError, NoisyWorldError
 from ..core.planning.estimate import estimate
@@ -23,7 +23,7 @@ from ..pipeline.report import Report
 from ..pipeline.run import Made, Run
 from .arguments import out_address, out_folder
 from .at_address import run_at
-from .workers import END, Order, hear
+from .workers import END, WorkerOrder, hear
 
 SHARD_S = (
     120.0  # of work on two cores in a shard, unless its number is given: loading a scene is a small part of it then
@@ -69,7 +69,7 @@ class RayWorkers:
         self._options = options
         self._stop = stop
         self._total = Report()
-        self._failed: list[Outcome] = []
+        self._failed: list[TaskOutcome] = []
         self._subjects: set[str] = set()
 
     def make(self, shards: tuple[Shard, ...], made: Made, progress: Progress) -> Report:
@@ -82,7 +82,7 @@ class RayWorkers:
         def heard(message: dict[str, Any]) -> None:
             hear(message, progress, self._total, [], self._subjects)
 
-        def ended(outcome: Outcome) -> None:
+        def ended(outcome: TaskOutcome) -> None:
             if outcome.done:
                 self._total.add(outcome.report or {})
                 made(Shard.parse(outcome.name))
@@ -106,7 +106,7 @@ class RayWorkers:
 
     def _tasks(self, shards: tuple[Shard, ...]) -> list[Task]:
         """Return a task for each shard: a worker's, as `generate --jobs` starts it."""
-        order = json.dumps(asdict(Order.of(self._plan, self._out, self._options.cpus, self._scratch)))
+        order = json.dumps(asdict(WorkerOrder.of(self._plan, self._out, self._options.cpus, self._scratch)))
         opened = None if isinstance(self._out, str) else self._out / WORK_FOLDER / IDENTITY
         count = str(self._options.cpus)
         return [

@@ -20,11 +20,11 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def report(options: argparse.Namespace) -> int:
     """Write the tables of runs and sequences from the folder's files, and the report."""
-    from ..evaluation.study.results import STUDY, Results
+    from ..evaluation.study.results import STUDY, ResultsFolder
     from ..evaluation.study.tables import write_tables
 
     if (options.results / STUDY).is_file():
-        results = Results(options.results)
+        results = ResultsFolder(options.results)
         try:
             write_tables(results)
         finally:

@@ -20,22 +20,22 @@ from ..evaluation.study.cases import Case
 from ..evaluation.study.identity import opened
 from ..evaluation.study.made_origin import MadeOrigin
 from ..evaluation.study.notes import EachOnce
-from ..evaluation.study.order import Order
+from ..evaluation.study.order import StudyOrder
 from ..evaluation.study.study import Study
 from ..evaluation.study.summary import NEEDED as SUMMARY_NEEDS
 from ..evaluation.study.tables import write_tables
 from ..evaluation.systems.checking import check_system
-from .crew import Crew
 from .entry import INTERRUPTED, Entry
 from .generate import need_blender, need_packages
 from .report_command import tell_report
 from .running import listener, stop_on_signal
-from .workers import Parent, Told
+from .worker_pool import WorkerPool
+from .workers import CommandReader, Parent
 
 LARGEST_SHARE = 0.25  # of the free disk, that the clean frames of a scene may take; chosen
 
 
-def evaluate(order: Order, options: argparse.Namespace, entry: Entry) -> int:
+def evaluate(order: StudyOrder, options: argparse.Namespace, entry: Entry) -> int:
     """Evaluate what an order says, and print the outcome. Raises NoisyWorldError."""
     told, stop = listener(options.progress)
     progress = EachOnce(told)
@@ -132,7 +132,7 @@ class _Cases:
 
 
 def _in_processes(
-    order: Order, entry: Entry, cases: _Cases, progress: Progress, stop: threading.Event, *, jobs: int
+    order: StudyOrder, entry: Entry, cases: _Cases, progress: Progress, stop: threading.Event, *, jobs: int
 ) -> None:
     """Let several processes do the cases."""
 
@@ -142,7 +142,7 @@ def _in_processes(
 
     threads = str(max(1, available_threads() // jobs))
     variables = ("PYTHON_CPU_COUNT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-    crew = Crew(entry.command(["--worker"]), order.text(), next_for, stop, dict.fromkeys(variables, threads))
+    crew = WorkerPool(entry.command(["--worker"]), order.text(), next_for, stop, dict.fromkeys(variables, threads))
 
     def hear(message: dict[str, Any]) -> None:
         heard(message, progress, crew.errors)
@@ -164,10 +164,10 @@ def heard(message: dict[str, Any], progress: Progress, errors: list[str]) -> Non
 def carry_out_orders() -> int:
     """Do the cases that the process names which started this one; return the exit status."""
     stop = stop_on_signal(None)
-    told, parent = Told(stop), Parent()
+    told, parent = CommandReader(stop), Parent()
     if (line := told.next()) is None:
         return INTERRUPTED
-    return _do_all(told.next, parent, lambda: Study(Order.parse(line), stop=stop), stop)
+    return _do_all(told.next, parent, lambda: Study(StudyOrder.parse(line), stop=stop), stop)
 
 
 def _do_all(

@@ -22,12 +22,14 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
     """Print each system, what it needs, and whether it can be run here."""
-    from ..evaluation.systems.registry import find_system, shipped_names
+    from ..evaluation.systems.registry import distribution_of, find_system, system_names
 
-    for name in shipped_names():
+    for name in system_names():
         system = find_system(name)
         problem = _problem(system)
-        print(f"{name}: {f'cannot be run here: {problem}' if problem else 'can be run here'}")
+        brought_by = distribution_of(name)
+        origin = f" (from {brought_by})" if brought_by else ""
+        print(f"{name}{origin}: {f'cannot be run here: {problem}' if problem else 'can be run here'}")
         print(f"    {system.about}")
         print(f"    needs {_needs(system)}")
     return 0

@@ -31,12 +31,12 @@ from ..pipeline.run import Made, threads_of_each
 from ..pipeline.shard import ShardMaker, shard_folder
 from ..planning import make_plan
 from ..storage.address import is_address, open_address
-from .crew import END, Crew
 from .entry import BUSY, INTERRUPTED, REFUSED
+from .worker_pool import END, WorkerPool
 
 
 @dataclass(frozen=True)
-class Order:
+class WorkerOrder:
     """What a worker has to do, but for the shards, which it is told one after another.
 
     preset, document: the preset's file and its content, overrides included. chosen: start and stop of the frames of
@@ -52,7 +52,7 @@ class Order:
     scratch: str | None = None
 
     @classmethod
-    def of(cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None) -> "Order":
+    def of(cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None) -> "WorkerOrder":
         """Return the order for the workers of a plan. out: the dataset's folder or address."""
         chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
         place = out if isinstance(out, str) else str(out.resolve())
@@ -97,14 +97,14 @@ class Workers:
         """
         waiting = ShardQueue(self._plan, shards)
         jobs = min(self._jobs, len(shards))
-        order = Order.of(self._plan, self._out, threads_of_each(jobs))
+        order = WorkerOrder.of(self._plan, self._out, threads_of_each(jobs))
         total, subjects = Report(), set[str]()
 
         def next_for(worker: int) -> str | None:
             shard = waiting.next_for(worker)
             return None if shard is None else shard.name
 
-        crew = Crew(self._command, json.dumps(asdict(order)), next_for, self._stop)
+        crew = WorkerPool(self._command, json.dumps(asdict(order)), next_for, self._stop)
 
         def heard(message: dict[str, Any]) -> None:
             hear(message, progress, total, crew.errors, subjects)
@@ -179,7 +179,7 @@ class Parent(JsonProgress):
         """Send nothing."""
 
 
-class Told:
+class CommandReader:
     """The lines that the parent tells a worker on standard input. Where the parent is gone, this process ends."""
 
     def __init__(self, stop: threading.Event) -> None:
@@ -209,7 +209,9 @@ class Told:
 
 
 @contextlib.contextmanager
-def _maker(order: Order, plan: Plan, progress: Progress, stop: threading.Event) -> Iterator[Callable[[Shard], Report]]:
+def _maker(
+    order: WorkerOrder, plan: Plan, progress: Progress, stop: threading.Event
+) -> Iterator[Callable[[Shard], Report]]:
     """Return what makes a shard where an order says."""
     if is_address(order.out):
         scratch = None if order.scratch is None else Path(order.scratch)
@@ -221,12 +223,12 @@ def _maker(order: Order, plan: Plan, progress: Progress, stop: threading.Event) 
         yield lambda shard: maker.make(shard_folder(there.out, shard), shard, there, joining=True)
 
 
-def carry_out(told: Told, parent: Parent, stop: threading.Event) -> int:
+def carry_out(told: CommandReader, parent: Parent, stop: threading.Event) -> int:
     """Make the shards that the parent names, and report to it; return the exit status."""
     line = told.next()
     if line is None:
         return INTERRUPTED
-    order = Order(**json.loads(line))
+    order = WorkerOrder(**json.loads(line))
     total = Report()
     try:
         plan = order.plan()

@@ -19,7 +19,7 @@ from typing import Any
 from ..core.errors import MissingDependencyError, NoisyWorldError
 from ..core.extras import install_command
 from . import remote
-from .remote import DONE, INTERRUPTED, REFUSED, USERS_ERROR, Order
+from .remote import DONE, INTERRUPTED, REFUSED, USERS_ERROR, Task
 
 ANSWER_S = 10.0  # for a cluster to answer; chosen
 
@@ -28,7 +28,7 @@ HERE = "local"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskOutcome:
     """How a task ended.
 
     node: the name of the machine; "" where that is unknown. status: the command's; None where its worker or its node
@@ -131,10 +131,10 @@ def slots(options: RayOptions) -> int:
 
 
 def run_tasks(
-    orders: Iterable[Order],
+    orders: Iterable[Task],
     options: RayOptions,
     hear: Callable[[dict[str, Any]], None],
-    ended: Callable[[Outcome], None],
+    ended: Callable[[TaskOutcome], None],
     stop: threading.Event,
 ) -> None:
     """Run tasks on the cluster that this process is connected to, until all have ended or `stop` is set.
@@ -154,7 +154,7 @@ class _Tasks:
         self,
         options: RayOptions,
         hear: Callable[[dict[str, Any]], None],
-        ended: Callable[[Outcome], None],
+        ended: Callable[[TaskOutcome], None],
         stop: threading.Event,
     ) -> None:
         self._ray = module("ray")
@@ -171,10 +171,10 @@ class _Tasks:
         self._messages = module("ray.util.queue").Queue(actor_options=actor)
         # A task's own processes and memory end with it: max_calls=1.
         self._task = self._ray.remote(num_cpus=options.cpus, max_retries=options.retries, max_calls=1)(remote.in_ray)
-        self._running: dict[Any, tuple[Order, int]] = {}  # by the reference to the result: a task and its tries
+        self._running: dict[Any, tuple[Task, int]] = {}  # by the reference to the result: a task and its tries
         self._refused: dict[str, str] = {}  # why, by the node's identifier
 
-    def run(self, orders: Iterable[Order]) -> None:
+    def run(self, orders: Iterable[Task]) -> None:
         """Run the tasks."""
         self._check_nodes()
         for order in orders:
@@ -206,7 +206,7 @@ class _Tasks:
     def _nodes(self) -> list[dict[str, Any]]:
         return [node for node in self._ray.nodes() if node["Alive"] and node["NodeID"] not in self._refused]
 
-    def _submit(self, order: Order, tries: int) -> None:
+    def _submit(self, order: Task, tries: int) -> None:
         task = self._task
         if self._refused:
             labels = module("ray.util.scheduling_strategies")
@@ -234,7 +234,7 @@ class _Tasks:
             self._ended(outcome)
 
 
-def _outcome(reference: Any, order: Order, stopping: bool) -> tuple[Outcome | None, str]:
+def _outcome(reference: Any, order: Task, stopping: bool) -> tuple[TaskOutcome | None, str]:
     """Return how a task ended, None where it was stopped; and its node."""
     exceptions = module("ray.exceptions")
     try:
@@ -247,7 +247,7 @@ def _outcome(reference: Any, order: Order, stopping: bool) -> tuple[Outcome | No
             return None, ""
         raise  # a bug
     except exceptions.RayError as error:
-        return Outcome(order.name, "", None, str(error).strip().split("\n")[0]), ""
+        return TaskOutcome(order.name, "", None, str(error).strip().split("\n")[0]), ""
     if told["status"] == INTERRUPTED:
         return None, ""
-    return Outcome(order.name, told["node"], told["status"], told["line"], told["report"]), told["node_id"]
+    return TaskOutcome(order.name, told["node"], told["status"], told["line"], told["report"]), told["node_id"]

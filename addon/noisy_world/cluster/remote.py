@@ -34,7 +34,7 @@ LAST_WORDS = 5  # lines of what a command that crashed has said
 
 
 @dataclass(frozen=True)
-class Order:
+class Task:
     """A task.
 
     name: the shard's. words: the command, after the Python that the node has. told: what it reads on standard input,
@@ -77,13 +77,13 @@ class Ended:
         return f"{how}: {' | '.join(self.said) or 'it said nothing'}"
 
 
-def in_ray(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+def in_ray(order: Task, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """Run a task's command on a node of Ray; see `carry_out`. The result has the node's identifier too."""
     ray: Any = importlib.import_module("ray")
     return {**carry_out(order, tell), "node_id": ray.get_runtime_context().get_node_id()}
 
 
-def carry_out(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+def carry_out(order: Task, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     """Run a task's command.
 
     tell: sends a message to the driver, such as {"advance": 3}. Returns the node, the exit status, the line that the
@@ -101,7 +101,7 @@ def carry_out(order: Order, tell: Callable[[dict[str, Any]], object]) -> dict[st
         time.sleep(TELL_EVERY_S)
 
 
-def _environment(order: Order) -> dict[str, str]:
+def _environment(order: Task) -> dict[str, str]:
     environment = {**os.environ, **order.environment}
     if order.search_path and Path(order.search_path, "noisy_world").is_dir():
         kept = environment.get("PYTHONPATH")
@@ -109,7 +109,7 @@ def _environment(order: Order) -> dict[str, str]:
     return environment
 
 
-def _problem(order: Order, environment: dict[str, str]) -> str:
+def _problem(order: Task, environment: dict[str, str]) -> str:
     """Return why this node cannot do the task, in a line, or ""."""
     if order.version:
         command = [sys.executable, "-m", "noisy_world", "--version"]
@@ -130,7 +130,7 @@ def _problem(order: Order, environment: dict[str, str]) -> str:
     return ""
 
 
-def _run(order: Order, environment: dict[str, str], tell: Callable[[dict[str, Any]], object]) -> Ended:
+def _run(order: Task, environment: dict[str, str], tell: Callable[[dict[str, Any]], object]) -> Ended:
     """Run the command once."""
     process = subprocess.Popen(
         [sys.executable, *order.words],

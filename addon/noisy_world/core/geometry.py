@@ -8,11 +8,12 @@ z backward; a robot's (ROS REP 103) x forward, y left, z up.
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 # From the axes in the module's docstring.
 OPENCV_FROM_BLENDER: Float64 = np.diag([1.0, -1.0, -1.0])

@@ -34,7 +34,11 @@ def peak_memory_bytes() -> int | None:
 
 def available_threads() -> int:
     """Return how many threads this process may run at once."""
-    return os.process_cpu_count() or 1
+    if sys.version_info >= (3, 13):
+        return os.process_cpu_count() or 1
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def keep_freed_memory() -> None:

@@ -7,15 +7,15 @@ are more, k3, k4, k5, k6 of OpenCV's rational model) and equidistant (Kannala-Br
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .geometry import Intrinsics
 
-type DistortionModel = Literal["radial-tangential", "equidistant"]
-MODELS: tuple[str, ...] = get_args(DistortionModel.__value__)
+DistortionModel: TypeAlias = Literal["radial-tangential", "equidistant"]
+MODELS: tuple[str, ...] = get_args(DistortionModel)
 # How many coefficients OpenCV takes: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, and of the fisheye module.
 OPTICS_KEYS = ("depth_camera", "distortion")  # in files
 COUNTS: dict[str, tuple[int, ...]] = {"radial-tangential": (4, 5, 8), "equidistant": (4,)}

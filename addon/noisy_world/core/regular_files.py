@@ -10,12 +10,12 @@ import io
 import math
 import os
 import stat
-from typing import Any, BinaryIO, TextIO
+from typing import Any, BinaryIO, TextIO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type FileName = str | os.PathLike[str]
+FileName: TypeAlias = str | os.PathLike[str]
 
 LARGEST_TEXT_BYTES = 2**30  # chosen: three million poses as text, or the records of as many frames
 

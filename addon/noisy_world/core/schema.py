@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from decimal import Decimal
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError
 from .near import did_you_mean
 
-type InIdentity = Literal["value", "meaning", "nothing"]
+InIdentity: TypeAlias = Literal["value", "meaning", "nothing"]
 
 _TRUTH = {"on": True, "yes": True, "true": True, "off": False, "no": False, "false": False}
 """Words that YAML 1.1 reads as truth values, where they are not in quotes; as choices they are meant as words."""
@@ -98,7 +98,10 @@ class Place:
         return InputError(self.file, problem, where=self.path, remedy=remedy)
 
 
-def parse[T: Dataclass](cls: type[T], value: object, place: Place) -> T:
+T = TypeVar("T", bound=Dataclass)
+
+
+def parse(cls: type[T], value: object, place: Place) -> T:
     """Check `value` against the dataclass `cls` and build it; raise InputError on the first thing that is wrong.
 
     If `cls` has a class attribute `SHORTHAND`, a value that is not a mapping sets the field of that name.

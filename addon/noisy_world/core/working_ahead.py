@@ -4,9 +4,13 @@
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
-def done_ahead[Item, Result](
+def done_ahead(
     work: Callable[[Item], Result], items: Iterable[Item], *, threads: int, ahead: int, name: str
 ) -> Generator[tuple[Item, Result]]:
     """Yield each item with what `work` makes of it, in their order.

@@ -6,11 +6,13 @@ docs/your_perturbation.md says how a package brings its own.
 
 import importlib
 import pkgutil
+from dataclasses import replace
 from functools import cache
 
-from ..core.errors import NoisyWorldError
-from ..core.perturbing.kinds import Perturbation, propagation_key
-from ._installed import installed_perturbations
+from ..core.installed import Door, collected
+from ..core.perturbing.kinds import KINDS, Perturbation, propagation_key
+
+DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBATION", KINDS)
 
 
 @cache
@@ -19,16 +21,9 @@ def registry() -> dict[str, Perturbation]:
 
     Raises NoisyWorldError naming an installed package whose perturbations cannot be loaded or have a name in use.
     """
-    found = {item.name: item for item in _own()}
-    for item in installed_perturbations():
-        if item.name in found:
-            other = found[item.name].distribution
-            raise NoisyWorldError(
-                f"{item.distribution}: its perturbation {item.name} has the name of one "
-                f"{f'of {other}' if other else 'of our own'}; rename it, or uninstall the package"
-            )
-        found[item.name] = item
-    return {item.name: item for item in sorted(found.values(), key=propagation_key)}
+    found = collected(DOOR, _own()).values()
+    items = [replace(each.item, distribution=each.distribution) for each in found]
+    return {item.name: item for item in sorted(items, key=propagation_key)}
 
 
 def _own() -> list[Perturbation]:

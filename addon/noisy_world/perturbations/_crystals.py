@@ -8,15 +8,18 @@ import hashlib
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.regular_files import read_bytes
 from ..core.streams import stream
 
-type Float32 = NDArray[np.float32]
+T = TypeVar("T", bound=np.generic)
+
+Float32: TypeAlias = NDArray[np.float32]
 
 WIDTH_PX, HEIGHT_PX = 3072, 320  # along the edge, and from it inwards
 TIME_SHRUNK = 4  # the map of times is so many times smaller
@@ -92,10 +95,10 @@ def atlas() -> NDArray[np.uint8]:
     return made
 
 
-def atlas_picture() -> Picture:
+def atlas_picture() -> BroughtImage:
     """Return the atlas as node groups take it."""
     digest = hashlib.sha256(b"".join(read_bytes(map_file(name)) for name in ("thickness", "time"))).hexdigest()
-    return Picture("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
+    return BroughtImage("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
 
 
 def _read(name: str) -> NDArray[np.uint8]:
@@ -126,5 +129,5 @@ def _blurred(strip: Float32, sigma_px: float) -> Float32:
     return blurred[:, reach:-reach]
 
 
-def _wrapped[T: np.generic](strip: NDArray[T], columns: int) -> NDArray[T]:
+def _wrapped(strip: NDArray[T], columns: int) -> NDArray[T]:
     return np.pad(strip, ((0, 0), (columns, columns)), mode="wrap")

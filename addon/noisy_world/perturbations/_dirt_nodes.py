@@ -3,6 +3,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import TypeAlias
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
@@ -10,7 +11,7 @@ from ._dirt_tile import SIZE, TEXEL_PX, TILE
 from ._glare import ACROSS, ALONG, HALVINGS, PARTS
 from ._glass_nodes import reduced_nodes, sampled, share_of
 
-type Given = Mapping[str, Socket]
+Given: TypeAlias = Mapping[str, Socket]
 
 
 def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:

@@ -7,14 +7,15 @@ Scherr, "An optical model for image artifacts produced by dust particles on lens
 
 import math
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.streams import stream
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 SIZE = (768, 512)  # width and height in texels
 TEXEL_PX = 2.0  # pixels of the reference width that a texel spans
@@ -34,7 +35,7 @@ def tile() -> NDArray[np.uint8]:
     return drawn
 
 
-TILE = Picture("Dirt on a lens", "1", tile)
+TILE = BroughtImage("Dirt on a lens", "1", tile)
 
 
 def _around(position: tuple[float, float], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32]:

@@ -31,7 +31,7 @@ LOGISTIC = 1.702  # a logistic curve of this steepness is the normal distributio
 # --- the glass's unevenness, which makes drops irregular: waves in x and y; multiples of the median diameter ---
 
 WAVES = ((0.3, 1.2), (0.08, 0.5))  # amplitude, and length / 2 pi
-SWING = sum(amplitude for amplitude, _ in WAVES)
+SWING = math.fsum(amplitude for amplitude, _ in WAVES)
 SLANT = 0.8  # of the second wave's length in the other direction
 
 # --- running drops; multiples of the median diameter ---

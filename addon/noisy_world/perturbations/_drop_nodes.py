@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
@@ -13,7 +14,7 @@ from ._drop_run_nodes import RUN_INPUTS, run_nodes
 from ._drop_sheet_nodes import SheetNodes, sheet_graph
 from ._glass_nodes import GlassNodes, glass_nodes, laid_over_nodes, mean_of, reduced_nodes, sampled
 
-type Given = Mapping[str, Socket]
+Given: TypeAlias = Mapping[str, Socket]
 
 
 def build_drops(canvas: Canvas, given: Given) -> Socket:

@@ -11,20 +11,23 @@ verification of camera-based object recognition", 2018, trace rays through the s
 """
 
 from dataclasses import dataclass
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, Socket
 
-type Float32 = NDArray[np.float32]
+T = TypeVar("T")
+
+Float32: TypeAlias = NDArray[np.float32]
 
 WATER = 1.333  # refractive index
 LEAST = 1e-6  # of a cosine's square: keeps roots and quotients finite at the critical angle
 
 
 @dataclass(frozen=True)
-class Bent[T]:
+class Bent(Generic[T]):
     """Of each ray: tangent of the angle by which it is bent towards the drop's axis, and the share of its light."""
 
     tangent: T

@@ -3,17 +3,18 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _drop_laws as laws
 from ._drop_laws import LensDrops
-from ._drop_sheet import Sheet
+from ._drop_sheet import DropSheet
 from ._white_noise import WhiteNoise
 
-type Float32 = NDArray[np.float32]
-type Indices = NDArray[np.intp]
+Float32: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def beads_of(runs: Runs, height_px: int, parameters: LensDrops, noise: WhiteNois
     return Beads(first, left.ravel(), *(np.asarray(item, np.float32).ravel() for item in made))
 
 
-def paint_runs(sheet: Sheet, runs: Runs, beads: Beads, parameters: LensDrops) -> None:
+def paint_runs(sheet: DropSheet, runs: Runs, beads: Beads, parameters: LensDrops) -> None:
     """Paint the running drops, their beads and their tracks."""
     one, size_px = np.float32, parameters.size_px
     # The pixels of strips that have one, between where it began and where it is.
@@ -122,14 +123,14 @@ def paint_runs(sheet: Sheet, runs: Runs, beads: Beads, parameters: LensDrops) ->
     sheet.taken[pixels] = np.maximum(sheet.taken.take(pixels), wiped)
 
 
-def _paint_drop(sheet: Sheet, pixels: Indices, aside: Float32, behind: Float32) -> None:
+def _paint_drop(sheet: DropSheet, pixels: Indices, aside: Float32, behind: Float32) -> None:
     """Paint running drops, drawn out above. aside, behind: (M,) from the middle, in radii."""
     above = np.maximum(behind, 0)
     narrow = 1 - np.float32(laws.TAPER) * np.minimum(above * np.float32(0.5), 1)
     sheet.paint(pixels, aside / narrow, above * np.float32(1 - laws.TAIL) - behind)
 
 
-def _paint_beads(sheet: Sheet, beads: Beads, own: Indices, where: tuple[Indices, Float32, Float32]) -> None:
+def _paint_beads(sheet: DropSheet, beads: Beads, own: Indices, where: tuple[Indices, Float32, Float32]) -> None:
     """Paint what running drops have left. own: (M,) the bead of each pixel. where: pixels, from the way, and rows."""
     pixels, aside_px, y_px = where
     (kept,) = np.nonzero(beads.left.take(own))

@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,13 @@ from . import _drop_laws as laws
 from ._glass import Pane
 from ._white_noise import WhiteNoise
 
-type Float32 = NDArray[np.float32]
-type Indices = NDArray[np.intp]
-type Turns = tuple[np.float32, ...]
+Float32: TypeAlias = NDArray[np.float32]
+Indices: TypeAlias = NDArray[np.intp]
+Turns: TypeAlias = tuple[np.float32, ...]
 
 
 @dataclass(frozen=True)
-class Sheet:
+class DropSheet:
     """All arrays are (h * w,). x_px, y_px: each pixel's place on the even glass, in pixels of the frame.
 
     rho_squared: square of the distance from the middle of its drop, in radii; 1 where there is none. aside, down: the
@@ -33,7 +34,7 @@ class Sheet:
     taken: Float32
 
     @classmethod
-    def of(cls, pane: Pane, size_px: float, turns: Turns) -> "Sheet":
+    def of(cls, pane: Pane, size_px: float, turns: Turns) -> "DropSheet":
         """Return a sheet without drops. size_px: their median diameter. turns: as `uneven` has them."""
         x, y = uneven(pane, size_px, turns)
         zeros = [np.zeros(x.size, np.float32) for _ in range(3)]

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,12 @@ from ._bands import by_bands
 from ._drop_laws import LensDrops
 from ._drop_optics import bent
 from ._drop_runs import beads_of, paint_runs, runs_on
-from ._drop_sheet import Sheet, turns_of
+from ._drop_sheet import DropSheet, turns_of
 from ._glass import Pane, blurred, laid_over, pane, reduced, shown_at
 from ._linear_light import decoded
 from ._white_noise import WhiteNoise, white_noise
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 ROWS = 48  # of a band of the glass's image; chosen so that its arrays stay in the processor's cache
 
@@ -39,7 +40,7 @@ def seen_through(rgb: Float32, parameters: LensDrops, context: FrameContext) -> 
     return laid_over(rgb, linear, blurred(layer, glass, parameters.focus_px))
 
 
-def sheets(glass: Pane, parameters: LensDrops, noise: WhiteNoise, frames: int) -> Iterator[tuple[int, Sheet]]:
+def sheets(glass: Pane, parameters: LensDrops, noise: WhiteNoise, frames: int) -> Iterator[tuple[int, DropSheet]]:
     """Yield bands of the glass's image, each with its first row, and which drops are there.
 
     frames: how many the drops have moved on. A band's arrays stay in the processor's cache, which halves the time.
@@ -48,7 +49,7 @@ def sheets(glass: Pane, parameters: LensDrops, noise: WhiteNoise, frames: int) -
     beads = beads_of(runs, glass.size_px[1], parameters, noise)
     classes = [cells_of(number, parameters, glass.size_px, noise, frames) for number in range(laws.CLASSES)]
     for top in range(0, glass.shape[0], ROWS):
-        sheet = Sheet.of(glass.rows(top, top + ROWS), parameters.size_px, turns)
+        sheet = DropSheet.of(glass.rows(top, top + ROWS), parameters.size_px, turns)
         paint_runs(sheet, runs, beads, parameters)
         for cells in classes:
             paint_class(sheet, cells)
@@ -61,7 +62,7 @@ def shares(parameters: LensDrops) -> list[float]:
     inner, outer = curve[1] - curve[0], curve[2] - curve[1]
     often = [outer, inner, inner, outer]
     classes = [laws.of_class(number) for number in range(laws.CLASSES)]
-    area = sum(share * item.area for share, item in zip(often, classes, strict=True))
+    area = math.fsum(share * item.area for share, item in zip(often, classes, strict=True))
     dense = -math.log(1 - parameters.coverage) / area
     return [min(1.0, dense * share * item.cell) for share, item in zip(often, classes, strict=True)]
 
@@ -112,7 +113,7 @@ def cells_of(number: int, parameters: LensDrops, glass_px: tuple[int, int], nois
     return Cells(number, (width_px, height_px), (first, left), right + 1 - left, place, *made)
 
 
-def paint_class(sheet: Sheet, cells: Cells) -> None:
+def paint_class(sheet: DropSheet, cells: Cells) -> None:
     """Paint the drops of a class where no larger one is."""
     one = np.float32
     width_px, height_px = cells.size_px
@@ -139,7 +140,7 @@ def paint_class(sheet: Sheet, cells: Cells) -> None:
     sheet.paint(pixels, aside, down)
 
 
-def refracted(small: Float32, mean: Float32, sheet: Sheet, focal_px: float, parameters: LensDrops) -> Float32:
+def refracted(small: Float32, mean: Float32, sheet: DropSheet, focal_px: float, parameters: LensDrops) -> Float32:
     """Return (h, w, 4): the light of the drops before each pixel of the glass, and where drops are.
 
     small: the frame made smaller, linear light. mean: (3,) its mean. focal_px: of the camera.

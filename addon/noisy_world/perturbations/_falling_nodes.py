@@ -8,6 +8,7 @@ width, length, blur and faintness, and what is nearer hides it. All is in pixels
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
@@ -144,7 +145,7 @@ _VECTORS = {
     "Turned": "How far the camera has turned to the right and up, rad",
 }
 
-type Taken = Mapping[str, Socket]
+Taken: TypeAlias = Mapping[str, Socket]
 """The inputs of a shell's group by name."""
 
 

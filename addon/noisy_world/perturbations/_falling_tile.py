@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture
+from ..core.node_graphs.graph import BroughtImage
 from ..core.streams import stream
 
 UNITS = 128  # along a side, so 16,384 particles; chosen, so that a frame seldom shows one twice
@@ -62,7 +62,7 @@ def _nearest(points: NDArray[np.float64]) -> NDArray[np.int64]:
     return by_label[labels[_EDGE:-_EDGE, _EDGE:-_EDGE]]
 
 
-TILE = Picture("Falling Particles", "1", _tile)
+TILE = BroughtImage("Falling Particles", "1", _tile)
 
 
 @dataclass(frozen=True)

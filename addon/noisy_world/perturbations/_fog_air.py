@@ -6,13 +6,14 @@ exp(-camera's height / falloff) z (1 - e^-u) / u, u = k z / falloff.
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.perturbing.kinds import FrameContext
-from ..core.trajectories.stance import Stance, stance_of
+from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ._bands import by_bands
 from ._fog_glow import glow_of
 from ._fog_parameters import EXTINCTION, FogDepth
@@ -20,7 +21,7 @@ from ._fog_waves import GRID_PX, Bank, key_of, mean_before, slab_means
 from ._linear_light import decoded, encoded
 from ._view import camera_of
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 FARTHEST = 100.0  # visibilities: void counts as this far, where no light is left of an even fog
 STEEPEST = 80.0  # of u: fog that a ray goes down into is no denser, as float32 ends there
@@ -48,7 +49,7 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     farthest_m = np.float32(FARTHEST * parameters.visibility_m)
     depth_m = context.depth_m
     distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
-    stance = stance_of(context.motion)
+    stance = camera_state_of(context.motion)
     found = distance_m * np.float32(EXTINCTION / parameters.visibility_m)
     if parameters.falloff_m > 0:
         found *= thinned(distance_m, parameters, stance, pixel_rays(parameters, context, size, 1))
@@ -67,7 +68,7 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     return found
 
 
-def thinned(distance_m: Float32, parameters: FogDepth, stance: Stance, rays: Float32) -> Float32:
+def thinned(distance_m: Float32, parameters: FogDepth, stance: CameraState, rays: Float32) -> Float32:
     """Return (H, W): the mean density from the camera to each distance, where it is 1 at height 0.
 
     rays: (3, H, W) of depth 1.

@@ -6,12 +6,14 @@ with the root of the optical depth (Narasimhan and Nayar, Shedding light on the 
 point; the shape here is Gaussian). No light is added: what glows is what the fog has taken from the direct beam.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ._fog_parameters import FogDepth
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 WIDTHS = (0.5, 1.0, 2.0, 4.0)  # of the Gaussians, in those of an optical depth of 1
 GRID_PX = 8  # blocks whose means are blurred

@@ -7,6 +7,7 @@ What is switched off is exactly 1, or 0, and is calculated for a single pixel.
 import math
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import TypeAlias
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
@@ -17,7 +18,7 @@ from ._fog_waves import EDGES, GRID_PX, KEY_BITS, waves
 
 SERIES = 0.03  # below it (1 - e^-u) / u is a series, as the difference loses digits
 
-type Given = Mapping[str, Socket]
+Given: TypeAlias = Mapping[str, Socket]
 
 
 def distance_nodes(canvas: Canvas, given: Given) -> Socket:

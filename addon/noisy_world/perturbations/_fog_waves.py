@@ -11,15 +11,16 @@ pixel by its own depth.
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.streams import stream
-from ..core.trajectories.stance import Stance
+from ..core.trajectories.camera_state import CameraState
 
-type Float32 = NDArray[np.float32]
-type Float64 = NDArray[np.float64]
+Float32: TypeAlias = NDArray[np.float32]
+Float64: TypeAlias = NDArray[np.float64]
 
 OCTAVES = 3
 WAVES = 18  # six an octave; chosen: fewer are seen as waves
@@ -82,7 +83,7 @@ def key_of(seed: int, frame: int) -> tuple[int, int, int]:
     return seed % (1 << KEY_BITS), seed >> KEY_BITS, frame % (1 << KEY_BITS)
 
 
-def phases_rad(bank: Bank, stance: Stance) -> Float64:
+def phases_rad(bank: Bank, stance: CameraState) -> Float64:
     """Return (N,): each wave's phase at the camera."""
     right, down, forward = stance.position_m
     place = np.array([right - bank.blown_m, forward, -down]) / bank.clump_m
@@ -91,7 +92,7 @@ def phases_rad(bank: Bank, stance: Stance) -> Float64:
     return 2 * np.pi * turns + np.array([wave.vector for wave in waves()]) @ place
 
 
-def slab_means(bank: Bank, stance: Stance, rays: Float32) -> Float32:
+def slab_means(bank: Bank, stance: CameraState, rays: Float32) -> Float32:
     """Return (slabs, H, W): the field's mean in each slab along rays (3, H, W), right, down, forward, of depth 1."""
     axes = stance.rotation
     directions = np.array([axes[0], axes[2], -axes[1]])  # right, forward, up of the air, by the camera's axes

@@ -7,13 +7,14 @@ was wiped has grooves along the wiping, which scatter across them: a lamp's stre
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._kernels import gaussian
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 HALVINGS = 3  # from the frame to the image that is spread
 # Share, and standard deviation as a multiple of the reach; chosen.

@@ -7,6 +7,7 @@ image * (1 - blurred cover) + blurred light.
 """
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from ._kernels import gaussian
 from ._linear_light import encoded
 from ._patterns import three_channels
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 COARSEST = 3.0  # pixels of the frame to one of the glass's image, at most; chosen
 PER_BLUR = 0.6  # pixels of the frame to one of the glass's image, for each pixel of the blur's radius

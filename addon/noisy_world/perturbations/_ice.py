@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..core.regular_files import read_bytes
 # Chosen: a frame of 1200 x 680 and the tenth that frost's crop moves in (1320 x 748) fit without enlarging the ice.
 HEIGHT_PX, WIDTH_PX = 1024, 1536
 
-type Rgb = tuple[float, float, float]
+Rgb: TypeAlias = tuple[float, float, float]
 
 
 @dataclass(frozen=True)

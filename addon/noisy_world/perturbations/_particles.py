@@ -8,14 +8,17 @@ has no end, and only the cubes in sight are looked at.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._precipitation import Precipitation
 
-type Float64 = NDArray[np.float64]
-type Float32 = NDArray[np.float32]
+T = TypeVar("T", bound=np.floating)
+
+Float64: TypeAlias = NDArray[np.float64]
+Float32: TypeAlias = NDArray[np.float32]
 
 NEAR_M = 0.2  # chosen: nothing falls between a camera and its hood
 CLASS_RATIO = 2.0  # of a class's largest diameter to its least; chosen, the least time
@@ -31,7 +34,7 @@ _PLACE, _SIZE, _RATE, _PHASE, _NEXT = (np.uint64(_GOLDEN * k & _MASK) for k in (
 
 
 @dataclass(frozen=True)
-class View:
+class AirCamera:
     """A camera in the air, whose axes are right, down, forward.
 
     rotation: (3, 3), camera to air. position_m: (3,) in the air. velocity_m_s: (3,) in the air. turning_rad_s: (3,), in
@@ -84,7 +87,7 @@ class Particles:
     diameter_m: Float32
 
 
-def in_sight(air: Air, view: View, key: int, time_s: float) -> Particles:
+def in_sight(air: Air, view: AirCamera, key: int, time_s: float) -> Particles:
     """Return the particles that are seen by themselves while the shutter is open, and some just outside the image.
 
     key: of the hash, a whole number below 2^64. time_s: in the middle of the exposure.
@@ -139,7 +142,7 @@ class _Class:
 
 
 def _of_class(
-    air: Air, view: View, bounds: tuple[float, float], key: NDArray[np.uint64], time_s: float
+    air: Air, view: AirCamera, bounds: tuple[float, float], key: NDArray[np.uint64], time_s: float
 ) -> Iterator[Particles]:
     """Yield the particles of a class, those of some cubes at a time."""
     low_m, high_m = bounds
@@ -168,7 +171,7 @@ def _of_class(
         at = to
 
 
-def _in_cells(air: Air, view: View, of: _Class, some: slice) -> Particles:
+def _in_cells(air: Air, view: AirCamera, of: _Class, some: slice) -> Particles:
     """Return a class's particles in some of its cubes. Inside, places and velocities are (3, N), fast along an axis."""
     counts = of.counts[some]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -198,7 +201,7 @@ def _in_cells(air: Air, view: View, of: _Class, some: slice) -> Particles:
     return Particles(position_m[:, kept].T, velocity_m_s[:, kept].T, diameter_m[kept])
 
 
-def _turned[T: np.floating](vectors: NDArray[T], rotation: Float64) -> NDArray[T]:
+def _turned(vectors: NDArray[T], rotation: Float64) -> NDArray[T]:
     """Return rotation.T @ vectors (3, N). For so narrow a product BLAS takes longer, on all cores."""
     turn = rotation.T.astype(vectors.dtype)
     x, y, z = vectors
@@ -211,7 +214,7 @@ def _crossed(vector: Float64, others: Float32) -> Float32:
     return np.stack([y * others[2] - z * others[1], z * others[0] - x * others[2], x * others[1] - y * others[0]])
 
 
-def _near_image(view: View, position_m: Float32, seen_m: float, margin_m: float) -> NDArray[np.bool_]:
+def _near_image(view: AirCamera, position_m: Float32, seen_m: float, margin_m: float) -> NDArray[np.bool_]:
     """Tell which of the positions (3, N) the camera may see, or nearly: within `margin_m` of what it sees."""
     z_m = position_m[2]
     kept = (z_m < np.float32(seen_m + margin_m)) & (z_m > np.float32(NEAR_M - margin_m))
@@ -221,7 +224,9 @@ def _near_image(view: View, position_m: Float32, seen_m: float, margin_m: float)
     return kept
 
 
-def _cells_in_sight(view: View, moved_m: Float64, side_m: float, seen_m: float, margin_m: float) -> NDArray[np.int64]:
+def _cells_in_sight(
+    view: AirCamera, moved_m: Float64, side_m: float, seen_m: float, margin_m: float
+) -> NDArray[np.int64]:
     """Return (3, N): the cubes that touch what the camera sees up to `seen_m`. moved_m: how far they have moved."""
     slopes = view.slopes()
     corners = np.array([(x, y, 1.0) for x in slopes[0] for y in slopes[1]]) * seen_m

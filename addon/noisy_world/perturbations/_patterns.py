@@ -4,17 +4,20 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, wraps
-from typing import Concatenate
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import FrameContext
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 _KEPT = 8  # patterns of the last 8 sequences; chosen, so that memory does not grow with the number of sequences
 
 
-def kept_for_sequence[**P, T](
+def kept_for_sequence(
     draw: Callable[Concatenate[FrameContext, P], T],
 ) -> Callable[Concatenate[FrameContext, P], T]:
     """Decorate `draw`, so that it draws once per sequence unless the pattern is fresh for each frame.

@@ -8,9 +8,12 @@ off, which a Kolmogorov-Smirnov test detects from some 1e10 samples on. The oute
 import math
 from functools import cache
 from statistics import NormalDist
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 CODES = 65536  # 2^16: four codes in a 64-bit word, and OpenCV's LUT takes 16-bit indices
 
@@ -31,7 +34,7 @@ def uniform_words(generator: np.random.Generator, count: int) -> NDArray[np.uint
     return words.astype("<u8", copy=False).view(np.uint32)[:count]
 
 
-def look_up[T: np.integer | np.floating](codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
+def look_up(codes: NDArray[np.uint16], table: NDArray[T]) -> NDArray[T]:
     """Return table[codes] in a third of numpy's time; table: (CODES,)."""
     import cv2
 

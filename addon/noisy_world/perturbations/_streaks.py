@@ -3,15 +3,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._particles import NEAR_M, Particles, View
+from ._particles import NEAR_M, AirCamera, Particles
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
-type Piece = tuple[NDArray[np.int32], Float32]
+Piece: TypeAlias = tuple[NDArray[np.int32], Float32]
 """Of pixels that streaks hide: index, and the share of light hidden."""
 
 PIECE = 1 << 15  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache
@@ -39,7 +40,7 @@ class Streaks:
     depth_m: Float32
 
 
-def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
+def streaks_of(particles: Particles, view: AirCamera, lens: Lens) -> Streaks:
     """Project particles over an exposure.
 
     A particle of width w that moves by l covers its track, l long and as wide as the blurred particle, W; a point there
@@ -64,7 +65,7 @@ def streaks_of(particles: Particles, view: View, lens: Lens) -> Streaks:
     return Streaks(ends[0], ends[1], width_px, np.minimum(opacity, np.float32(MOST_OPAQUE)), depth_m)
 
 
-def _projected(position_m: Float32, view: View) -> Float32:
+def _projected(position_m: Float32, view: AirCamera) -> Float32:
     z_m = np.maximum(position_m[:, 2:], np.float32(NEAR_M / 2))
     found = position_m[:, :2] / z_m * np.array(view.focal_px, np.float32) + np.array(view.middle_px, np.float32)
     return found.astype(np.float32, copy=False)

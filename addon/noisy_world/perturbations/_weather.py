@@ -7,23 +7,24 @@ of the veil of all particles too small to be seen by themselves, as Koschmieder'
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
-from ..core.trajectories.stance import stance_of
+from ..core.trajectories.camera_state import camera_state_of
 from ._bands import by_bands
 from ._linear_light import LUMINANCE, decoded, encoded
-from ._particles import Air, View, in_sight
+from ._particles import Air, AirCamera, in_sight
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
 from ._streaks import Lens, optical_depth, streaks_of
 from ._view import camera_of
 from ._void import SKY_M
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameCo
     return optical_depth(streaks, depth_m)
 
 
-def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> View:
+def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> AirCamera:
     """Return the camera of a frame in the air.
 
     Without a path the camera is level and at rest. A pattern that is fixed goes with the camera; others stay in the air
@@ -134,5 +135,5 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Vie
     camera = camera_of(context.intrinsics, (width, height), parameters.view_deg)
     focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
     lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
-    stance = stance_of(None if context.temporal == "fixed" else context.motion)
-    return View(stance.rotation, stance.position_m, stance.velocity_m_s, stance.turning_rad_s, *lens)
+    stance = camera_state_of(None if context.temporal == "fixed" else context.motion)
+    return AirCamera(stance.rotation, stance.position_m, stance.velocity_m_s, stance.turning_rad_s, *lens)

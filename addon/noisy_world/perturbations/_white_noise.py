@@ -6,6 +6,7 @@ x, y, the seed, and the frame's key with the purpose. In which order the node ta
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ from ..core.node_graphs.group_inputs import seed_of
 from ..core.node_graphs.groups import PURPOSES
 from ..core.perturbing.kinds import FrameContext
 
-type Float32 = NDArray[np.float32]
-type Words = NDArray[np.uint32]
+Float32: TypeAlias = NDArray[np.float32]
+Words: TypeAlias = NDArray[np.uint32]
 
 _ORDERS = ((0, 2, 3), (1, 0, 2), (2, 3, 1), (3, 1, 0))
 _START = np.uint32(0xDEADBEEF + (4 << 2) + 13)

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantiles import look_up
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 BLACK = np.float32(1e-6)  # a value below it counts as black, without a hue; chosen far below a byte's step, 4e-3
 
@@ -65,7 +68,7 @@ def _table(offset: float) -> NDArray[np.uint8]:
     return rgb_bytes(table)
 
 
-def _value[T: np.integer | np.floating](rgb: NDArray[T]) -> NDArray[T]:
+def _value(rgb: NDArray[T]) -> NDArray[T]:
     import cv2
 
     red, green, blue = cv2.split(rgb)

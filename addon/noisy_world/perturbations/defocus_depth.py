@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +105,7 @@ def _offsets(small: int, large: int) -> list[tuple[int, int]]:
     return sorted({(row * y, column * x) for row, column in signs for y, x in ((small, large), (large, small))})
 
 
-type TableIndex = tuple[NDArray[np.intp], NDArray[np.float32]]
+TableIndex: TypeAlias = tuple[NDArray[np.intp], NDArray[np.float32]]
 
 
 def _table_indices(size: NDArray[np.float32], reach: int, grain: int) -> list[TableIndex]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Kind, Picture, Socket, Value
+from ..core.node_graphs.graph import BroughtImage, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.regular_files import read_bytes
@@ -96,9 +96,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return graph.math("MULTIPLY_ADD", canvas.image, graph.vector(*[given["intensity"]] * 3), frosted)
 
 
-def _packed(item: _ice.Ice) -> Picture:
+def _packed(item: _ice.Ice) -> BroughtImage:
     path = _ice.picture_file(item.name)
-    return Picture(f"Ice: {item.name}", hashlib.sha256(read_bytes(path)).hexdigest()[:16], lambda: path)
+    return BroughtImage(f"Ice: {item.name}", hashlib.sha256(read_bytes(path)).hexdigest()[:16], lambda: path)
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:

@@ -5,17 +5,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import Picture, Socket
+from ..core.node_graphs.graph import BroughtImage, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._full_size import full_size, with_full_sizes
 from ._kernels import gaussian
 from ._quantiles import look_up, uniform_codes
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 MAX_DELTA_PX = 10  # chosen: two and a half times the delta of severity 5; a table of offsets is made for each delta
 TABLE_SIDE = 256  # 256 x 256 = 65,536 equally likely offsets, one for each 16-bit code
@@ -55,7 +58,7 @@ def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext
     return gaussian(image, parameters.sigma_px)
 
 
-def _copied[T: np.integer | np.floating](image: NDArray[T], positions: NDArray[np.int16]) -> NDArray[T]:
+def _copied(image: NDArray[T], positions: NDArray[np.int16]) -> NDArray[T]:
     """Take each pixel of (H, W, C) from its position, (H, W, 2); the border is replicated."""
     import cv2
 
@@ -136,7 +139,7 @@ def _table() -> NDArray[np.uint8]:
     return picture
 
 
-TABLE = Picture("Glass Blur Offsets", "1", _table)
+TABLE = BroughtImage("Glass Blur Offsets", "1", _table)
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._quantiles import CODES, look_up, uniform_codes
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: ImpulseNoise, context: Frame
     return _add(rgb, parameters, context)
 
 
-def _add[T: np.integer | np.floating](rgb: NDArray[T], parameters: ImpulseNoise, context: FrameContext) -> NDArray[T]:
+def _add(rgb: NDArray[T], parameters: ImpulseNoise, context: FrameContext) -> NDArray[T]:
     import cv2
 
     generator, impulses = context.pattern_stream(), _impulses(parameters.amount)

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from ._linear_light import decoded, encoded
 from ._patterns import kept_for_sequence, three_channels
 from ._white_noise import white_noise
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 ABSORBED = 0.6  # of what dust takes away; it scatters the rest; chosen
 

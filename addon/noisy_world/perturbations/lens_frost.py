@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ from ._frost_nodes import build
 from ._linear_light import LUMINANCE, decoded, encoded
 from ._patterns import three_channels
 
-type Float32 = NDArray[np.float32]
+Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class LensFrost:
 
 
 @dataclass(frozen=True)
-class Pane:
+class FrostPane:
     """What is drawn for a pattern.
 
     start_px: the column of the strip at which the first side begins. flipped: which sides show it backwards: top,
@@ -73,12 +74,12 @@ class Pane:
     light_rad: float
 
 
-def pane_of(uniform: NDArray[np.float64]) -> Pane:
+def pane_of(uniform: NDArray[np.float64]) -> FrostPane:
     """Return what three uniform numbers in [0, 1) draw."""
     sides = int(uniform[1] * 16)
     flipped = (bool(sides & 8), bool(sides & 4), bool(sides & 2), bool(sides & 1))
     start_px = int(uniform[0] * (WIDTH_PX // START_PX)) * START_PX
-    return Pane(start_px, flipped, -math.pi * (0.25 + 0.5 * float(uniform[2])))
+    return FrostPane(start_px, flipped, -math.pi * (0.25 + 0.5 * float(uniform[2])))
 
 
 def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32:
@@ -112,7 +113,7 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
     return by_bands(behind, rgb.dtype, frosted, light, ridge, body, right, down)
 
 
-def ice_on(size: tuple[int, int], grown: float, pane: Pane) -> tuple[Float32, Float32]:
+def ice_on(size: tuple[int, int], grown: float, pane: FrostPane) -> tuple[Float32, Float32]:
     """Return (H, W) each: thickness of ridges and of the ice about them, from 0 to 1.
 
     grown: how far they have grown, from 0 to 1.

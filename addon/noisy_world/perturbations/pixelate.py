@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 LARGEST_BLOCK_PX = 256  # pixels whose bytes are summed in 16 bits: 256 x 255 = 65,280
 # Of a byte, added to a mean so that ties round up: above float32's error, below the distance from a tie of any mean
@@ -87,9 +89,7 @@ class _Blocks:
         return _Blocks(np.searchsorted(owner, np.arange(blocks)), np.bincount(owner), shown)
 
 
-def _sums[T: np.integer | np.floating](
-    image: NDArray[Any], rows: _Blocks, columns: _Blocks, dtype: type[T]
-) -> NDArray[T]:
+def _sums(image: NDArray[Any], rows: _Blocks, columns: _Blocks, dtype: type[T]) -> NDArray[T]:
     """Sum the pixels of each block; return the sums transposed: (columns, rows, 3)."""
     import cv2
 
@@ -97,7 +97,7 @@ def _sums[T: np.integer | np.floating](
     return _row_sums(np.asarray(cv2.transpose(_row_sums(image, rows, dtype)), dtype), columns, dtype)
 
 
-def _row_sums[T: np.integer | np.floating](image: NDArray[Any], blocks: _Blocks, dtype: type[T]) -> NDArray[T]:
+def _row_sums(image: NDArray[Any], blocks: _Blocks, dtype: type[T]) -> NDArray[T]:
     sums = image[blocks.starts].astype(dtype, copy=False)
     smallest = int(blocks.sizes.min())
     for position in range(1, smallest):
@@ -112,7 +112,7 @@ def _shares(rows: _Blocks, columns: _Blocks) -> NDArray[np.float32]:
     return (1 / np.multiply.outer(columns.sizes, rows.sizes)).astype(np.float32)[..., None]
 
 
-def _spread[T: np.integer | np.floating](blocks: NDArray[T], rows: _Blocks, columns: _Blocks) -> NDArray[T]:
+def _spread(blocks: NDArray[T], rows: _Blocks, columns: _Blocks) -> NDArray[T]:
     """Show transposed blocks (columns, rows, 3) as (H, W, 3)."""
     import cv2
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from ..core.schema import key
 from ._bands import bands, by_bands
 from ._quantile_groups import poisson_quantile
 from ._quantiles import look_up, uniform_codes, uniform_words
+
+T = TypeVar("T", bound=np.integer | np.floating)
 
 OUTCOMES = 256  # columns of the alias table of a level: one for each value of 8 random bits
 MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
@@ -77,7 +79,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, context: FrameCon
     return by_bands(flat, flat.dtype, lambda band: _draw(band, generator, *tables)).reshape(rgb.shape)
 
 
-def _draw[T: np.integer | np.floating](
+def _draw(
     levels: NDArray[np.uint8],
     generator: np.random.Generator,
     threshold: NDArray[np.uint16],

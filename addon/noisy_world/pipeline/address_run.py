@@ -10,15 +10,15 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.agreement import disagreement
+from ..core.datasets.agreement import identity_mismatch
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset_state import MANIFEST_SHA256, RUN, WORK_FOLDER, journal_folders, read_dataset_state
 from ..core.datasets.differences import why_not
 from ..core.datasets.overview import looked_at
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.removal import remove_journals
 from ..core.datasets.shard_merging import remove_shard
 from ..core.datasets.shard_record import read_shard, shard_folder, shard_folders
-from ..core.datasets.standing import MANIFEST_SHA256, RUN, WORK_FOLDER, journal_folders, read_standing
 from ..core.datasets.storage import FolderLock, storage_errors
 from ..core.errors import BusyError, StorageError
 from ..core.machine import peak_memory_bytes
@@ -180,7 +180,7 @@ class AddressRun:
         """Return in which way what an identity says is another dataset than the plan's; "" where it is the same."""
         problem = (why_not(there, self._identity, self._plan) or "").partition("; ")[0]
         for one, other in ((there, self._identity), (self._identity, there)):
-            problem = problem or disagreement(one, other, any_processor=self._any_processor)
+            problem = problem or identity_mismatch(one, other, any_processor=self._any_processor)
         return problem
 
     def _other_frames(self, counts: dict[str, int]) -> str:
@@ -191,7 +191,7 @@ class AddressRun:
 
     def _open_staging(self) -> None:
         """Take the scratch folder: what an earlier run began to make stays, what it had read is forgotten."""
-        standing = read_standing(self.folder)
+        standing = read_dataset_state(self.folder)
         other = standing is not None and standing.identity is not None and bool(self._difference(standing.identity))
         work = self.folder / WORK_FOLDER
         for sequence in journal_folders(work):
@@ -224,7 +224,7 @@ class AddressRun:
         if stored is None:
             return None
         made_from = stored.record.identity
-        if problem := disagreement(self._identity, made_from, any_processor=self._any_processor):
+        if problem := identity_mismatch(self._identity, made_from, any_processor=self._any_processor):
             remedy = f"remove {name} there, and make the shard again"
             raise StorageError(
                 f"{self._address.of(name)}: this shard does not belong to the dataset: {problem}; {remedy}"

@@ -19,14 +19,14 @@ from ..core.planning.sequence import Sequence
 from ..core.planning.source import SourceFrame
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
-from .spent import DECODING, Spent
+from .stage_timer import DECODING, StageTimer
 
 
 class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
     def __init__(
-        self, source: int, image: SourceFrame, between: Registration | None = None, spent: Spent | None = None
+        self, source: int, image: SourceFrame, between: Registration | None = None, spent: StageTimer | None = None
     ) -> None:
         """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from .clean_frame import Camera, CleanFrame
 
 if TYPE_CHECKING:
     from ..blender.compositor import Compositor
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class ColourImage:
     pixels: Callable[[], NDArray[np.uint8] | None]
 
 
-type Colours = Mapping[tuple[str, int], Callable[[], ColourImage]]
+Colours: TypeAlias = Mapping[tuple[str, int], Callable[[], ColourImage]]
 """By a sequence's folder and a frame's number: a function that returns its colour; called once, in any thread."""
 
 
@@ -97,7 +99,7 @@ class CompositorColour:
         return "compositor", work.key, tuple(tuple(capacity_of(step).items()) for step, _, _ in work.active)
 
 
-def _given[T](value: T) -> T:
+def _given(value: T) -> T:
     return value
 
 

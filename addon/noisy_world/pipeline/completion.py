@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 from ..core.channels import surface_channels
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset_state import OVERVIEW
 from ..core.datasets.depth_range import RangeLoss, range_loss
 from ..core.datasets.layouts import OutputFormat, SequenceFacts
 from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
 from ..core.datasets.records import FrameRecord
-from ..core.datasets.standing import OVERVIEW
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence, written_paths

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Sequence as Many
 from functools import partial
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
@@ -22,8 +22,10 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .frame_writer import FrameWriter, Lost
 from .report import Report
-from .spent import DECODING, LOADING, RENDERING, Spent
+from .stage_timer import DECODING, LOADING, RENDERING, StageTimer
 from .stock import Finished
+
+T = TypeVar("T")
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
@@ -53,7 +55,7 @@ class FrameMaker:
 
         Raises InterruptedRunError when stopped.
         """
-        start_s, spent = time.perf_counter(), Spent()
+        start_s, spent = time.perf_counter(), StageTimer()
         with spent.rest_on(LOADING):
             source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
         loaded_s = time.perf_counter()
@@ -158,7 +160,7 @@ class FrameMaker:
         self.close()
 
 
-class _Kept[T]:
+class _Kept(Generic[T]):
     """What a context manager gave, kept open until something else takes its place."""
 
     def __init__(self) -> None:

@@ -26,7 +26,7 @@ from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 from .colour import ColourImage, Colours
-from .spent import Spent
+from .stage_timer import StageTimer
 from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
@@ -35,7 +35,7 @@ ENCODERS = 2
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenImage:
     """An image's file in the dataset, and its SHA-256. out_of_range: the depth that it cannot hold, None for none."""
 
     path: Path
@@ -59,7 +59,7 @@ class FrameWriter:
     written whose depth 16 bits do not hold, None while there is none.
     """
 
-    def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: Spent) -> None:
+    def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: StageTimer) -> None:
         """Open the journals. finished: what is not to be written again. spent: hears how long what took."""
         self._dataset = dataset
         self.spent = self._spent = spent
@@ -194,15 +194,15 @@ class FrameFiles:
     A clean one that a sequence of the dataset has already is linked too.
     """
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished, spent: Spent) -> None:
+    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished, spent: StageTimer) -> None:
         self._dataset = dataset
         self._spent = spent
         self._clean = clean
         self._finished = finished
-        self._written: dict[Modality, Written] = {}
-        self._perturbed: dict[Hashable, Written] = {}  # by modality and what was done to the clean image
+        self._written: dict[Modality, WrittenImage] = {}
+        self._perturbed: dict[Hashable, WrittenImage] = {}  # by modality and what was done to the clean image
 
-    def give_colour(self, image: ColourImage, stage: str, folder: str, name: str) -> Written:
+    def give_colour(self, image: ColourImage, stage: str, folder: str, name: str) -> WrittenImage:
         """Put a colour image under a name into a sequence; return the file that it was first written to.
 
         stage: to which the making of its pixels belongs.
@@ -217,7 +217,7 @@ class FrameFiles:
         self._perturbed[key] = written = self._put_image("rgb", pixels, folder, name)
         return written
 
-    def give_depth(self, work: DepthWork, stage: str, folder: str, name: str) -> Written:
+    def give_depth(self, work: DepthWork, stage: str, folder: str, name: str) -> WrittenImage:
         """Put perturbed depth under a name into a sequence; return the file that it was first written to.
 
         stage: to which the making of its pixels belongs.
@@ -233,7 +233,7 @@ class FrameFiles:
         self._perturbed[key] = written = self._put_image("depth", depth_m, folder, name)
         return written
 
-    def give(self, modality: Modality, folder: str, name: str) -> Written:
+    def give(self, modality: Modality, folder: str, name: str) -> WrittenImage:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
         if modality not in self._written and (there := self._existing(modality)) is not None:
             self._linked(there, folder, name)
@@ -245,28 +245,28 @@ class FrameFiles:
             self._written[modality] = self._put_image(modality, self._clean.image(modality), folder, name)
         return self._written[modality]
 
-    def _existing(self, modality: Modality) -> Written | None:
+    def _existing(self, modality: Modality) -> WrittenImage | None:
         """Return the source's own file that holds the image, or one that is finished; None where there is none."""
         if whole := self._clean.file_as(modality, self._dataset.format):
-            return Written(whole.path, whole.sha256)
+            return WrittenImage(whole.path, whole.sha256)
         found = self._finished.clean_image(modality, self._clean.source)
-        return None if found is None else Written(found[0], found[1], out_of_range=found[2])
+        return None if found is None else WrittenImage(found[0], found[1], out_of_range=found[2])
 
-    def _put_image(self, modality: Modality, pixels: NDArray[Any], folder: str, name: str) -> Written:
+    def _put_image(self, modality: Modality, pixels: NDArray[Any], folder: str, name: str) -> WrittenImage:
         """Write an image of a channel under a name into a sequence."""
         channel, format_ = CHANNELS[modality], self._dataset.format
         with self._spent.on(f"encoding {channel.spoken}"):
             data, lost = channel.encode(pixels, format_), channel.lost(pixels, format_)
         return replace(self._put(folder, name, data), out_of_range=lost)
 
-    def _put(self, folder: str, name: str, data: bytes) -> Written:
+    def _put(self, folder: str, name: str, data: bytes) -> WrittenImage:
         with self._spent.on("hashing"):
             digest = sha256_of_bytes(data)
         with self._spent.on("writing"):
             self._dataset.write_file(folder, name, data)
-        return Written(self._dataset.out / folder / name, digest)
+        return WrittenImage(self._dataset.out / folder / name, digest)
 
-    def _linked(self, there: Written, folder: str, name: str) -> Written:
+    def _linked(self, there: WrittenImage, folder: str, name: str) -> WrittenImage:
         """Give a file that is written a name in a sequence; return the file."""
         with self._spent.on("linking"):
             self._dataset.link_file(there.path, folder, name)

@@ -8,7 +8,7 @@ is in seconds of the estimate a second, and what is left is weighed in the same 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ..core.datasets.tally import Written
+from ..core.datasets.file_inventory import JournalTimes
 
 WINDOW_S = 600.0  # of the newest files that count: long enough for a scene to be loaded in it, chosen
 SILENCE_S = 60.0  # without a new file for this long, and for ten times the usual, no run seems to go on; chosen
@@ -35,7 +35,7 @@ class Pace:
 
 
 def pace_of(
-    written: Sequence[tuple[str, Written]],
+    written: Sequence[tuple[str, JournalTimes]],
     costs_s: Mapping[str, float],
     left: Mapping[str, float] | None,
     now_s: float,

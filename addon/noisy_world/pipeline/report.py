@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from .spent import DECODING
+from .stage_timer import DECODING
 
 
 @dataclass

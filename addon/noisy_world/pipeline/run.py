@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset_state import MANIFEST_SHA256, RUN
 from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
-from ..core.datasets.standing import MANIFEST_SHA256, RUN
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import image_bytes, size_text
@@ -30,13 +30,13 @@ from .versions import versions_of
 
 SHARDS_PER_JOB = 8  # chosen: the last shard of a run is a sixteenth of a job's work on average, so none waits long
 
-type Work = dict[str, list[int]]
+Work: TypeAlias = dict[str, list[int]]
 """The source frames to render, by the name of the render."""
 
-type Made = Callable[[Shard], None]
+Made: TypeAlias = Callable[[Shard], None]
 """What is called with each shard that is finished, in its folder in the dataset."""
 
-type Workers = Callable[[tuple[Shard, ...], Made, Progress], Report]
+Workers: TypeAlias = Callable[[tuple[Shard, ...], Made, Progress], Report]
 """A function that makes shards in several processes, and returns when all are made."""
 
 

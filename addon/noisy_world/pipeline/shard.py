@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-from ..core.datasets.agreement import disagreement
+from ..core.datasets.agreement import identity_mismatch
 from ..core.datasets.dataset import Dataset
+from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.differences import why_not
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import merge_shard, remove_shard, take_up, tidy
 from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard, shard_folder
-from ..core.datasets.standing import WORK_FOLDER
 from ..core.datasets.storage import FolderLock, Hasher
 from ..core.errors import StorageError
 from ..core.machine import peak_memory_bytes
@@ -120,8 +120,8 @@ class ShardMaker:
 
     def _why_not(self, there: dict[str, Any], here: dict[str, Any]) -> str:
         """Return why a folder with what one identity says is not that of a shard of another one, "" where it is."""
-        difference = disagreement(there, here, any_processor=self._any_processor)
-        difference = difference or disagreement(here, there, any_processor=self._any_processor)
+        difference = identity_mismatch(there, here, any_processor=self._any_processor)
+        difference = difference or identity_mismatch(here, there, any_processor=self._any_processor)
         return f"{difference}; {REPLACE}" if difference else ""
 
     def _is_whole(self, folder: Path, identity: dict[str, Any], *, overwrite: bool) -> bool:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..core.datasets.dataset_state import WORK_FOLDER, journal_folders, read_dataset_state
+from ..core.datasets.file_inventory import ImageLocation, journals_of
 from ..core.datasets.shard_merging import merged_shards
 from ..core.datasets.shard_record import ShardRecord, read_shard, shard_folders
-from ..core.datasets.standing import WORK_FOLDER, journal_folders, read_standing
-from ..core.datasets.tally import Place, journals_of
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Shards:
     merged: tuple[str, ...] = ()
     finished: list[str] = field(default_factory=list)
     unfinished: dict[str, float] = field(default_factory=dict)
-    places: dict[str, list[Place]] = field(default_factory=dict)
+    places: dict[str, list[ImageLocation]] = field(default_factory=dict)
     identities: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -49,17 +49,17 @@ def _add_finished(found: Shards, folder: Path, record: ShardRecord) -> None:
     found.finished.append(record.shard.name)
     found.identities.append(record.identity)
     for sequence, records in record.frames.items():
-        found.places.setdefault(sequence, []).append(Place(folder / sequence, records=records))
+        found.places.setdefault(sequence, []).append(ImageLocation(folder / sequence, records=records))
 
 
 def _add_unfinished(found: Shards, folder: Path) -> None:
     work = folder / WORK_FOLDER
     times_s: list[float] = []
     for sequence in journal_folders(work):
-        place = Place(folder / sequence, journals_of(work / sequence))
+        place = ImageLocation(folder / sequence, journals_of(work / sequence))
         found.places.setdefault(sequence, []).append(place)
         times_s += [journal.stat().st_mtime for journal in place.journals if journal.exists()]
-    standing = read_standing(folder)
+    standing = read_dataset_state(folder)
     if standing is not None and standing.identity is not None and not standing.problem:
         found.identities.append(standing.identity)
     if work.is_dir():

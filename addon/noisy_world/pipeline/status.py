@@ -9,20 +9,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.json_text import read_json
-from ..core.datasets.merging import merged_identity
-from ..core.datasets.place import check_no_links
-from ..core.datasets.standing import (
+from ..core.datasets.dataset_state import (
     IDENTITY,
     MANIFEST,
     RUN,
     UNCHECKED,
     WORK_FOLDER,
-    Standing,
+    DatasetState,
     manifest_is_changed,
-    read_standing,
+    read_dataset_state,
 )
-from ..core.datasets.tally import Digests, Place, Tally, counted, journals_of, tally
+from ..core.datasets.file_inventory import Digests, FileInventory, ImageLocation, counted, journals_of, tally
+from ..core.datasets.json_text import read_json
+from ..core.datasets.merging import merged_identity
+from ..core.datasets.place import check_no_links
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
 from ..core.planning.described import Described, described_sequences
@@ -38,7 +38,7 @@ class SequenceStatus:
     setting: str
     scene: str
     of: int | None
-    tally: Tally
+    tally: FileInventory
 
     @property
     def whole(self) -> bool:
@@ -137,15 +137,15 @@ def read_status(
     )
 
 
-def _standing(out: Path, shards: Shards) -> Standing:
+def _standing(out: Path, shards: Shards) -> DatasetState:
     """Return what the folder holds; where no run has begun to merge, what its shards say."""
-    standing = read_standing(out)
+    standing = read_dataset_state(out)
     if standing is None and shards.identities:
         identity = shards.identities[0]
         for other in shards.identities[1:]:
             identity = merged_identity(other, identity, set(other["sequences"]) - set(identity["sequences"]))
         note = "only the shards that were begun are known, as no run has begun to merge; the preset may have more"
-        return Standing(identity, None, frozenset(identity["sequences"]), holds_frames=True, note=note)
+        return DatasetState(identity, None, frozenset(identity["sequences"]), holds_frames=True, note=note)
     if standing is None:
         raise StorageError(f"{out}: holds no dataset of Noisy World, nor one that was begun")
     if standing.problem:
@@ -156,7 +156,9 @@ def _standing(out: Path, shards: Shards) -> Standing:
 class _Reader:
     """Looks at the files of a dataset."""
 
-    def __init__(self, out: Path, standing: Standing, shards: Shards, *, ended: bool, digest: Digests | None) -> None:
+    def __init__(
+        self, out: Path, standing: DatasetState, shards: Shards, *, ended: bool, digest: Digests | None
+    ) -> None:
         self._out = out
         self._work = out / WORK_FOLDER
         self._standing = standing
@@ -182,8 +184,8 @@ class _Reader:
             found = tally(places, self._images_each, asked, self._digest)
         return SequenceStatus(item.setting, item.scene, count, found)
 
-    def _places(self, folder: str) -> tuple[Place, ...]:
-        own = Place(self._out / folder, journals_of(self._work / folder))
+    def _places(self, folder: str) -> tuple[ImageLocation, ...]:
+        own = ImageLocation(self._out / folder, journals_of(self._work / folder))
         return (*self._shards.places.get(folder, ()), own)
 
     def texts(self) -> tuple[list[str], list[str]]:

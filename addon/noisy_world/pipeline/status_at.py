@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from ..core.datasets.dataset_state import MANIFEST, RUN, UNCHECKED, identity_problem, manifest_sha256_in
+from ..core.datasets.file_inventory import FileInventory, JournalTimes
 from ..core.datasets.json_text import parse_json
-from ..core.datasets.standing import MANIFEST, RUN, UNCHECKED, identity_problem, manifest_sha256_in
 from ..core.datasets.storage import sha256_of_bytes
-from ..core.datasets.tally import Tally, Written
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
 from ..core.planning.described import Described, described_sequences
@@ -77,7 +77,7 @@ class _Finished:
         described = described_sequences(identity, registry, self._chosen)
         asked = {item.folder: item.frames for item in described}
         there = [name for name in self._packed.sequences if tar_name(name) in self._sizes]
-        found: dict[str, Tally] = {}
+        found: dict[str, FileInventory] = {}
         progress.start("checking", sum(self._packed.manifest["frames"].values()))
         if self._check:
             for name, content in tar_contents(self._packed.address, there, self._sizes, threading.Event()):
@@ -104,33 +104,33 @@ class _Finished:
             notes=(UNCHECKED,) if self._check and known is None else (),
         )
 
-    def _sequence(self, item: Described, found: Tally | None) -> SequenceStatus:
+    def _sequence(self, item: Described, found: FileInventory | None) -> SequenceStatus:
         made = self._packed.manifest["frames"].get(item.folder)
         count = None if item.frames is None else len(item.frames)
         if self._chosen is None and made is not None:
             count = made  # by --frames it may have fewer than its path
         if found is None and made is not None:
             self._lost.append(tar_name(item.folder))
-            found = Tally(0, lost=(tar_name(item.folder),))
-        return SequenceStatus(item.setting, item.scene, count, found or Tally(0))
+            found = FileInventory(0, lost=(tar_name(item.folder),))
+        return SequenceStatus(item.setting, item.scene, count, found or FileInventory(0))
 
-    def _looked_at(self, name: str, asked: Sequence[int] | None) -> Tally:
+    def _looked_at(self, name: str, asked: Sequence[int] | None) -> FileInventory:
         """Return what a tar's size tells."""
         tar = tar_name(name)
         told = self._packed.described.get(tar)
         if told is not None and told.size != self._sizes[tar]:
             self._damaged.append(tar)
-            return Tally(0, damaged=(tar,))
+            return FileInventory(0, damaged=(tar,))
         if self._chosen is None or asked is None:
-            return Tally(self._packed.manifest["frames"][name])
+            return FileInventory(self._packed.manifest["frames"][name])
         rows = self._table.rows(name, ["frame"])
-        return Tally(len(set(rows.column("frame").to_pylist()) & set(asked)))
+        return FileInventory(len(set(rows.column("frame").to_pylist()) & set(asked)))
 
     @cached_property
     def _table(self) -> PackedTable:
         return PackedTable(self._packed.address)
 
-    def _read(self, name: str, content: TarContent, asked: Sequence[int] | None) -> Tally:
+    def _read(self, name: str, content: TarContent, asked: Sequence[int] | None) -> FileInventory:
         """Return what a tar holds."""
         files, there = self._packed.standing.files, content.digests
         named = {f"{name}/{text}": digest for text, digest in files[name].items()}
@@ -151,7 +151,7 @@ class _Finished:
             damaged = [tar_name(name)]  # in headers, or in samples' descriptions
         self._lost += lost
         self._damaged += damaged
-        return Tally(done, tuple(lost), tuple(damaged))
+        return FileInventory(done, tuple(lost), tuple(damaged))
 
 
 # --- under way ---
@@ -163,14 +163,14 @@ class _Images:
 
     frames: dict[str, set[int]] = field(default_factory=dict)
     damaged: dict[str, tuple[str, int]] = field(default_factory=dict)
-    written: list[Written] = field(default_factory=list)
+    written: list[JournalTimes] = field(default_factory=list)
 
-    def tally(self, images_each: int) -> Tally:
+    def tally(self, images_each: int) -> FileInventory:
         """Return what there is of the sequence."""
         kinds = list(self.frames.values())
         done = len(set.intersection(*kinds)) if len(kinds) >= images_each else 0
         damaged = [name for name, (kind, frame) in self.damaged.items() if frame not in self.frames.get(kind, ())]
-        return Tally(done, (), tuple(sorted(damaged)), tuple(self.written))
+        return FileInventory(done, (), tuple(sorted(damaged)), tuple(self.written))
 
 
 class _UnderWay:
@@ -248,7 +248,7 @@ class _UnderWay:
                     there.frames.setdefault(kind, set()).add(record.frame)
                     count += 1
             if count and time_s is not None:
-                there.written.append(Written((time_s,), count / images_each, cut=False))
+                there.written.append(JournalTimes((time_s,), count / images_each, cut=False))
 
 
 def _pace(described: tuple[Described, ...], found: list[SequenceStatus]) -> Pace:

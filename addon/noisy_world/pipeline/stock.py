@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,7 @@ def _image(sequence: Sequence, names: FrameNames, modality: Modality, frame: int
     return names.image(modality, frame), sequence.source_of(modality, frame)
 
 
-type Flags = dict[str, dict[Modality, NDArray[np.bool_]]]
+Flags: TypeAlias = dict[str, dict[Modality, NDArray[np.bool_]]]
 """By a sequence's folder and modality, whether each frame's image is there: however much was done to it, one byte."""
 
 

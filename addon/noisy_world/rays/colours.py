@@ -2,6 +2,7 @@
 """The colours of points on triangles, as Blender's materials show them: a texture, or else those of the corners."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from ..core.scenes.mesh import NEUTRAL_GREY, Mesh, Texture
 from .embree import Hits
 from .triangles import triangle_faces
 
-type Planes = NDArray[np.float32]
+Planes: TypeAlias = NDArray[np.float32]
 """Values (K, N), each kind in one piece: numpy then calculates several times as fast as with N rows of three."""
 
 BYTE = np.float32(1 / 255)

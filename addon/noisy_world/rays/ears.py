@@ -6,7 +6,7 @@ an outline, cuts off every other ear so that convex outlines do not become fans,
 inwards.
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ def cut_ears(points: NDArray[np.float32]) -> NDArray[np.int32]:
     return _Outline(points).triangles()
 
 
-type Point = tuple[Any, Any]
+Point: TypeAlias = tuple[Any, Any]
 """x and y."""
 
 

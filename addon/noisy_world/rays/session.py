@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from .colours import colours_of
 from .embree import Hits, TracedTriangles
 from .triangles import triangle_corners, triangle_faces, triangle_normals
 
-type _Take = Callable[[slice, NDArray[np.float32], Hits, NDArray[np.intp]], None]
+_Take: TypeAlias = Callable[[slice, NDArray[np.float32], Hits, NDArray[np.intp]], None]
 
 RAYS_AT_ONCE = 96_000  # chosen: as fast as any number from 48,000 on, and 15 MB a thread
 

@@ -7,13 +7,15 @@ float32 as there: a quad along the diagonal from its first corner, unless that l
 off ears.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
 from .ears import cut_ears, turn
 
-type Points = NDArray[np.float32]
+Points: TypeAlias = NDArray[np.float32]
 
 AT_ONCE = 500_000  # triangles whose normals are calculated together; chosen: 100 MB
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS, in_order
 from ..core.datasets.dataset import Journal
+from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import identity
 from ..core.datasets.records import FRAMES, FrameRecord, joined_records, read_records
-from ..core.datasets.standing import WORK_FOLDER
 from ..core.datasets.storage import (
     FolderLock,
     sha256_of_bytes,

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS
+from ..core.datasets.dataset_state import identity_problem
 from ..core.datasets.differences import COMMON, first_difference
 from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
-from ..core.datasets.standing import identity_problem
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics

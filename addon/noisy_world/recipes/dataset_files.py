@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Protocol
 
+from ..core.datasets.dataset_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, DatasetState, read_dataset_state
 from ..core.datasets.records import FRAMES, FrameRecord, joined_records, read_records
-from ..core.datasets.standing import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, Standing, read_standing
 from ..core.datasets.storage import sha256_of_regular_file
 from ..core.errors import InputError, InterruptedRunError
 from ..core.machine import available_threads
@@ -47,7 +47,7 @@ class SequenceFiles(Protocol):
 class DatasetFiles(Protocol):
     """The files of a dataset. standing: what it is."""
 
-    standing: Standing
+    standing: DatasetState
 
     def has(self, sequence: str) -> bool:
         """Tell whether there is a folder or a tar of a sequence."""
@@ -85,7 +85,7 @@ class FolderFiles:
 
     def __init__(self, folder: Path) -> None:
         """Look at the folder. Raises InputError where it holds no dataset."""
-        standing = read_standing(folder)
+        standing = read_dataset_state(folder)
         if standing is None:
             problem, remedy = "holds no dataset of Noisy World", "name the folder that has a manifest.json"
             raise InputError(folder, problem, remedy=remedy)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.dataset_state import MANIFEST, DatasetState, read_dataset_state
 from ..core.datasets.images import as_bytes
 from ..core.datasets.layouts import LAYOUTS, find_sequence
 from ..core.datasets.records import FRAMES
-from ..core.datasets.standing import MANIFEST, Standing, read_standing
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
@@ -36,7 +36,7 @@ class OpenedFolder(Opened):
         """Find the sequences. Raises InputError where there is none."""
         super().__init__(str(folder))
         self._folder = folder
-        standing = read_standing(folder)
+        standing = read_dataset_state(folder)
         if standing is None:
             self._places, self._whole = _plain_sequences(folder), dict[str, int]()
         else:
@@ -61,7 +61,7 @@ class OpenedFolder(Opened):
         return SequenceOfFiles(name, self._places[name])
 
 
-def _finished(folder: Path, standing: Standing) -> tuple[dict[str, Path], dict[str, int]]:
+def _finished(folder: Path, standing: DatasetState) -> tuple[dict[str, Path], dict[str, int]]:
     """Return the folders of a dataset's sequences by name, and the number of frames of those that have all of them."""
     if standing.problem and (folder / MANIFEST).exists():
         raise InputError(folder, standing.problem)  # without one, somebody copied sequences, which say enough

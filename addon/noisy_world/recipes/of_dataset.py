@@ -5,9 +5,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..core.datasets.dataset_state import MANIFEST, OVERVIEW, WORK_FOLDER, journal_folders, read_dataset_state
 from ..core.datasets.place import check_no_links
 from ..core.datasets.records import FRAMES
-from ..core.datasets.standing import MANIFEST, OVERVIEW, WORK_FOLDER, journal_folders, read_standing
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.progress import Progress
@@ -36,7 +36,7 @@ def recipe_of(dataset: Path | str, progress: Progress) -> Recipe:
 
 
 def _recipe_of_folder(folder: Path, progress: Progress) -> Recipe:
-    standing = read_standing(folder)
+    standing = read_dataset_state(folder)
     if standing is None:
         raise InputError(folder, "holds no dataset of Noisy World", remedy="name the folder that has a manifest.json")
     if standing.problem:

@@ -5,12 +5,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+from ..core.datasets.dataset_state import identity_problem, is_inside
 from ..core.datasets.json_text import read_json
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.datasets.provenance import package_version
-from ..core.datasets.standing import identity_problem, is_inside
 from ..core.errors import InputError
 from .digests import BLOCK_FRAMES, DIGEST_BYTES, blocks_of, split_digests
 from .frame_numbers import FrameNumbers
@@ -19,7 +19,7 @@ FORMAT = 1  # version of the file; raised when its keys or its digests change
 KIND = "recipe of Noisy World"
 DIGESTS = f"the first {DIGEST_BYTES} bytes of SHA-256 in URL-safe base64"
 
-type Digests = Mapping[int, str]
+Digests: TypeAlias = Mapping[int, str]
 """A digest by the number of the block."""
 
 

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..core.datasets.dataset_state import DatasetState
 from ..core.datasets.records import FRAMES, FrameRecord
-from ..core.datasets.standing import Standing
 from ..core.progress import Progress
 from ..storage.address import address_of
 from ..storage.packed import is_packed, open_packed
@@ -63,7 +63,7 @@ class _Sequence:
     name: str
     wanted: SequenceDigests
     files: SequenceFiles
-    standing: Standing
+    standing: DatasetState
     made_otherwise: bool
 
     def compared(self) -> Found:

@@ -7,7 +7,7 @@ from collections.abc import Sequence as Many
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from .mesh import MeshSource
 
 if TYPE_CHECKING:
     from ..blender.own_scene import OwnSceneSession
+
+T = TypeVar("T")
 
 LIT_SAMPLES = 64  # chosen: of a pixel, where the preset says none
 DEPTH_ALPHA = 0.5  # what is less opaque does not stop depth, as by default of a .blend
@@ -129,7 +131,7 @@ class PreparedLitMesh:
         return OpenBlend(self._session, plain.beginning(paths, options.first_frames))
 
 
-def file_of[T](lit: Path, stamps_s: Many[float], kind: Callable[..., T]) -> T:
+def file_of(lit: Path, stamps_s: Many[float], kind: Callable[..., T]) -> T:
     """Return what of the file is rendered: one frame of its scene, through plain cameras, at the path's stamps."""
     count = len(stamps_s)
     return kind(

@@ -26,7 +26,7 @@ from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
-from .treated import Treatment
+from .rectification import Rectification
 
 RECORDED = "a recording has nothing between its frames"
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
@@ -45,7 +45,7 @@ class Recording:
         """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
         return self.treatment(camera).left
 
-    def treatment(self, camera: Intrinsics) -> Treatment:
+    def treatment(self, camera: Intrinsics) -> Rectification:
         """Return what is done to each frame before it is perturbed. camera: of colour.
 
         Raises InputError where a lens is to be undistorted that belongs to another camera than this.
@@ -56,7 +56,7 @@ class Recording:
             if self.undistort:
                 problem = "camera replaces the dataset's own, whose lens is known"
                 raise self.place.at("undistort").error(problem, "leave one of them out")
-        return Treatment(camera, optics, self.undistort, self.register)
+        return Rectification(camera, optics, self.undistort, self.register)
 
     @property
     def location(self) -> str:
@@ -199,7 +199,7 @@ class OpenRecording:
     """A recording that is ready to give frames. treatment: done to each; None for nothing."""
 
     stored: StoredSequence
-    treatment: Treatment | None = None
+    treatment: Rectification | None = None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenRecording":
         """Return itself: the files decide what its frames show."""
@@ -216,7 +216,7 @@ class RecordedFrame(ColourAndDepth):
     """A frame on disk. treatment: done to its images; None for nothing."""
 
     stored: StoredFrame
-    treatment: Treatment | None = None
+    treatment: Rectification | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:

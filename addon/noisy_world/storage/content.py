@@ -6,30 +6,30 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS, in_order
+from ..core.datasets.dataset_state import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_dataset_state
 from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import LAYOUTS, Layout, Modality
 from ..core.datasets.place import check_no_links
 from ..core.datasets.provenance import cameras_of
 from ..core.datasets.records import FRAMES, FrameRecord, read_records
-from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_standing
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 from ..core.regular_files import read_bytes
 from ..core.trajectories.stamps import FrameStamps
 
-type ReadImage = Callable[[str, str], bytes]
+ReadImage: TypeAlias = Callable[[str, str], bytes]
 """Returns the content of an image of a sequence: by its name inside the sequence's folder, and its SHA-256."""
 
 
 @dataclass(frozen=True)
-class PackedFrame:
+class FrameImages:
     """A frame of a sequence. c2w (4, 4): of the colour camera. images: by modality the file's name and its SHA-256."""
 
     record: FrameRecord
@@ -110,13 +110,13 @@ class Content:
             raise StorageError(f"{path}: is not as it was written; generate makes such files again")
         return data
 
-    def frames(self, sequence: str) -> list[PackedFrame]:
+    def frames(self, sequence: str) -> list[FrameImages]:
         """Return a sequence's frames, in order. Raises StorageError, InputError where its text files are damaged."""
         self.file(f"{sequence}/{FRAMES}", self.manifest["files"][sequence][FRAMES])
         records = list(read_records(self.folder / sequence / FRAMES))
         time_s = np.array([record.time_s for record in records])
         poses = self.layout.written_poses(self.folder / sequence, time_s)
-        return [PackedFrame(record, c2w, self._images(record)) for record, c2w in zip(records, poses, strict=True)]
+        return [FrameImages(record, c2w, self._images(record)) for record, c2w in zip(records, poses, strict=True)]
 
     def _images(self, record: FrameRecord) -> dict[Modality, tuple[str, str]]:
         """Return a frame's images by modality: a name is of one where it is like the layout's, digits aside."""
@@ -142,7 +142,7 @@ class Content:
 class Images(Protocol):
     """Where the images of a dataset are."""
 
-    def reader(self, sequence: str, frames: list[PackedFrame]) -> ReadImage:
+    def reader(self, sequence: str, frames: list[FrameImages]) -> ReadImage:
         """Return what reads a sequence's images, in the order of the frames; threads have one each.
 
         It raises StorageError for an image that is not as it was written.
@@ -156,7 +156,7 @@ class FolderImages:
     def __init__(self, content: Content) -> None:
         self._content = content
 
-    def reader(self, sequence: str, frames: list[PackedFrame]) -> ReadImage:
+    def reader(self, sequence: str, frames: list[FrameImages]) -> ReadImage:
         """Return what reads a sequence's images."""
         del frames
         return lambda name, sha256: self._content.file(f"{sequence}/{name}", sha256)
@@ -173,7 +173,7 @@ def _like(name: str) -> str:
 
 def read_content(folder: Path) -> Content:
     """Return what a finished dataset in a folder holds. Raises StorageError where there is none."""
-    standing = read_standing(folder) if folder.is_dir() else None
+    standing = read_dataset_state(folder) if folder.is_dir() else None
     if standing is None:
         raise StorageError(f"{folder}: holds no dataset of Noisy World; name the folder that generate wrote")
     if standing.problem:

@@ -7,7 +7,7 @@ from typing import Any
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import CONVENTIONS
-from .content import Content, PackedFrame
+from .content import Content, FrameImages
 from .sequence_tar import FrameSpans, perturbed_text, tar_name
 from .tar_stream import Sink
 
@@ -60,7 +60,7 @@ class FrameTable:
             pyarrow.PythonFile(_Writable(sink), mode="w"), self._schema, compression="zstd"
         )
 
-    def add(self, sequence: str, frames: list[PackedFrame], spans: list[FrameSpans]) -> None:
+    def add(self, sequence: str, frames: list[FrameImages], spans: list[FrameSpans]) -> None:
         """Write the rows of a sequence."""
         setting, scene = sequence.split("/")
         rows: dict[str, list[Any]] = {

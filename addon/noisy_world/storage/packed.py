@@ -9,11 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from ..core.channels import in_order
+from ..core.datasets.dataset_state import (
+    IDENTITY,
+    MANIFEST,
+    WORK_FOLDER,
+    DatasetState,
+    manifest_problem,
+    version_problem,
+)
 from ..core.datasets.json_text import parse_json, read_json
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import cameras_of
 from ..core.datasets.records import FRAMES
-from ..core.datasets.standing import IDENTITY, MANIFEST, WORK_FOLDER, Standing, manifest_problem, version_problem
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from .address import Address, open_address
@@ -31,7 +38,7 @@ class Packed:
     """A finished packed dataset. standing: what its manifest says, as of a dataset in a folder."""
 
     address: Address
-    standing: Standing
+    standing: DatasetState
 
     @property
     def manifest(self) -> dict[str, Any]:
@@ -102,7 +109,7 @@ def open_packed(text: str) -> Packed:
     return Packed(address, standing)
 
 
-def sealed_standing(address: Address) -> Standing | None:
+def sealed_standing(address: Address) -> DatasetState | None:
     """Return what the manifest at an address says; None where there is none."""
     data = address.read(MANIFEST)
     if data is None:
@@ -114,9 +121,9 @@ def sealed_standing(address: Address) -> Standing | None:
     except ValueError as error:
         problem = str(error)
     if problem:
-        return Standing(None, None, frozenset(), holds_frames=True, problem=f"{MANIFEST} {problem}")
+        return DatasetState(None, None, frozenset(), holds_frames=True, problem=f"{MANIFEST} {problem}")
     identity = value["identity"]
-    return Standing(identity, value, frozenset(identity["sequences"]), holds_frames=True)
+    return DatasetState(identity, value, frozenset(identity["sequences"]), holds_frames=True)
 
 
 def wrong_descriptions(packed: Packed, sizes: dict[str, int], *, check: bool) -> tuple[list[str], list[str]]:

@@ -70,7 +70,7 @@ def tar_contents(
 def read_tar(address: Address, sequence: str, size: int, stopped: Callable[[], bool]) -> TarContent:
     """Return what the tar of a sequence holds. Raises InterruptedRunError where `stopped` says so."""
     stream = _Hashed(content_of(address, tar_name(sequence), size), stopped)
-    found = _Found()
+    found = _TarMembers()
     # ValueError: of numbers in a damaged header
     with (
         contextlib.suppress(tarfile.TarError, EOFError, ValueError),
@@ -85,7 +85,7 @@ def read_tar(address: Address, sequence: str, size: int, stopped: Callable[[], b
 
 
 @dataclass
-class _Found:
+class _TarMembers:
     """The members of a tar so far. stored: what links lead to. texts: the content of text files, as they are stored."""
 
     digests: dict[str, str] = field(default_factory=dict)

@@ -10,11 +10,11 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeAlias
 
+from ..core.datasets.dataset_state import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER
 from ..core.datasets.json_text import parse_json
 from ..core.datasets.provenance import FORMAT
-from ..core.datasets.standing import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.presets.preset import canonical
@@ -32,7 +32,7 @@ CLAIM = f"{WORK_FOLDER}/{IDENTITY}"
 PACKED_SEQUENCES = f"{WORK_FOLDER}/sequences"  # a small file for each sequence whose tar is written
 PACKERS = 4  # sequences that are written at once: stores answer late and take much; chosen: 50 MB of memory each
 
-type Packed = tuple[PackedFile, list[FrameSpans]]
+Packed: TypeAlias = tuple[PackedFile, list[FrameSpans]]
 """A sequence's tar, and where its frames lie in it."""
 
 

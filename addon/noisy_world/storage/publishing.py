@@ -5,7 +5,7 @@ import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..core.datasets.standing import RUN
+from ..core.datasets.dataset_state import RUN
 from ..core.errors import StorageError
 from ..core.progress import Progress
 from ..core.regular_files import read_bytes
@@ -15,7 +15,7 @@ from .packing import ELSEWHERE, claim, pack, remove_work, sealed_manifest
 
 
 @dataclass(frozen=True)
-class Published:
+class Publication:
     """What publishing did. new: False where the address held the dataset. sequences, frames: how many it has."""
 
     new: bool
@@ -23,7 +23,7 @@ class Published:
     frames: int
 
 
-def publish(folder: Path, address: Address, progress: Progress, stop: threading.Event) -> Published:
+def publish(folder: Path, address: Address, progress: Progress, stop: threading.Event) -> Publication:
     """Pack the finished dataset of a folder at an address; each file's hash is checked on the way.
 
     Raises StorageError where the folder holds no finished dataset, where a file is not as it was written, and where the
@@ -31,7 +31,7 @@ def publish(folder: Path, address: Address, progress: Progress, stop: threading.
     """
     content = read_content(folder)
     address.check()
-    found = Published(True, len(content.sequences), sum(content.manifest["frames"].values()))
+    found = Publication(True, len(content.sequences), sum(content.manifest["frames"].values()))
     sealed = sealed_manifest(address)
     if sealed is not None:
         if sealed != content.manifest:

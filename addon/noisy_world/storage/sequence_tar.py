@@ -14,7 +14,7 @@ from typing import Any
 
 from ..core.datasets.layouts import Modality
 from ..core.errors import InterruptedRunError
-from .content import Content, Images, PackedFrame, ReadImage
+from .content import Content, FrameImages, Images, ReadImage
 from .tar_stream import Sink, TarStream
 
 FRAMES_FOLDER = "frames"
@@ -67,7 +67,7 @@ def write_sequence(
     return spans
 
 
-def _write_frame(tar: TarStream, content: Content, sequence: str, frame: PackedFrame, read: ReadImage) -> FrameSpans:
+def _write_frame(tar: TarStream, content: Content, sequence: str, frame: FrameImages, read: ReadImage) -> FrameSpans:
     images: dict[Modality, Span] = {}
     links: dict[str, str] = {}
     for modality, (name, digest) in frame.images.items():
@@ -82,7 +82,7 @@ def _write_frame(tar: TarStream, content: Content, sequence: str, frame: PackedF
     return FrameSpans(Span(at, len(told)), images)
 
 
-def told_of_frame(content: Content, sequence: str, frame: PackedFrame) -> dict[str, Any]:
+def told_of_frame(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
     """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
 
     c2w: 4 x 4. camera: its intrinsics in pixels. perturbed: what was done to the frame, as a text of JSON, since it has
@@ -102,6 +102,6 @@ def told_of_frame(content: Content, sequence: str, frame: PackedFrame) -> dict[s
     }
 
 
-def perturbed_text(frame: PackedFrame) -> str:
+def perturbed_text(frame: FrameImages) -> str:
     """Return what was done to a frame, as a text of JSON."""
     return json.dumps(frame.record.perturbed, separators=(",", ":"))

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.json_text import parse_json
 from ..core.datasets.shard_record import SHARDS, ShardRecord
-from ..core.datasets.standing import WORK_FOLDER
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.planning.shards import Shard
 from ..core.regular_files import read_bytes
 from .address import Address
-from .content import PackedFrame, ReadImage
+from .content import FrameImages, ReadImage
 from .tar_stream import TarStream
 
 PLACE = f"{WORK_FOLDER}/{SHARDS}"
@@ -133,7 +133,7 @@ class ShardImages:
         places = np.array([(number, *span) for span in stored.spans.values()], dtype=np.int64).reshape(-1, 3)
         self._parts.append((digests, places))
 
-    def reader(self, sequence: str, frames: list[PackedFrame]) -> ReadImage:
+    def reader(self, sequence: str, frames: list[FrameImages]) -> ReadImage:
         """Return what reads a sequence's images in ranges of the shards' tars, a few megabytes at once."""
         self._join()
         reads = {

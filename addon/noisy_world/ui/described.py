@@ -6,7 +6,7 @@ import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import bpy
 
@@ -14,7 +14,7 @@ from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
 from ..core.schema import KeyInfo
 
-type Listener = Callable[[bpy.types.Scene, str], None]
+Listener: TypeAlias = Callable[[bpy.types.Scene, str], None]
 """Called with the scene and the name of the changed property; "steps" for everything inside a perturbation."""
 
 LISTENERS: list[Listener] = []

@@ -106,19 +106,19 @@ def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Given:
+class GivenByPanel:
     """Whether the panel gives the intrinsics, and engine and samples; if not, the scene itself does."""
 
     lens: bool
     render: bool
 
 
-def given_of(panel: Any) -> Given:
+def given_of(panel: Any) -> GivenByPanel:
     """Return what the panel gives itself."""
     if footage.is_shown(panel):
-        return Given(lens=not footage.takes_camera(panel), render=False)
+        return GivenByPanel(lens=not footage.takes_camera(panel), render=False)
     own = this_scene.is_shown(panel)
-    return Given(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
+    return GivenByPanel(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
 
 
 def recorded(panel: Any) -> footage.Footage:

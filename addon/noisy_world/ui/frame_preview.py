@@ -4,7 +4,7 @@
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import bpy
 import numpy as np
@@ -32,7 +32,7 @@ from .properties import panel_of
 from .shown_motion import camera_at
 from .stills import beside, check_depth, path_frames, rendered
 
-type Kind = Literal["COLOUR", "DEPTH"]
+Kind: TypeAlias = Literal["COLOUR", "DEPTH"]
 
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours

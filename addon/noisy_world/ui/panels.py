@@ -22,6 +22,7 @@ from .step_fields import draw_step
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "motion": ("Motion", "CON_FOLLOWPATH"),
+    "exposure": ("Exposure", "MOD_TIME"),
     "environment": ("Environment", "WORLD"),
     "lens": ("Lens", "CAMERA_DATA"),
     "sensor": ("Sensor", "TEXTURE"),
@@ -39,7 +40,7 @@ else:
     _Mixin = object
 
 
-class Section(_Mixin):
+class PanelSection(_Mixin):
     """A section of the tab."""
 
     bl_space_type = "VIEW_3D"
@@ -66,7 +67,7 @@ class Section(_Mixin):
         return layout
 
 
-class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
+class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
     """The mesh"""
 
     bl_label = "Scene"
@@ -96,7 +97,7 @@ class NOISYWORLD_PT_scene(Section, bpy.types.Panel):
                 layout.operator("noisy_world.show_colors", icon="SHADING_TEXTURE")
 
 
-class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
+class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
     """The path"""
 
     bl_label = "Trajectory"
@@ -125,7 +126,7 @@ class NOISYWORLD_PT_trajectory(Section, bpy.types.Panel):
             layout.label(text=told, icon="CHECKMARK")
 
 
-class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
+class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
     """How far from the path the camera is, and how fast along it"""
 
     bl_label = "Deviation and Speed"
@@ -142,7 +143,7 @@ class NOISYWORLD_PT_deviation(Section, bpy.types.Panel):
         paths.draw(layout, context)
 
 
-class NOISYWORLD_PT_camera(Section, bpy.types.Panel):
+class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
     """The intrinsics"""
 
     bl_label = "Camera"
@@ -244,7 +245,7 @@ def _stage_menu(stage: Stage) -> type:
     )
 
 
-class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
+class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
     """What is done to the sequence"""
 
     bl_label = "Perturbations"
@@ -269,7 +270,7 @@ class NOISYWORLD_PT_perturbations(Section, bpy.types.Panel):
             write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
 
 
-class NOISYWORLD_PT_preview(Section, bpy.types.Panel):
+class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
     """The perturbations, live"""
 
     bl_label = "Preview"
@@ -282,7 +283,7 @@ class NOISYWORLD_PT_preview(Section, bpy.types.Panel):
         asset_library.draw(layout, context)
 
 
-class NOISYWORLD_PT_output(Section, bpy.types.Panel):
+class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
     """How frames are rendered and written"""
 
     bl_label = "Render and Output"
@@ -316,7 +317,7 @@ class NOISYWORLD_PT_output(Section, bpy.types.Panel):
         generate.draw(layout, context)
 
 
-class NOISYWORLD_PT_evaluation(Section, bpy.types.Panel):
+class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
     """What the perturbations do to SLAM"""
 
     bl_label = "Evaluation"

@@ -14,7 +14,7 @@ from ..core.labels import title
 from ..core.perturbing.steps import Step
 from .document import save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
-from .panels import Section
+from .panels import PanelSection
 from .preset_files import is_own, listed, own_folder, own_path, preset_label, shipped_folder
 from .properties import panel_of
 from .taking import add_perturbations, open_preset, take_part
@@ -292,7 +292,7 @@ class NOISYWORLD_MT_settings(bpy.types.Menu):
             entry.filepath, entry.setting, entry.part = panel.preset_path, name, "ALL"
 
 
-class NOISYWORLD_PT_preset(Section, bpy.types.Panel):
+class NOISYWORLD_PT_preset(PanelSection, bpy.types.Panel):
     """The panel as a file"""
 
     bl_label = "Preset"

@@ -10,7 +10,7 @@ import numpy as np
 from ..blender.scene_camera import sampled_camera
 from ..core.planning.sequence import Sequence
 from ..core.schema import Place
-from ..core.trajectories.stance import Stance, stance_of
+from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ..core.trajectories.trajectory import Trajectory
 from ..pipeline.clean_frame import Camera
 from . import footage, this_scene
@@ -59,7 +59,7 @@ def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:
     return replace(camera, path=shown_path(scene, sources))
 
 
-def stances(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], Stance] | None:
+def stances(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], CameraState] | None:
     """Return what gives the camera's stance at a frame of the sequence, whose last one stays at later numbers.
 
     None where no perturbation asks for it, or where the path is not known wholly: the scene's own camera has to be
@@ -69,7 +69,7 @@ def stances(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], Stanc
     if path is None:
         return None
     camera, last = Camera(None, path.stamps_s, path), len(sequence.source_frames) - 1
-    return lambda frame: stance_of(camera.motion(sequence, min(max(frame, 0), last)))
+    return lambda frame: camera_state_of(camera.motion(sequence, min(max(frame, 0), last)))
 
 
 def is_unknown(scene: bpy.types.Scene, sequence: Sequence) -> bool:

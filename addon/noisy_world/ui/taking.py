@@ -3,7 +3,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import bpy
 
@@ -24,7 +24,7 @@ from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY
 from .step_list import clear_entries, put_step, take_step
 from .typed_numbers import set_value
 
-type Part = Literal["SCENE", "PATH", "CAMERA", "OUTPUT"]
+Part: TypeAlias = Literal["SCENE", "PATH", "CAMERA", "OUTPUT"]
 """What a section of the panel shows, beside the perturbations."""
 
 _SHOWN: dict[Part, tuple[str, ...]] = {

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,8 @@ from ..core.datasets.layouts import find_sequence
 if TYPE_CHECKING:
     from ..evaluation.metrics import Score
 
-type Float64 = NDArray[np.float64]
-type Part = Literal["true", "lost", "near", "off", "far"]
+Float64: TypeAlias = NDArray[np.float64]
+Part: TypeAlias = Literal["true", "lost", "near", "off", "far"]
 """A part of what is drawn: the true path, where the camera was lost on it, and the estimate by its error."""
 
 NEAR_M, FAR_M = 0.01, 0.05  # errors below the first are near, above the second far; chosen: a good, and a useless map

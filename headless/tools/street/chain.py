@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
@@ -26,14 +26,14 @@ from noisy_world.core.node_graphs.camera import camera_values
 from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.trajectories.camera_state import camera_state_of
 from noisy_world.core.trajectories.motion import motion_between
-from noisy_world.core.trajectories.stance import stance_of
 from noisy_world.perturbations import registry
 
 GAP = 60
 TOP = 200  # of the nodes, so that a node editor shows them as it opens
 OVERRIDE = "Override Severity"
-type Keys = Sequence[tuple[int, float]]
+Keys: TypeAlias = Sequence[tuple[int, float]]
 """Scene frames with values; between them the value goes straight from one to the other."""
 
 
@@ -127,7 +127,7 @@ def key_camera(
     each = []
     for frame, here in enumerate(c2w):
         seconds = 1 / fps if frame else 0.0
-        each.append(camera_values(stance_of(motion_between(c2w[0], c2w[max(frame - 1, 0)], here, seconds))))
+        each.append(camera_values(camera_state_of(motion_between(c2w[0], c2w[max(frame - 1, 0)], here, seconds))))
     for node in groups:
         for name in each[0]:
             if name not in node.inputs:

@@ -4,6 +4,7 @@
 import random
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 from .solids import Point, Solid
 
@@ -12,7 +13,7 @@ RECESS_M = 0.16
 DEEP_M = 9.0  # of a house
 SHOP_M = 2.6  # how deep a shop can be looked into
 LIT_SHARE = 0.34  # of the windows
-type Hole = tuple[float, float, float, float]
+Hole: TypeAlias = tuple[float, float, float, float]
 """Of a front: from, to along it; from, to above the ground."""
 
 

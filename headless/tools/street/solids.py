@@ -4,12 +4,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import bpy
 import numpy as np
 
 GLOW = "glow"  # of a face: how much light it gives, in scene-linear units, for materials that ask
-type Point = tuple[float, float, float]
+Point: TypeAlias = tuple[float, float, float]
 
 
 @dataclass

@@ -2,7 +2,7 @@
 """The street's materials: procedural, by world position, so that no picture and no unwrapping is needed."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 import bpy
 
@@ -11,8 +11,8 @@ from noisy_world.blender.typed import inputs, node_tree, outputs, set_value
 
 from .solids import GLOW
 
-type Colour = tuple[float, float, float]
-type Value = bpy.types.NodeSocket | float | tuple[float, ...]
+Colour: TypeAlias = tuple[float, float, float]
+Value: TypeAlias = bpy.types.NodeSocket | float | tuple[float, ...]
 SHADER_NODES = "ShaderNode"
 
 

@@ -3,12 +3,13 @@
 
 import random
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-type Vector = NDArray[np.float64]
+Vector: TypeAlias = NDArray[np.float64]
 
 LEVELS = 6  # of branches, the trunk among them; chosen
 STEPS = 4  # points of a branch, beyond its first

@@ -57,10 +57,16 @@ def test_a_point_seen_in_two_frames_is_one_place_of_the_world(name, tmp_path):
         assert intrinsics(stored.known_camera) == written.colour_k
         assert stored.depth_scale_per_m == written.scale_per_m
     pairs = itertools.combinations(range(len(stored.trajectory)), 2)
-    off_m = [np.abs(np.subtract(*seen_twice(stored, frames, written.scale_per_m))).max(axis=1) for frames in pairs]
-    off_m = np.concatenate(off_m)
-    assert len(off_m) > 100
-    assert np.quantile(off_m, 0.98) < 3.0 / written.scale_per_m  # the others are beside an edge of the box
+    one, other = (
+        np.concatenate(places)
+        for places in zip(*(seen_twice(stored, frames, written.scale_per_m) for frames in pairs), strict=True)
+    )
+    # Both depths are rounded to half a step, along rays that are longer than the depth. Within 5 cm of an edge of the
+    # box, where the second nearest wall is, the four pixels around a place may be of two walls.
+    off_m = np.abs(one - other).max(axis=1)
+    on_one_wall = np.sort(np.abs(HALF_M - np.abs(one)), axis=1)[:, 1] > 0.05
+    assert np.count_nonzero(on_one_wall) > 100
+    assert off_m[on_one_wall].max() < 1.5 / written.scale_per_m
     assert np.median(off_m) < 1.0 / written.scale_per_m
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Unfinished files of runs that ended."""
+"""Unfinished files: of runs that ended, and of files that were given a second name."""
 
 from noisy_world.core.datasets.removal import remove_unfinished
+from noisy_world.core.datasets.storage import Mover, link_or_copy
 
 
 def test_of_unfinished_files_only_those_of_runs_are_removed(tmp_path):
@@ -17,3 +18,18 @@ def test_of_unfinished_files_only_those_of_runs_are_removed(tmp_path):
     remove_unfinished(tmp_path / "ours")
     assert not (tmp_path / "ours").exists()
     remove_unfinished(tmp_path / "ours")
+
+
+def test_a_name_given_or_moved_twice_leaves_nothing_behind(tmp_path):
+    # POSIX: renaming one name of a file to another name of the same file does nothing, so both would stay.
+    scratch = tmp_path / "unfinished"
+    scratch.mkdir()
+    source, target = tmp_path / "source.png", tmp_path / "target.png"
+    source.write_bytes(b"image")
+    for _ in range(2):
+        link_or_copy(source, target, scratch)
+        assert target.samefile(source)
+        assert list(scratch.iterdir()) == []
+    Mover(scratch).move(source, target)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["target.png", "unfinished"]
+    assert target.read_bytes() == b"image"

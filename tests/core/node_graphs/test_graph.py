@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.node_graphs.graph import INTERFACE, Graph, GroupInput, Picture, Socket
+from noisy_world.core.node_graphs.graph import INTERFACE, Graph, GroupInput, BroughtImage, Socket
 
 # Blender's manual on the Math and the Vector Math node, operation by operation.
 OPERATIONS = {
@@ -146,7 +146,7 @@ def test_the_stamp_tells_descriptions_apart():
         a = graph.input(GroupInput("a", "float", default, "what comes in"))
         within = Graph("inner", "Inside")
         within.output("Image", within.input(GroupInput("Image", "color", (0, 0, 0, 1), "in")) * inner)
-        shown = graph.picture(Picture("noise", version, lambda: np.zeros((2, 2), np.uint8)))
+        shown = graph.picture(BroughtImage("noise", version, lambda: np.zeros((2, 2), np.uint8)))
         shown = graph.group(within, {"Image": shown}, name="Inner").out("Image", "color")
         graph.output("Image", graph.math(property_, shown, a * factor))
         return graph.stamp

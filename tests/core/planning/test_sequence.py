@@ -69,6 +69,11 @@ def test_speed_and_desynchronisation_by_hand():
     with pytest.raises(ValueError, match="setting/room: frame 2 is left out"):
         dropped.shown(2)
     assert dropped.sources(["rgb", "depth"]) == range(0, 10, 3)
+    # Chosen frames keep their own pairs: depth of the frame before, so that the first one has none.
+    early = [{"desync": {"offset": -1, "edge": "drop"}}]
+    assert list(sequence(early, 6, slice(1, 4)).frames) == [1, 2, 3]
+    assert list(sequence(early, 6, slice(0, 2)).frames) == [1]
+    assert sequence(early, 6, slice(1, 4)).sources(["depth"]) == range(3)
 
 
 @pytest.mark.parametrize("indices", [[4, 4, 0, 2, 2], [1], [5, 4, 3, 2, 1, 0], [3, 1]])

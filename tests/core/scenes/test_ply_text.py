@@ -13,7 +13,7 @@ class TestText:
         lines = [" ".join(words[i : i + 3]) for i in range(0, len(words), 3)]
         header = ply("ascii", ("vertex", ("double x", "double y", "double z"), []), face([])).decode()
         header = header.replace("vertex 0", f"vertex {len(lines)}").replace("face 0", "face 1")
-        return read(f"{header}{'\n'.join(lines)}\n3 0 1 2\n".encode()).vertices_m.ravel()
+        return read((header + "\n".join([*lines, "3 0 1 2\n"])).encode()).vertices_m.ravel()
 
     def test_number_forms(self, read):
         words = """

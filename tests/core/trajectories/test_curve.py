@@ -39,6 +39,7 @@ def test_positions_are_scipy_s_natural_spline():
     np.testing.assert_array_equal(ours.at(KNOTS), values)
     beyond = values[-1] + 3.0 * theirs(KNOTS[-1], 1)
     np.testing.assert_allclose(ours.at(KNOTS[-1] + 3.0), beyond, atol=1e-12)
+    np.testing.assert_allclose(ours.at(KNOTS[0] - 3.0), values[0] - 3.0 * theirs(KNOTS[0], 1), atol=1e-12)
 
 
 def test_turns_about_one_axis_are_the_natural_spline_of_the_angle():
@@ -48,6 +49,11 @@ def test_turns_about_one_axis_are_the_natural_spline_of_the_angle():
     inside = np.linspace(KNOTS[0], KNOTS[-1], 999)
     wanted = CubicSpline(KNOTS, angle_rad, bc_type="natural")(inside)
     np.testing.assert_allclose(spline.at(inside), Rotation.from_rotvec(wanted[:, None] * axis).as_matrix(), atol=1e-11)
+    theirs = CubicSpline(KNOTS, angle_rad, bc_type="natural")
+    for end, beyond in ((0, -0.7), (-1, 0.9)):  # it goes on as fast as at each end
+        wanted = angle_rad[end] + beyond * theirs(KNOTS[end], 1)
+        found = spline.at(KNOTS[end] + beyond)
+        np.testing.assert_allclose(found, Rotation.from_rotvec(wanted * axis).as_matrix(), atol=1e-11)
 
 
 def test_angular_velocity_and_acceleration_have_no_jump():
@@ -116,6 +122,16 @@ def test_what_is_unknown_stays_unknown():
     with pytest.raises(NoisyWorldError, match=r"0\.5 s, between the frames: a shake"):
         alone.pose_at(0.5)
     assert subsample(alone, every=2).independent == alone.independent
+    # What is made of a path knows no more than the path does.
+    rows, sensor = np.array([0, 2, 3]), Sensor(turning_path(1.0))
+    for part in (path.at(rows, np.arange(3.0)), path.followed(rows), sensor_trajectory(path, sensor).followed(rows)):
+        np.testing.assert_array_equal(part.known, [True, False, True])
+        for time_s in (0.5, 1.5):
+            with pytest.raises(NoisyWorldError, match="unknown"):
+                part.pose_at(time_s)
+    for part in (alone.at(rows, np.arange(3.0)), alone.followed(rows), sensor_trajectory(alone, sensor)):
+        assert part.independent == alone.independent
+    np.testing.assert_array_equal(path.known_at([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0]), [1, 1, 0, 0, 0, 1, 1])
 
 
 def test_requests_follow_the_paths():
@@ -128,7 +144,15 @@ def test_requests_follow_the_paths():
     assert (later.index, later.time_s) == (None, pytest.approx(0.213))
     np.testing.assert_allclose(later.rgb_c2w, turning_path(0.213), atol=1e-13)
     np.testing.assert_allclose(later.depth_c2w, turning_path(0.213) @ turning_path(1.0), atol=1e-13)
+    again = later.after(-0.05)  # seconds after seconds
+    assert (again.index, again.time_s) == (None, pytest.approx(0.163))
+    np.testing.assert_allclose(again.rgb_c2w, turning_path(0.163), atol=1e-13)
     assert request.after(0.0) is request
+    # Followed twice as fast, from 0.1 s on the source's clock, the sensors are there when it says.
+    clock = NaturalSpline(path.stamps_s[:4], 0.1 + 2 * path.stamps_s[:4, None])
+    faster = SensorPaths(path.followed(np.arange(2, 10, 2)), clock=clock).request(1).after(0.01).after(0.02)
+    assert faster.time_s == pytest.approx(0.26)
+    np.testing.assert_allclose(faster.rgb_c2w, turning_path(0.26), atol=1e-13)
     still = FrameRequest(0, 1.0, np.eye(4), np.eye(4)).after(0.5)
     assert (still.index, still.time_s) == (None, 1.5)
     with pytest.raises(NoisyWorldError, match=r"no frame at 1\.5 s"):

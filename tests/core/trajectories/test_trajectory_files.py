@@ -95,7 +95,7 @@ def test_blank_lines_comments_line_ends_and_marks(write):
         "\r\n".join(lines) + "\r\n",
         "\r".join(lines),
         "\ufeff" + "\n".join(lines),
-        "\n".join(f"  {line.replace(' ', '\t ')} # frame" for line in lines),
+        "\n".join("  " + line.replace(" ", "\t ") + " # frame" for line in lines),
         "\n".join(line.replace(" ", ",") for line in lines),
         "\n".join(line.replace(" ", ", ") + "," for line in lines),
     ]

@@ -2,6 +2,7 @@
 """All tables at once: numbers in one's head, and tables that lack something."""
 
 import io
+import statistics
 import warnings
 
 import numpy as np
@@ -73,6 +74,7 @@ def test_spread_over_scenes_and_seeds(tables):
     freedom = sum(f**2 for f in FACTOR.values()) ** 2 / sum(f**4 for f in FACTOR.values())
     assert row["here_high"] - row["mean"] == pytest.approx(stats.t.ppf(0.975, freedom) * here)
     assert (row["minimum"], row["maximum"], row["median"]) == pytest.approx((0.02, 0.1, 0.045))
+    assert row["standard_deviation"] == pytest.approx(statistics.stdev([0.02, 0.025, 0.04, 0.05, 0.08, 0.1]))
     assert row["geometric_mean"] == pytest.approx(0.04 * np.sqrt(1.25))
     clean = row_of(tables["spread"], system="one", setting="clean", measure="ate_rmse_m")
     assert np.isnan(clean["here_low"])  # one seed, one repeat: nothing is known of others

@@ -88,6 +88,28 @@ def test_errors_that_alignment_cannot_remove():
     assert values["success_auc"] == pytest.approx(1.0 - values["ate_rmse_m"])
 
 
+@cases("protocol, ate_m", [("strict", 0.05), ("paper", 0.05), ("paper_go_slam", 0.05), ("paper_mean", 0.04)])
+def test_each_protocol_has_its_own_statistic(protocol, ate_m):
+    # Four frames in each corner of a square, off its plane by 1 and 7 cm to both sides, which no rotation and no shift
+    # makes smaller. The mean of 1 and 7 is 4, the root of the mean of 1 and 49 is 5.
+    corners_m = np.repeat([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]], 4, axis=0)
+    off_m = np.zeros((16, 3))
+    off_m[:, 2] = np.tile([0.01, -0.01, 0.07, -0.07], 4)
+    values = score_trajectory(as_estimate(at(corners_m), c2w=at(corners_m + off_m).c2w), at(corners_m), protocol).values
+    if protocol in ("paper", "paper_go_slam"):
+        # The scale 8 / 8.0025, of the variances, leaves that share of the mean square.
+        ate_m *= math.sqrt(8.0 / 8.0025)
+    assert values["ate_rmse_m" if protocol == "strict" else "ate_m"] == pytest.approx(ate_m, rel=1e-9)
+
+
+def test_a_success_tracks_four_fifths_of_the_frames_or_more():
+    truth = at(square())
+    for tracked, success in ((31, 0.0), (32, 1.0), (33, 1.0)):
+        values = score_trajectory(as_estimate(truth, range(tracked)), truth).values
+        assert values["tracked_share"] == tracked / 40
+        assert (values["success_2cm"], values["success_auc"]) == (success, pytest.approx(success, abs=1e-12))
+
+
 def test_a_camera_that_is_turned():
     truth = at(square())
     turned = np.array(truth.c2w)

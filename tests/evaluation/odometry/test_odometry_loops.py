@@ -9,7 +9,7 @@ from noisy_world.evaluation.odometry.agreement import agreement
 from noisy_world.evaluation.odometry.alignment import Aligner
 from noisy_world.evaluation.odometry.features import Recogniser
 from noisy_world.evaluation.odometry.loops import near_keyframes
-from noisy_world.evaluation.odometry.story import Edge
+from noisy_world.evaluation.odometry.tracking_history import Edge
 
 
 def view_at(aligner, c2w):

@@ -147,9 +147,10 @@ def test_the_map_is_the_walls_of_the_room(index_file, tmp_path):
     assert main([str(index_file), str(tmp_path), "--map"]) == 0
     mesh = read_ply(tmp_path / "map.ply")
     at = mesh.vertices_m @ POSES[0][:3, :3].T + POSES[0][:3, 3]
-    from_wall_m = np.minimum(np.abs(at - box_room.LOW), np.abs(at - box_room.HIGH)).min(axis=1)
+    nearest_m, second_m, _ = np.sort(np.minimum(np.abs(at - box_room.LOW), np.abs(at - box_room.HIGH)), axis=1).T
     assert len(at) > 1000
-    assert np.percentile(from_wall_m, 95) < 0.01
+    assert nearest_m[second_m > 0.03].max() < 0.015
+    assert nearest_m.max() < 0.03  # voxels cut the room's edges off
 
 
 def test_without_gtsam_loops_stay_open_and_a_line_says_so(index_file, clean, monkeypatch, capsys, tmp_path):

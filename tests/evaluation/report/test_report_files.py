@@ -20,7 +20,7 @@ from noisy_world.evaluation.analysis import tables as analysis_tables
 from noisy_world.evaluation.report import write_report
 from noisy_world.evaluation.report.per_setting import settings_table
 from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.study.results import Results as StudyResults
+from noisy_world.evaluation.study.results import ResultsFolder as StudyResults
 from noisy_world.evaluation.study.tables import write_tables
 
 # A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
@@ -177,6 +177,8 @@ def test_what_is_missing_is_said(tmp_path, quick):
         (lambda text: text.replace(",40,", ",forty,", 1), "line 2, column 'frames': 'forty' is no number"),
         (lambda text: text.replace("odometry,1,", "odometry,,", 1), "line 2, column 'repeat': is no whole number"),
         (lambda text: text.replace("room0,", "../x,", 1), "line 2, column 'scene': '../x' is no name"),
+        (lambda text: text.replace("room0,", "a" * 300 + ",", 1), "(300 characters) is no name"),
+        (lambda text: text.replace(",40,", ",inf,", 1), "line 2, column 'frames': 'inf' is no number"),
         (lambda text: text.replace("room0,", "a\0b,", 1), "line 2, column 'scene': 'a\\x00b' is no name"),
         (lambda text: text.splitlines(keepends=True)[0], "holds no run yet"),
         (lambda text: "", "cannot be read"),

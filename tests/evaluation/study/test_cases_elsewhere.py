@@ -8,7 +8,7 @@ from study_tools import evaluate, small_world, told, write_systems
 
 from noisy_world.cli import ray_cases
 from noisy_world.cluster import remote
-from noisy_world.cluster.ray_runner import Outcome
+from noisy_world.cluster.ray_runner import TaskOutcome
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")
@@ -25,7 +25,7 @@ def node(monkeypatch):
         for order in orders:
             tasks.append(order)
             done = remote.carry_out(order, hear)
-            ended(Outcome(order.name, done["node"], done["status"], done["line"], done["report"]))
+            ended(TaskOutcome(order.name, done["node"], done["status"], done["line"], done["report"]))
 
     monkeypatch.setattr(ray_cases, "connected", lambda options: contextlib.nullcontext())
     monkeypatch.setattr(ray_cases, "run_tasks", run_tasks)

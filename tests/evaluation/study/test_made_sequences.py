@@ -15,7 +15,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluation.study.cases import Case, Condition
 from noisy_world.evaluation.study.made_origin import MadeOrigin
-from noisy_world.evaluation.study.results import Results
+from noisy_world.evaluation.study.results import ResultsFolder
 from noisy_world.perturbations import registry
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -50,7 +50,7 @@ def files_in(folder):
 
 
 def origin_of(preset, results, *seeds, **options):
-    return MadeOrigin(read_preset(preset), seeds, Results(results), **options)
+    return MadeOrigin(read_preset(preset), seeds, ResultsFolder(results), **options)
 
 
 @pytest.fixture(scope="module")

@@ -101,11 +101,11 @@ def _described(out):
         name = path.relative_to(out).as_posix()
         if path.is_file() and not name.startswith(".noisy_world/") and name != "run.json":
             data = path.read_bytes()
+            found[name] = hashlib.sha256(data).hexdigest()
             if path.name == "frames.jsonl":
-                records = [json.loads(line) for line in data.splitlines()]
-                found[name] = [(record["frame"], record["time_s"], record["sha256"]) for record in records]
-            else:
-                found[name] = hashlib.sha256(data).hexdigest()
+                with contextlib.suppress(ValueError, KeyError, TypeError):  # of a sequence that a run did not take up
+                    records = [json.loads(line) for line in data.splitlines()]
+                    found[name] = [(record["frame"], record["time_s"], record["sha256"]) for record in records]
     return found
 
 

@@ -15,7 +15,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.evaluation.report import evaluated, run_pictures
 from noisy_world.evaluation.report.picks import picked_runs, picked_sequences
 from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.study.results import Results
+from noisy_world.evaluation.study.results import ResultsFolder
 from noisy_world.evaluation.study.tables import write_tables
 
 TASK = "task.json"
@@ -92,7 +92,7 @@ def read(folder):
     """Read the results as the report does, up to the drawing, or write the tables anew."""
     out = folder / "out"
     if json.loads((folder / TASK).read_text()) == "tables":
-        results = Results(out)
+        results = ResultsFolder(out)
         try:
             write_tables(results)
         finally:

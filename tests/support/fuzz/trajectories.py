@@ -83,7 +83,7 @@ def transforms(rng, poses):
     return json.dumps({"fl_x": 500.0, "w": 640, "h": 480, "frames": frames}, indent=int(rng.integers(0, 3)))
 
 
-KNOWN = get_args(files.TrajectoryFormat.__value__)
+KNOWN = get_args(files.TrajectoryFormat)
 KINDS = {
     "traj.txt": (tum, kitti, replica, blocks),
     "data.csv": (euroc,),

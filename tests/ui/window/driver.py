@@ -5,6 +5,7 @@ For scripts that a Blender program with --enable-event-simulate runs. Events go 
 browser's for instance.
 """
 
+from typing import TypeAlias
 import json
 import subprocess
 import time
@@ -16,7 +17,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-type Steps = Iterator[float | Callable[[], object]]
+Steps: TypeAlias = Iterator[float | Callable[[], object]]
 """What is waited for: seconds, or something to become true."""
 
 TIMEOUT_S = 120.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.scenes.imported import ImportedPicture, ImportedSurface, Wrap
 from ..typed import get_value, inputs, node_tree, outputs
-from .finite import NotFiniteError
+from .finite import NonFiniteMeshError
 
 _COLOUR_INPUTS = ("Base Color", "Color")  # of the shaders that a surface may have
 _EXTENSIONS: dict[str, Wrap] = {"REPEAT": "repeat", "EXTEND": "clamp", "MIRROR": "mirror", "CLIP": "black"}
@@ -200,7 +200,7 @@ def _mapped(vector: bpy.types.NodeSocket) -> tuple[NDArray[np.float64], bpy.type
         sockets = inputs(node)
         moved, turned, scaled = (get_value(sockets[name]) for name in ("Location", "Rotation", "Scale"))
         if not all(map(math.isfinite, (*moved, *turned, *scaled))):
-            raise NotFiniteError("a texture's place is NaN or infinite")
+            raise NonFiniteMeshError("a texture's place is NaN or infinite")
         if any(abs(turned[axis]) > 0 for axis in (0, 1)) or node.vector_type not in ("POINT", "TEXTURE"):
             raise _UnreadError(node.bl_label)
         cos, sin = math.cos(turned[2]), math.sin(turned[2])

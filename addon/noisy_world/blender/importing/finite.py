@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 
-class NotFiniteError(Exception):
+class NonFiniteMeshError(Exception):
     """A value of a mesh is NaN or infinite; the message says which."""
 
 
@@ -19,12 +19,12 @@ def check_finite(mesh: bpy.types.Mesh, *, uv: bool = False) -> None:
     vertices_m = np.empty((len(mesh.vertices), 3), np.float32)
     mesh.vertices.foreach_get("co", vertices_m.ravel())
     if not np.isfinite(vertices_m).all():
-        raise NotFiniteError("a coordinate is NaN or infinite")
+        raise NonFiniteMeshError("a coordinate is NaN or infinite")
     for layer in mesh.uv_layers if uv else ():
         values = np.empty((len(mesh.loops), 2), np.float32)
         layer.uv.foreach_get("vector", values.ravel())
         if not np.isfinite(values).all():
-            raise NotFiniteError("a texture coordinate is NaN or infinite")
+            raise NonFiniteMeshError("a texture coordinate is NaN or infinite")
 
 
 @contextlib.contextmanager
@@ -34,12 +34,12 @@ def finite_gltf() -> Iterator[None]:
     Raises NotFiniteError at the end, for the importer makes a text of every error.
     """
     module: Any = import_module("io_scene_gltf2.blender.imp.mesh")
-    smooth, found = module.set_poly_smoothing, list[NotFiniteError]()
+    smooth, found = module.set_poly_smoothing, list[NonFiniteMeshError]()
 
     def looked_at(gltf: Any, pymesh: Any, mesh: bpy.types.Mesh, *rest: Any) -> None:  # the last step before
         try:
             check_finite(mesh, uv=True)
-        except NotFiniteError as error:
+        except NonFiniteMeshError as error:
             found.append(error)
             raise
         smooth(gltf, pymesh, mesh, *rest)

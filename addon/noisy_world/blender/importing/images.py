@@ -15,7 +15,7 @@ from ...core.scenes.imported import ImportedImage
 from ...core.scenes.picture_size import check_size_px, header_size_px
 
 
-class UnfitImageError(Exception):
+class UnusablePictureError(Exception):
     """An image that cannot be used: missing, outside the mesh's folder, too large; the message says so."""
 
 
@@ -32,13 +32,13 @@ def located(mesh_folder: Path, image: bpy.types.Image) -> Path:
     path = Path(bpy.path.abspath(image.filepath))
     if is_inside(mesh_folder, path):
         if not is_file(path):
-            raise UnfitImageError(f"its texture {(image.filepath or image.name)[:200]!r} is missing")
+            raise UnusablePictureError(f"its texture {(image.filepath or image.name)[:200]!r} is missing")
         return path
     beside = mesh_folder / image_name(image)
     if is_file(beside):
         return beside
     problem = f"its texture {image.filepath[:200]!r} leads out of the mesh's folder"
-    raise UnfitImageError(f"{problem}; put it beside the mesh, and name it so")
+    raise UnusablePictureError(f"{problem}; put it beside the mesh, and name it so")
 
 
 def check_image(mesh_folder: Path, image: bpy.types.Image, scratch: Path) -> bytes:
@@ -58,7 +58,7 @@ def check_image(mesh_folder: Path, image: bpy.types.Image, scratch: Path) -> byt
         check_size_px("", size_px or (0, 0))
     except InputError as error:
         said = f"its texture {image_name(image)[:200]!r} {error.problem}; {error.remedy}"
-        raise UnfitImageError(said) from error
+        raise UnusablePictureError(said) from error
     return data
 
 
@@ -69,7 +69,9 @@ def _data(image: bpy.types.Image, path: Path | None) -> bytes:
     try:
         return read_bytes(path)
     except OSError as error:
-        raise UnfitImageError(f"its texture {image_name(image)[:200]!r} cannot be read: {error.strerror}") from error
+        raise UnusablePictureError(
+            f"its texture {image_name(image)[:200]!r} cannot be read: {error.strerror}"
+        ) from error
 
 
 def _size_by_library(file: Path) -> tuple[int, int] | None:

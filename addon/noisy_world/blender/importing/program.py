@@ -20,8 +20,8 @@ from ...core.scenes.imported import FACES_LEFT_OUT, ImportedScene, write_importe
 from ...core.scenes.turning import Up
 from .base_colour import surface_of
 from .compressed import compression_problem
-from .finite import NotFiniteError, check_finite, finite_gltf
-from .images import ImageFiles, UnfitImageError, located
+from .finite import NonFiniteMeshError, check_finite, finite_gltf
+from .images import ImageFiles, UnusablePictureError, located
 from .lit import save_lit
 from .parts import TooManyError, imported_parts
 from .usd_layers import UsdLook, look_at
@@ -45,11 +45,11 @@ def main(order: str) -> int:
     folder = Path(wanted["folder"])
     try:
         write_imported(folder, _imported(wanted, Path(wanted["path"]), folder))
-    except NotFiniteError as error:
+    except NonFiniteMeshError as error:
         return _refused(folder, str(error), NOT_FINITE)
     except InputError as error:
         return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
-    except (_RefusedError, TooManyError, UnfitImageError, RuntimeError) as error:  # the last is Blender's own
+    except (_RefusedError, TooManyError, UnusablePictureError, RuntimeError) as error:  # the last is Blender's own
         return _refused(folder, str(error))
     return 0
 
@@ -59,7 +59,7 @@ def _beside(mesh_folder: Path, look: UsdLook) -> tuple[str, ...]:
     found = {name for name in look.beside if is_inside(mesh_folder, Path(name))}
     for image in bpy.data.images:
         if image.source == "FILE" and image.packed_file is None:
-            with contextlib.suppress(UnfitImageError):  # which is said where it is shown
+            with contextlib.suppress(UnusablePictureError):  # which is said where it is shown
                 found.add(str(located(mesh_folder, image)))
     return tuple(sorted(found))
 

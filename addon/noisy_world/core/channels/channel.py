@@ -3,14 +3,14 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias
 
 from numpy.typing import NDArray
 
 from ..datasets.depth_range import OutOfRange
 from ..trajectories.stamps import FrameStamps
 
-type Image = Literal["jpg", "png"]
+Image: TypeAlias = Literal["jpg", "png"]
 """What colour may be stored as."""
 
 
@@ -51,7 +51,7 @@ class ImageFormat(Protocol):
         ...
 
 
-type KindOfSteps = Literal["rgb", "depth"]
+KindOfSteps: TypeAlias = Literal["rgb", "depth"]
 """Which of a setting's steps act on a channel: perturbations of colour, or of depth."""
 
 

@@ -5,7 +5,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ..scenes.mesh import Mesh
 from ..trajectories.stamps import FrameStamps
 from .channel import Channel, ImageFormat, ImageNames, PixelBytes
 
-type Fact = Literal["normals", "faces"]
+Fact: TypeAlias = Literal["normals", "faces"]
 """What a renderer can tell of a surface: its direction, or which face of the mesh it is."""
 
 

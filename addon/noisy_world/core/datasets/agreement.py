@@ -27,7 +27,7 @@ def identity_sha256(identity: dict[str, Any]) -> str:
     return sha256_of_bytes(canonical(decisive(identity)).encode())
 
 
-def disagreement(there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str:
+def identity_mismatch(there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str:
     """Return why frames of the identity `here` are not those of `there`, which may say more than that; "" if they are.
 
     any_processor: whether another kind of processor is none.

@@ -19,7 +19,19 @@ from typing import Any
 
 from ..errors import CannotJoinError, StorageError
 from ..presets.preset import canonical
-from .agreement import disagreement
+from .agreement import identity_mismatch
+from .dataset_state import (
+    IDENTITY,
+    JOURNALS,
+    MANIFEST,
+    NOTHING,
+    OVERVIEW,
+    WORK_FOLDER,
+    DatasetState,
+    journal_folders,
+    manifest_is_changed,
+    read_dataset_state,
+)
 from .differences import with_remedy
 from .journal import Journal
 from .layouts import FrameNames, OutputFormat
@@ -37,18 +49,6 @@ from .shard_merging import (
     shards_hold_frames,
 )
 from .shard_record import ShardRecord
-from .standing import (
-    IDENTITY,
-    JOURNALS,
-    MANIFEST,
-    NOTHING,
-    OVERVIEW,
-    WORK_FOLDER,
-    Standing,
-    journal_folders,
-    manifest_is_changed,
-    read_standing,
-)
 from .storage import (
     FolderLock,
     Hasher,
@@ -114,7 +114,7 @@ class Dataset:
         Raises StorageError where it could not, because it holds something else.
         """
         check_place(self.out)
-        there = read_standing(self.out) or NOTHING
+        there = read_dataset_state(self.out) or NOTHING
         check_no_links(self.out, there.sequences)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
         if problem and there.holds_frames:
@@ -128,7 +128,7 @@ class Dataset:
         *,
         overwrite: bool,
     ) -> None:
-        there = read_standing(self.out) or NOTHING
+        there = read_dataset_state(self.out) or NOTHING
         check_no_links(self.out, {*there.sequences, *identity["sequences"]}, folders_alone=overwrite)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "") or ""
         if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
@@ -200,9 +200,9 @@ class Dataset:
         return known is not None and sha256_of_regular_file(self.out / folder / FRAMES) == known
 
     @cached_property
-    def _seen(self) -> Standing:
+    def _seen(self) -> DatasetState:
         """What the folder holds, for a process that does not open it."""
-        return read_standing(self.out) or NOTHING
+        return read_dataset_state(self.out) or NOTHING
 
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
@@ -217,10 +217,10 @@ class Dataset:
         any_processor: whether frames of another kind of processor are good enough. Raises CannotJoinError where no run
         is open, or where this process has another identity and would write other bytes.
         """
-        there = read_standing(self.out) if self.scratch.is_dir() else None
+        there = read_dataset_state(self.out) if self.scratch.is_dir() else None
         if there is None or there.identity is None or there.problem:
             raise CannotJoinError(f"{self.out}: no run is open here")
-        if difference := disagreement(there.identity, identity, any_processor=any_processor):
+        if difference := identity_mismatch(there.identity, identity, any_processor=any_processor):
             raise CannotJoinError(
                 f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
                 "while it runs, and start it again"
@@ -241,7 +241,7 @@ class Dataset:
 
     def holds_frames(self) -> bool:
         """Tell whether a run has finished a frame."""
-        there = read_standing(self.out)
+        there = read_dataset_state(self.out)
         return (there is not None and there.holds_frames) or shards_hold_frames(self.out)
 
     def _write(self, path: Path, text: str) -> str:

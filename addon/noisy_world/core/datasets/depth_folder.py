@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..errors import InputError
 from .image_files import WholeFile, check_whole, read_header
 from .image_reading import check_depth, read_steps, spoken
 
-type SizePx = tuple[int, int]
+SizePx: TypeAlias = tuple[int, int]
 """Width and height in pixels."""
 
 

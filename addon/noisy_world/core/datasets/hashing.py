@@ -8,9 +8,9 @@ import threading
 from collections.abc import Generator, Iterable
 from concurrent.futures import Future
 from contextlib import closing
-from itertools import batched
 from pathlib import Path
 
+from ..batches import batched
 from ..machine import available_threads
 from ..regular_files import open_regular
 from ..working_ahead import done_ahead
@@ -28,7 +28,7 @@ def hashed_ahead(paths: Iterable[str], threads: int = 0) -> Generator[str | None
     """
     count = threads or available_threads()
     known = _Known()
-    batches = batched(paths, BATCH, strict=False)
+    batches = batched(paths, BATCH)
     with closing(
         done_ahead(known.sha256_of_each, batches, threads=count, ahead=AHEAD * count, name="hasher")
     ) as hashed:

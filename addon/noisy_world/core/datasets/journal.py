@@ -5,10 +5,10 @@ import contextlib
 import errno
 import os
 from collections.abc import Iterable, Iterator
-from itertools import batched
 from pathlib import Path
 from typing import Any
 
+from ..batches import batched
 from ..regular_files import read_bytes, read_text
 from .json_text import parse_json
 from .records import FrameRecord
@@ -33,7 +33,7 @@ class Journal:
 
     def append_all(self, records: Iterable[FrameRecord]) -> None:
         """Add frames whose files are written, some hundred lines at once."""
-        for lines in batched(records, AT_ONCE, strict=False):
+        for lines in batched(records, AT_ONCE):
             self.append_line("".join(record.line() for record in lines))
 
     def append_line(self, text: str) -> None:

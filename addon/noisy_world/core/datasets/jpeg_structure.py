@@ -58,7 +58,7 @@ class _Component:
 
 
 @dataclass
-class _Image:
+class _JpegState:
     """What is known of a JPEG up to a place in it.
 
     steps: the numbers of its quantisation tables. codes: by class (0 DC, 1 AC) and number. interval: MCUs from one
@@ -86,7 +86,7 @@ class _Image:
 def check_structure(data: bytes) -> None:
     """Raise DamagedImageError where a whole JPEG's file contradicts the standard, UnfitImageError where it has many
     scans. data: with the signature."""
-    image, at, scans = _Image(), 2, 0
+    image, at, scans = _JpegState(), 2, 0
     while True:
         marker, at = _marker(data, at)
         if marker == _EOI:
@@ -126,7 +126,7 @@ def _content(data: bytes, at: int) -> tuple[bytes, int]:
     return data[at + 2 : at + length], at + length
 
 
-def _read_segment(image: _Image, marker: int, content: bytes) -> None:
+def _read_segment(image: _JpegState, marker: int, content: bytes) -> None:
     """Take what a segment says that is no scan's header."""
     if marker == _DQT:
         image.steps |= _quantisation(content, wide=image.marker != _BASELINE)
@@ -196,7 +196,7 @@ def _huffman_tables(content: bytes) -> tuple[tuple[tuple[int, int], _Codes], ...
 # --- frame and scans ---
 
 
-def _read_frame(image: _Image, marker: int, content: bytes) -> None:
+def _read_frame(image: _JpegState, marker: int, content: bytes) -> None:
     """Take a frame's header (B.2.2); `jpeg_files` has looked at its length and size."""
     count = content[5] if len(content) > 5 else 0
     if image.components or not count or len(content) != 6 + 3 * count:
@@ -211,7 +211,7 @@ def _read_frame(image: _Image, marker: int, content: bytes) -> None:
         image.components[name] = _Component(wide, high, table)
 
 
-def _read_scan(image: _Image, content: bytes) -> dict[int, tuple[int, int]]:
+def _read_scan(image: _JpegState, content: bytes) -> dict[int, tuple[int, int]]:
     """Return the DC and AC tables of the components of a scan (B.2.3), by the components' names."""
     count = content[0] if content else 0
     if not 1 <= count <= 4 or len(content) != 4 + 2 * count or not image.components:
@@ -239,7 +239,7 @@ def _read_scan(image: _Image, content: bytes) -> dict[int, tuple[int, int]]:
     return chosen
 
 
-def _check_codes(image: _Image, chosen: dict[int, tuple[int, int]]) -> None:
+def _check_codes(image: _JpegState, chosen: dict[int, tuple[int, int]]) -> None:
     """Check that the Huffman tables of a scan have no values that samples of 8 bits do not come to."""
     for pair in chosen.values():
         dc, ac = (image.codes.get((kind, number)) for kind, number in enumerate(pair))
@@ -248,7 +248,7 @@ def _check_codes(image: _Image, chosen: dict[int, tuple[int, int]]) -> None:
             raise DamagedImageError(_CODES)
 
 
-def _read_progression(image: _Image, names: list[int], band: tuple[int, int], bits: tuple[int, int]) -> None:
+def _read_progression(image: _JpegState, names: list[int], band: tuple[int, int], bits: tuple[int, int]) -> None:
     """Check that a progressive scan goes on from those before it (G.1.1.1): each coefficient bit by bit, DC first.
 
     band: the first and the last of the coefficients. bits: the lowest that they are known to before and after it.
@@ -266,7 +266,7 @@ def _read_progression(image: _Image, names: list[int], band: tuple[int, int], bi
             image.bits[name, number] = now
 
 
-def _read_entropy_coded(image: _Image, chosen: dict[int, tuple[int, int]], data: bytes, start: int) -> int:
+def _read_entropy_coded(image: _JpegState, chosen: dict[int, tuple[int, int]], data: bytes, start: int) -> int:
     """Return where the data of a scan end; check that they are restarted as they should be, and can be as many."""
     restarts = []
     end = len(data)
@@ -291,7 +291,7 @@ def _read_entropy_coded(image: _Image, chosen: dict[int, tuple[int, int]], data:
     return end
 
 
-def _units(image: _Image, names: list[int]) -> int:
+def _units(image: _JpegState, names: list[int]) -> int:
     """Return how many MCUs a scan of some components has (A.2)."""
     most = image.largest
     if len(names) > 1:
@@ -307,7 +307,9 @@ def _ceiling(number: int, divisor: int) -> int:
     return -(-number // divisor)
 
 
-def _check_amount(image: _Image, chosen: dict[int, tuple[int, int]], units: int, coded: bytes, restarts: int) -> None:
+def _check_amount(
+    image: _JpegState, chosen: dict[int, tuple[int, int]], units: int, coded: bytes, restarts: int
+) -> None:
     """Raise DamagedImageError where a scan's bytes are too few or too many for its blocks, by the lengths of its codes.
 
     A block has at least a code for DC and one for AC; at most one for each coefficient. Before each restart and the end

@@ -4,9 +4,9 @@
 from collections.abc import Collection, Iterable, Iterator
 from typing import Any
 
+from .dataset_state import DatasetState
 from .provenance import BETWEEN
 from .records import OUT_OF_RANGE
-from .standing import Standing
 
 
 def merged_identity(there: dict[str, Any], here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def _with_between(there: dict[str, Any] | None, here: dict[str, Any]) -> dict[st
     return {**here, "path": {**here["path"], BETWEEN: there["path"][BETWEEN]}}
 
 
-def merged_manifest(there: Standing, here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
+def merged_manifest(there: DatasetState, here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
     """Return a manifest with the finished sequences that are kept. there: what the folder held when the run began."""
     folders = [folder for folder in kept if folder in there.finished]
     # Where cameras differ, each sequence has its own file instead of the setting's.

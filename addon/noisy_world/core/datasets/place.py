@@ -2,13 +2,14 @@
 """Whether a folder can be a dataset's: nobody's but ours, and nothing of the dataset lies behind a link."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
+from .dataset_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .layouts import LAYOUTS
 from .records import FRAMES
-from .standing import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_standing
 
 
 def check_place(out: Path) -> None:
@@ -19,7 +20,7 @@ def check_place(out: Path) -> None:
     if work.is_symlink() or (work.exists() and not work.is_dir()):
         raise StorageError(f"{work}: is not the folder that a run works in; remove it")
     others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())
-    if others and read_standing(out) is None:
+    if others and read_dataset_state(out) is None:
         raise StorageError(f"{out}: is not empty and holds no dataset of Noisy World; choose another folder with --out")
 
 
@@ -68,4 +69,16 @@ def _is_ours(name: Path) -> bool:
     """Tell whether a sequence may have a file or a folder of this name, in any layout."""
     inside = PurePosixPath(name.as_posix())
     patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.all_patterns)]
-    return any(inside.full_match(pattern) or inside in PurePosixPath(pattern).parents for pattern in patterns)
+    return any(
+        _matches(inside.parts, PurePosixPath(pattern).parts) or inside in PurePosixPath(pattern).parents
+        for pattern in patterns
+    )
+
+
+def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Tell whether a path's parts are those of a pattern, where ** stands for any number of them."""
+    if not pattern:
+        return not parts
+    if pattern[0] == "**":
+        return any(_matches(parts[count:], pattern[1:]) for count in range(len(parts) + 1))
+    return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])

@@ -3,11 +3,12 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import TypeAlias
 
 from .layouts import FrameNames
 from .records import FrameRecord, joined_records
 
-type AsPlanned = Callable[[FrameRecord], bool]
+AsPlanned: TypeAlias = Callable[[FrameRecord], bool]
 """Tells whether a record says that to its files was done what is planned."""
 
 

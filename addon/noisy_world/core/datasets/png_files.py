@@ -3,7 +3,6 @@
 
 import struct
 import zlib
-from itertools import batched
 from typing import BinaryIO
 
 from .image_header import (
@@ -105,8 +104,8 @@ def _check_place(name: bytes, before: list[bytes]) -> None:
 
 def _without(view: memoryview, dropped: list[tuple[int, int]]) -> bytes:
     """Return data without some of their parts, each from a place to another, in order."""
-    edges = [0, *(place for part in dropped for place in part), len(view)]
-    return b"".join(view[start:end] for start, end in batched(edges, 2, strict=True))
+    starts, ends = [0, *(end for _, end in dropped)], [*(start for start, _ in dropped), len(view)]
+    return b"".join(view[start:end] for start, end in zip(starts, ends, strict=True))
 
 
 def png_orientation(data: bytes) -> int:

@@ -33,7 +33,7 @@ from ..schema import deciding_values
 from ..trajectories.rig import Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
-from .layouts import OutputFormat
+from .layouts import EVERY, OutputFormat
 from .records import OUT_OF_RANGE
 from .storage import sha256_of_file
 
@@ -93,7 +93,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
         "settings": {setting.name: _setting(setting) for setting in plan.settings},
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
-        "versions": {**_perturbation_packages(plan), **renderer, **base_versions()},
+        "versions": {**_packages(plan), **renderer, **base_versions()},
         "processor": processor(),
         **_keys({name: value for name, value in deciding_values(spec).items() if not _of_part(name)}),
     }
@@ -252,9 +252,10 @@ def processor() -> dict[str, Any]:
     return {"machine": platform.machine(), "byte_order": sys.byteorder, "features": processor_features()}
 
 
-def _perturbation_packages(plan: Plan) -> dict[str, str]:
-    """Return the versions of the installed packages whose perturbations the preset uses, by name."""
+def _packages(plan: Plan) -> dict[str, str]:
+    """Return the versions of the installed packages whose perturbations or layout the preset uses, by name."""
     used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
+    used.append(EVERY.distribution(plan.format.layout.name))
     return {item.name: item.version for item in used if item is not None}
 
 

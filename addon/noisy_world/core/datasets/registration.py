@@ -8,6 +8,7 @@ counts. What no depth pixel reaches is void. librealsense takes the pixels of bo
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ..geometry import Intrinsics
 from ..optics import DepthCamera, Distortion
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 # Chosen: a depth pixel that is nearer than this to the colour camera would cover the whole image.
 _NEAREST_M = 0.01

@@ -5,9 +5,9 @@ import contextlib
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
+from .dataset_state import IDENTITY, JOURNALS, MANIFEST, MERGED, OVERVIEW, RUN
 from .layouts import LAYOUTS, Layout
 from .records import FRAMES
-from .standing import IDENTITY, JOURNALS, MANIFEST, MERGED, OVERVIEW, RUN
 from .storage import UNFINISHED, link_on_the_way, storage_errors
 
 

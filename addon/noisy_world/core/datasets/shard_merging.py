@@ -11,23 +11,23 @@ import time
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from ..errors import BusyError
 from ..presets.preset import canonical
-from .agreement import disagreement
+from .agreement import identity_mismatch
+from .dataset_state import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_dataset_state
 from .hashing import hashed_ahead
 from .journal import append_line, read_lines
 from .layouts import OutputFormat
 from .records import FrameRecord, joined_records, read_records
 from .removal import remove_dataset, remove_journals, remove_work_folder
 from .shard_record import SHARD, ShardRecord, read_shard, shard_folders
-from .standing import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_standing
 from .storage import FolderLock, Hasher, Mover, storage_errors, write_atomic
 
 PATIENCE_S = 2.0  # how long the lock of a process is waited for that may have been killed; chosen
 
-type Frames = dict[str, tuple[FrameRecord, ...]]
+Frames: TypeAlias = dict[str, tuple[FrameRecord, ...]]
 """Records of frames by the sequence's folder."""
 
 
@@ -114,7 +114,7 @@ def merge_shards(dataset: Receiver, identity: dict[str, Any], rules: ShardRules)
     for folder in shard_folders(dataset.out):
         record, made_from, reason = _made_from(folder)
         if made_from is not None and not reason:
-            reason = disagreement(identity, made_from, any_processor=rules.any_processor)
+            reason = identity_mismatch(identity, made_from, any_processor=rules.any_processor)
         if reason:
             found.refused[folder] = reason
         elif rules.unfinished or record is not None:
@@ -213,7 +213,7 @@ def _made_from(folder: Path) -> tuple[ShardRecord | None, dict[str, Any] | None,
         return None, None, f"{SHARD} {error}"
     if record is not None:
         return record, record.identity, ""
-    standing = read_standing(folder)
+    standing = read_dataset_state(folder)
     if standing is None or not standing.holds_frames:
         return None, None, ""
     return None, standing.identity, standing.problem or standing.note

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..planning.shards import Shard
 from .agreement import identity_sha256
+from .dataset_state import WORK_FOLDER
 from .json_text import read_json
 from .records import FrameRecord, record_of
-from .standing import WORK_FOLDER
 from .storage import sha256_of_bytes
 
 SHARDS = "shards"  # in the working folder of a dataset: a folder for each shard

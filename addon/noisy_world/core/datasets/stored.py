@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits w
 # Chosen: a step of 10 m to one of 0.1 um. Metres per step, such as 0.001 or 1 / 5000, are below it.
 SCALES_PER_M = (0.1, 1e7)
 
-type SizePx = tuple[int, int]
+SizePx: TypeAlias = tuple[int, int]
 """Width and height in pixels."""
 
 

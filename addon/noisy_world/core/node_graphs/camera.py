@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..trajectories.stance import Stance
+from ..trajectories.camera_state import CameraState
 from .graph import Graph, GroupInput, Panel, Socket
 
 CAMERA_PANEL = Panel("Camera", "How the camera stands and moves, as an object in Blender", closed=True)
@@ -71,6 +71,6 @@ def camera_sockets(graph: Graph) -> CameraSockets:
     return CameraSockets(location, velocity, turning, right, up, back)
 
 
-def camera_values(stance: Stance) -> Mapping[str, Any]:
+def camera_values(stance: CameraState) -> Mapping[str, Any]:
     """Return the values of the sockets, by name."""
     return dict(zip((item.name for item in CAMERA_INPUTS), stance.as_blender(), strict=True))

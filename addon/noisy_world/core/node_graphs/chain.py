@@ -9,7 +9,7 @@ from ..geometry import Intrinsics
 from ..labels import title
 from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers
 from ..perturbing.steps import Step
-from ..trajectories.stance import AT_REST, Stance
+from ..trajectories.camera_state import AT_REST, CameraState
 from .camera import camera_values
 from .flat import flat
 from .graph import Graph, Socket
@@ -123,7 +123,7 @@ def socket_values(
     *,
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
-    stance: Stance | None = None,
+    stance: CameraState | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
@@ -154,7 +154,7 @@ def socket_values(
     return values, note
 
 
-def stance_values(step: Step[ColourPerturbation], severity: float | None, stance: Stance) -> dict[str, Any]:
+def stance_values(step: Step[ColourPerturbation], severity: float | None, stance: CameraState) -> dict[str, Any]:
     """Return the values of the camera's sockets, by name; none where a step does not ask for them.
 
     severity: of the frame. stance: how the camera stands and moves.

@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Kind = Literal["float", "int", "bool", "menu", "vector", "color"]
-type Value = Socket | float | tuple[float, ...]
+Kind: TypeAlias = Literal["float", "int", "bool", "menu", "vector", "color"]
+Value: TypeAlias = "Socket | float | tuple[float, ...]"
 
 IMAGE_KINDS = ("vector", "color")  # the kinds with several numbers at each pixel
 INTERFACE = -1  # the node number of the group's own inputs
@@ -64,7 +64,7 @@ class GroupOutput:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class BroughtImage:
     """An image that a group brings with it, for what nodes cannot make.
 
     make: returns (H, W) or (H, W, 3) uint8 or float32, top row first, equal for equal `version`; or the path of an
@@ -85,7 +85,7 @@ class Node:
     section: str
     properties: Mapping[str, Any]
     inputs: Mapping[str, Any]
-    picture: Picture | None = None
+    picture: BroughtImage | None = None
     group: "Graph | None" = None
     name: str = ""
 
@@ -161,7 +161,7 @@ class Socket:  # noqa: PLW1641 - not hashable, as == raises
 
 
 @dataclass(frozen=True)
-class Made:
+class NodeHandle:
     """A node that was added, which gives its outputs."""
 
     graph: "Graph"
@@ -225,10 +225,10 @@ class Graph:
         properties: Mapping[str, Any] | None = None,
         *,
         label: str = "",
-        picture: Picture | None = None,
+        picture: BroughtImage | None = None,
         group: "Graph | None" = None,
         name: str = "",
-    ) -> Made:
+    ) -> NodeHandle:
         """Add a node, or return the equal one of the same section.
 
         inputs: by identifier, each a socket or the value of an unlinked input.
@@ -241,7 +241,7 @@ class Graph:
         if text not in self._known:
             self._known[text] = len(self.nodes)
             self.nodes.append(item)
-        return Made(self, self._known[text])
+        return NodeHandle(self, self._known[text])
 
     def math(self, operation: str, *values: Value, label: str = "") -> Socket:
         """Calculate at every pixel, with images (three numbers a pixel) or with one number.
@@ -307,11 +307,11 @@ class Graph:
         node = self.node("GeometryNodeMenuSwitch", {"Menu": menu}, {"data_type": "FLOAT", "items": items})
         return [node.out(f"Item_{place}", "float") for place in range(len(items))]
 
-    def picture(self, picture: Picture) -> Socket:
+    def picture(self, picture: BroughtImage) -> Socket:
         """Add a node that gives an image of ours."""
         return self.node("CompositorNodeImage", {}, label=picture.name, picture=picture).out("Image", "color")
 
-    def group(self, graph: "Graph", inputs: Mapping[str, Any], name: str = "") -> Made:
+    def group(self, graph: "Graph", inputs: Mapping[str, Any], name: str = "") -> NodeHandle:
         """Add a group node; its inputs and outputs are identified by their names."""
         return self.node("CompositorNodeGroup", inputs, group=graph, label=name, name=name)
 

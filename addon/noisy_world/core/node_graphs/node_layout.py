@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from .graph import INTERFACE, Graph, Socket
 
@@ -13,7 +14,7 @@ TITLE_PX = 40.0
 SOCKET_PX = 24.0
 TALL_PX = 900.0  # a column that gets taller is split
 
-type Point = tuple[float, float]
+Point: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 """A perturbation's table of severities as nodes: one socket decides all parameters that the table has."""
 
 from collections.abc import Mapping, Sequence
-from itertools import batched
 from typing import Any
 
+from ..batches import batched
 from ..perturbing.kinds import SEVERITIES, Perturbation
 from .graph import Socket, Value
 from .group_inputs import socket_name, socket_value
@@ -24,7 +24,7 @@ def by_severity(
     ends = graph.math("FLOOR", level), graph.math("CEIL", level)
     between = graph.math("FRACT", level)
     found: dict[str, Socket] = {}
-    for names in batched(perturbation.severities, 3, strict=False):
+    for names in batched(perturbation.severities, 3):
         lower, upper = (_looked_up(perturbation, names, end) for end in ends)
         value = graph.blend(lower, upper, between)
         for name, at_level in zip(names, (value,) if len(names) == 1 else (value.x, value.y, value.z), strict=False):

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,18 +23,19 @@ from .kinds import (
 )
 from .steps import Step
 
-type MotionSteps = Sequence[Step[MotionPerturbation]]
-type MotionPart = tuple[Step[MotionPerturbation], ...]
-type Notes = list[dict[str, Any]]
+Kind = TypeVar("Kind", ColourPerturbation, DepthPerturbation)
+P = TypeVar("P", bound=ColourPerturbation | DepthPerturbation)
+
+MotionSteps: TypeAlias = Sequence[Step[MotionPerturbation]]
+MotionPart: TypeAlias = tuple[Step[MotionPerturbation], ...]
+Notes: TypeAlias = list[dict[str, Any]]
 """What was done to a frame, step by step, for the provenance."""
 
-type Active[Kind: (ColourPerturbation, DepthPerturbation)] = tuple[tuple[Step[Kind], FrameContext, float | None], ...]
+Active: TypeAlias = tuple[tuple[Step[Kind], FrameContext, float | None], ...]
 """The steps that do something to a frame, each with its context and the severity that it has in this frame."""
 
 
-def _drawn_for[Kind: (ColourPerturbation, DepthPerturbation)](
-    steps: Sequence[Step[Kind]], where: FrameContext
-) -> tuple[Active[Kind], Notes]:
+def _drawn_for(steps: Sequence[Step[Kind]], where: FrameContext) -> tuple[Active[Kind], Notes]:
     """Draw the severities of a frame; return the steps that do something, and what all of them do."""
     drawn = [(step, step.context(where)) for step in steps]
     done = [(step, context, step.severity_of(context)) for step, context in drawn]
@@ -226,7 +227,7 @@ def _is_float_image(found: Any) -> bool:
 
 
 @dataclass(frozen=True)
-class _ImageWork[P: ColourPerturbation | DepthPerturbation]:
+class _ImageWork(Generic[P]):
     """What the steps of one kind do to one image of a sequence. notes: what is done, for the provenance."""
 
     active: Active[P]

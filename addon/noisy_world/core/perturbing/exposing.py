@@ -2,7 +2,7 @@
 """What a perturbation of exposure is given, and what it returns."""
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ class TakenImages(Protocol):
         ...
 
 
-type ExposureApply = Callable[
+ExposureApply: TypeAlias = Callable[
     [Callable[[float], TakenImages], Any], tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]
 ]
 """A function that takes the clean images some seconds after the frame's time stamp; parameters -> its own colour and

@@ -8,29 +8,30 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
+from ..installed import Distribution
 from ..streams import stream
 from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
 
-type Identifiers = tuple[str | int, ...]
+Identifiers: TypeAlias = tuple[str | int, ...]
 """Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
-type ColourStage = Literal["environment", "lens", "sensor", "post"]
-type Stage = Literal["motion", "exposure", ColourStage, "depth", "pairing"]
+ColourStage: TypeAlias = Literal["environment", "lens", "sensor", "post"]
+Stage: TypeAlias = Literal["motion", "exposure", ColourStage, "depth", "pairing"]
 """A stage of propagation, as in "From Perfect to Noisy World Simulation"; STAGES has them in order."""
 
 STAGES: tuple[Stage, ...] = ("motion", "exposure", "environment", "lens", "sensor", "post", "depth", "pairing")
 COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
 
-type Temporal = Literal["fresh", "fixed", "drift"]
+Temporal: TypeAlias = Literal["fresh", "fixed", "drift"]
 """How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""
 
 SEVERITIES = (1, 2, 3, 4, 5)  # as ImageNet-C and the paper
@@ -121,60 +122,49 @@ def _read_only(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 # --- the kinds ---
 
-type MotionApply = Callable[[Trajectory, Any, SequenceContext], Trajectory]
+MotionApply: TypeAlias = Callable[[Trajectory, Any, SequenceContext], Trajectory]
 """A path; parameters; context -> a path of the same number of poses, with the same stamps."""
 
-type MotionChoose = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
+MotionChoose: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
 """The number of poses; parameters; context -> (N,) indices of the poses that are shown, in this order.
 
 N is from 1 to the number of poses; indices may repeat. The frames' stamps are the path's first N.
 """
 
-type MotionDrawn = Callable[[int, Any, SequenceContext], Mapping[str, NDArray[np.float64]]]
+MotionDrawn: TypeAlias = Callable[[int, Any, SequenceContext], Mapping[str, NDArray[np.float64]]]
 """The number of poses; parameters; context -> by name what `apply` draws for each pose, (count, ...).
 
 It is recorded in frames.jsonl.
 """
 
-type ColourApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
+ColourApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
 """(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array of the same shape and type.
 
 The input is not changed. The result may lie outside [0, 1]: the caller clips it.
 """
 
-type BytesApply = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
+BytesApply: TypeAlias = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
 """(H, W, 3) uint8 RGB; parameters; context -> a new array of the same shape and type. The input is not changed.
 
 The result is byte for byte that of `apply` on `rgb / np.float32(255)`, rounded by `images.rgb_bytes`; only faster.
 """
 
-type GroupBuild = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
+GroupBuild: TypeAlias = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
 """groups.Canvas; a socket for each parameter, sizes in pixels of the input image, angles in degrees; the largest values
 to serve -> the socket of the perturbed image, encoded or linear as the canvas's. The result may lie outside [0, 1].
 """
 
-type DepthApply = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
+DepthApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
 """(H, W) float32 planar depth, metres, 0 = void; parameters; context -> a new array of the same shape and type.
 
 The input is not changed.
 """
 
-type PairingApply = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
+PairingApply: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
 """The number of frames; parameters; context -> (count,) for each frame the one whose depth is paired with it.
 
 -1 leaves the frame out.
 """
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """An installed Python package, by its name and version."""
-
-    name: str
-    version: str
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.version}"
 
 
 @dataclass(frozen=True, kw_only=True)

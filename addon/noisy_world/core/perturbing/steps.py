@@ -7,7 +7,7 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ..channels import CHANNELS
 from .kinds import (
@@ -23,11 +23,13 @@ from .kinds import (
     Temporal,
 )
 
-type Backend = Literal["compositor", "reference"]
+Kind = TypeVar("Kind", bound=Perturbation)
+
+Backend: TypeAlias = Literal["compositor", "reference"]
 
 
 @dataclass(frozen=True)
-class Step[Kind: Perturbation]:
+class Step(Generic[Kind]):
     """One perturbation of a setting.
 
     occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
@@ -103,7 +105,7 @@ class Step[Kind: Perturbation]:
         return done
 
 
-def steps_of_kind[Kind: Perturbation](steps: Iterable[Step[Any]], kind: type[Kind]) -> tuple[Step[Kind], ...]:
+def steps_of_kind(steps: Iterable[Step[Any]], kind: type[Kind]) -> tuple[Step[Kind], ...]:
     """Return the steps of a kind, in their order."""
     return tuple(step for step in steps if isinstance(step.perturbation, kind))
 

@@ -5,13 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from itertools import product
 from math import prod
-from typing import Any
+from typing import Any, TypeAlias
 
 from ..presets.names import PLACEHOLDER, safe_name, stream_name
 from ..schema import Place, describe, unknown_name
 from .kinds import Perturbation
 
-type Registry = Mapping[str, Perturbation]
+Registry: TypeAlias = Mapping[str, Perturbation]
 
 SEVERITIES_SWEPT = (1.0, 2.0, 3.0, 4.0, 5.0)  # where a sweep names none
 

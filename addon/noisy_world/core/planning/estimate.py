@@ -26,7 +26,7 @@ SECONDS_PER_COMPOSITED_PIXEL = 1.4e-7  # in Blender's compositor, in addition: 0
 
 
 @dataclass(frozen=True)
-class Estimate:
+class CostEstimate:
     """A rough guess of what a plan takes on two cores.
 
     least_bytes, most_bytes: what the content of its images makes likely.
@@ -56,12 +56,12 @@ def size_text(count: int) -> str:
     return f"{count} bytes"
 
 
-def estimate(plan: Plan) -> Estimate:
+def estimate(plan: Plan) -> CostEstimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
     least, most = np.sum([_byte_bounds(plan, render) for render in plan.renders], axis=0)
     usual = sum(_bytes_of(plan, render) for render in plan.renders)  # of presets of many perturbations
     seconds = sum(_seconds_of(plan, render) for render in plan.renders)
-    return Estimate(int(min(max(usual, least), most)), seconds, int(least), int(most))
+    return CostEstimate(int(min(max(usual, least), most)), seconds, int(least), int(most))
 
 
 def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[np.float64]:

@@ -7,12 +7,10 @@ range says that in a few bytes; only what a perturbation chooses or pairs otherw
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from typing import overload, override
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
-
-type Numbers = range | ListedNumbers
 
 BLOCK = 65536  # numbers that are made Python's own at once
 
@@ -25,16 +23,13 @@ class ListedNumbers(Sequence[int]):
         self.values = values.astype(np.int32)
         self.values.flags.writeable = False
 
-    @override
     def __len__(self) -> int:
         return len(self.values)
 
-    @override
     def __iter__(self) -> Iterator[int]:
         for start in range(0, len(self.values), BLOCK):
             yield from self.values[start : start + BLOCK].tolist()
 
-    @override
     def __contains__(self, number: object) -> bool:
         return bool((self.values == number).any())
 
@@ -42,17 +37,14 @@ class ListedNumbers(Sequence[int]):
     def __getitem__(self, at: int) -> int: ...
 
     @overload
-    def __getitem__(self, at: slice) -> Numbers: ...
+    def __getitem__(self, at: slice) -> "Numbers": ...
 
-    @override
-    def __getitem__(self, at: int | slice) -> int | Numbers:
+    def __getitem__(self, at: int | slice) -> "int | Numbers":
         return numbers_of(self.values[at]) if isinstance(at, slice) else int(self.values[at])
 
-    @override
     def __eq__(self, other: object) -> bool:
         return isinstance(other, ListedNumbers) and np.array_equal(self.values, other.values)
 
-    @override
     def __hash__(self) -> int:
         return self._hash
 
@@ -60,9 +52,11 @@ class ListedNumbers(Sequence[int]):
     def _hash(self) -> int:
         return hash(self.values.tobytes())
 
-    @override
     def __repr__(self) -> str:
         return f"ListedNumbers({np.array2string(self.values, threshold=8, separator=', ')})"
+
+
+Numbers: TypeAlias = range | ListedNumbers
 
 
 def numbers_of(values: NDArray[np.integer]) -> Numbers:

@@ -230,7 +230,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             )
             raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
-        first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, (), (), camera, moving, identifiers))
+        first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers))
         sequences = (*first.sequences, sequence)
         moved[key] = replace(
             first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure

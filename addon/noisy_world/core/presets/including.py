@@ -3,13 +3,13 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from ..home import path_in
 from ..schema import Place, describe, parse
 from .settings import SettingSpec
 
-type Load = Callable[[Path], dict[str, Any]]
+Load: TypeAlias = Callable[[Path], dict[str, Any]]
 """A function that reads a preset's file as a document; it raises InputError."""
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from ..datasets.known_poses import PosePolicy
-from ..datasets.layouts import KNOWN_RECORDINGS
+from ..datasets.layouts import known_recordings
 from ..datasets.stored import SCALES_PER_M
 from ..scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded
 from ..scenes.replica import REPLICA_SCENES, replica_names
@@ -110,7 +110,7 @@ class SceneSpec:
         identity="meaning",
     )
     sequence: str | None = key(
-        f"instead of mesh and trajectory: a folder laid out as {KNOWN_RECORDINGS}, relative to the preset; * allowed",
+        f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; * allowed",
         default=None,
         identity="meaning",
     )

@@ -4,7 +4,7 @@
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..regular_files import read_array, read_text
 from .turning import Up
 
-type Wrap = Literal["repeat", "clamp", "mirror", "black"]
+Wrap: TypeAlias = Literal["repeat", "clamp", "mirror", "black"]
 """What a picture shows beyond its edge: itself again, its last texel, itself mirrored, or nothing."""
 
 FACES_LEFT_OUT = "faces are left out: they have vertices that are not there, fewer than three, or those of another face"

@@ -15,7 +15,7 @@ from ..presets.preset import EngineName
 
 
 @dataclass(frozen=True)
-class Sight:
+class CameraParameters:
     """How a camera of Blender's sees, apart from its pose.
 
     camera: the object's name. kind: PERSP, ORTHO, PANO or CUSTOM. lens_mm: of a perspective one. near_m, far_m: its
@@ -56,7 +56,7 @@ class SampledCamera:
 
     frames: tuple[float, ...]
     matrices: NDArray[np.float64]
-    sights: tuple[Sight, ...]
+    sights: tuple[CameraParameters, ...]
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class OwnScene:
     notes: tuple[str, ...]
 
     @property
-    def sight(self) -> Sight:
+    def sight(self) -> CameraParameters:
         """How its camera sees at the first frame; there has to be one."""
         assert self.camera is not None
         return self.camera.sights[0]
@@ -112,7 +112,7 @@ class OwnScene:
         if sampled is not None:
             matrices = np.array(sampled["matrices"], dtype=np.float64).reshape(-1, 4, 4)
             camera = SampledCamera(
-                tuple(sampled["frames"]), matrices, tuple(Sight(**sight) for sight in sampled["sights"])
+                tuple(sampled["frames"]), matrices, tuple(CameraParameters(**sight) for sight in sampled["sights"])
             )
         problems = tuple(Problem(**item) for item in content["problems"])
         told = {"files": tuple(content["files"]), "notes": tuple(content["notes"])}

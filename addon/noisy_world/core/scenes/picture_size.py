@@ -3,7 +3,7 @@
 
 import struct
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from ..errors import InputError
 
@@ -11,7 +11,7 @@ LARGEST_PIXELS = 2**28  # 16384 x 16384, the largest texture that graphics cards
 LARGEST_SIDE_PX = 32768
 KINDS = "PNG, JPEG, BMP, TIFF and WebP"
 
-type SizePx = tuple[int, int]
+SizePx: TypeAlias = tuple[int, int]
 
 
 def header_size_px(data: bytes) -> SizePx | None:

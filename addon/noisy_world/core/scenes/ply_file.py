@@ -14,7 +14,7 @@ from functools import cached_property
 from io import BytesIO
 from itertools import chain, repeat
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from ..errors import InputError
 from ..regular_files import open_regular
 from .mesh_formats import FORMAT_BYTES, not_a_ply
 
-type _Int64s = NDArray[np.int64]
+_Int64s: TypeAlias = NDArray[np.int64]
 
 _SIZED = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
 _UNSIZED = ("char", "uchar", "short", "ushort", "int", "uint", "float", "double")
@@ -205,8 +205,8 @@ def _parse_text(path: Path, text: bytes, header_lines: int) -> Body:
             numbers = _from_text(block, np.float64, len(block.split()))
         if numbers is None:
             bad = next(word for word in re.finditer(rb"\S+", block) if _from_text(word[0], np.float64, 1) is None)
-            where = f"line {header_lines + 1 + text.count(b'\n', 0, stream.tell() - len(block) + bad.start())}"
-            flaw = InputError(path, f"{str(bad[0][:40])[1:]} is not a number", where=where, remedy=DAMAGED)
+            line = header_lines + 1 + text.count(b"\n", 0, stream.tell() - len(block) + bad.start())
+            flaw = InputError(path, f"{str(bad[0][:40])[1:]} is not a number", where=f"line {line}", remedy=DAMAGED)
             block = block[: bad.start()]
             numbers = _from_text(block, np.float64, len(block.split()))
             assert numbers is not None, "every word before the first bad one is a number"

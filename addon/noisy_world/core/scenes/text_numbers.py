@@ -59,9 +59,9 @@ def check_fbx_arrays(path: Path, data: bytes) -> None:
         if array[1].translate(None, _OF_NUMBERS):
             for word in re.finditer(rb"[^,\s]++", array[1]):
                 if not re.fullmatch(_NUMBER + rb"|[-+]?(?:nan|inf)", word[0], re.IGNORECASE):
-                    where = f"line {1 + data.count(b'\n', 0, array.start(1) + word.start())}"
+                    line = 1 + data.count(b"\n", 0, array.start(1) + word.start())
                     problem = f"{word[0][:40].decode('utf-8', 'replace')!r} is not a number"
-                    raise InputError(path, problem, where=where, remedy=DAMAGED)
+                    raise InputError(path, problem, where=f"line {line}", remedy=DAMAGED)
 
 
 def line_with_odd_number(data: bytes) -> int | None:
@@ -83,7 +83,8 @@ def _float32(word: bytes) -> float:
 
 def _error(path: Path, data: bytes, text: bytes, start: int, *, least: int, what: str) -> InputError:
     """Return the error of a line whose numbers begin at a place."""
-    where = f"line {1 + data.count(b'\n', 0, start)}"
+    line = 1 + data.count(b"\n", 0, start)
+    where = f"line {line}"
     end = text.find(b"\n", start)
     words = _WORD.findall(text[start : len(text) if end < 0 else end].split(b"#", 1)[0])
     words = words[:3] if data[start - 6 : start].strip() == b"vertex" else words

@@ -2,13 +2,13 @@
 """Meshes whose files have another axis up: turned as Blender's importers do, or back to how they are stored."""
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from .mesh import Mesh
 
-type Up = Literal["y", "z"]
+Up: TypeAlias = Literal["y", "z"]
 """The axis of a mesh's file that points up."""
 
 

@@ -8,7 +8,7 @@ the path goes on as fast as there.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..geometry import pose
 from .rotation_spline import RotationSpline
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 class Curve(Protocol):

@@ -7,7 +7,7 @@ one pose a file), Open3D's .log and nerfstudio's transforms.json. `docs/trajecto
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from .transforms_json import transforms_poses
 STAMPED_FORMATS: tuple[TrajectoryFormat, ...] = ("tum", "euroc")
 """The formats whose poses have time stamps."""
 
-type Auto = Literal["auto"]
+Auto: TypeAlias = Literal["auto"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,14 +3,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NoisyWorldError
 
-type ReadoutDirection = Literal["down", "up", "right", "left"]
+ReadoutDirection: TypeAlias = Literal["down", "up", "right", "left"]
 
 
 @dataclass(frozen=True)

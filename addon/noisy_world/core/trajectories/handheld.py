@@ -5,6 +5,8 @@ The path joins points that are far apart through free cells of the room's map; i
 and goes slower. Gravity is -z.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,7 +18,7 @@ from .room_map import BOB_M, find_room
 from .trajectory import Trajectory, evenly_stamped
 from .walk import look_around, walk
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 _TREMOR_DEG = 0.3  # amplitude of each rotation
 # Of one path: a day and a night, and what is walked in it. Both bound the memory, to less than a gigabyte.

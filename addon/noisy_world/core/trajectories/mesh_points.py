@@ -2,20 +2,21 @@
 """A mesh as points that lie close on its faces, as fine as a budget allows: so that no mesh takes minutes."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..scenes.mesh import Mesh
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 _NEEDLE = 256  # sizes long: 12.8 m of 5 cm
 _CHUNK = 100_000  # triangles cut at a time, so that memory stays flat
 
 
 @dataclass(frozen=True, eq=False)
-class Faces:
+class SampledTriangles:
     """The triangles of a mesh, (T, 3, 3) metres, and what decides into how many pieces they are cut.
 
     sides: (2, 2) lower and upper corner of the ground that matters. extents_m: (T,) the longest along an axis.
@@ -53,7 +54,7 @@ class Faces:
         return thin & (self.lengths_m > _NEEDLE * size_m)
 
 
-def faces_of(mesh: Mesh, sides: Float64, least_m: float) -> Faces:
+def faces_of(mesh: Mesh, sides: Float64, least_m: float) -> SampledTriangles:
     """Return the triangles of a mesh's faces that extend farther than least_m along an axis."""
     sizes = mesh.face_sizes
     extents_m = np.zeros(len(sizes))
@@ -68,7 +69,7 @@ def faces_of(mesh: Mesh, sides: Float64, least_m: float) -> Faces:
     corners = mesh.corner_vertices[np.column_stack([np.repeat(starts, fans), second, second + 1])]
     triangles_m = mesh.vertices_m[corners]
     areas_m2, lengths_m = _within(triangles_m, sides)
-    return Faces(triangles_m, sides, np.repeat(extents_m[large], fans), areas_m2, lengths_m)
+    return SampledTriangles(triangles_m, sides, np.repeat(extents_m[large], fans), areas_m2, lengths_m)
 
 
 def _within(triangles_m: Float64, sides: Float64) -> tuple[Float64, Float64]:

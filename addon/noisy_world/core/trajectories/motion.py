@@ -2,13 +2,14 @@
 """How a camera moves at one frame of its path."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import rotvec_from_rotation
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,10 @@ from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
 from .trajectory import Axes
 
-type Float64 = NDArray[np.float64]
-type TrajectoryFormat = Literal["replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"]
+Float64: TypeAlias = NDArray[np.float64]
+TrajectoryFormat: TypeAlias = Literal["replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"]
 
-FORMATS: tuple[str, ...] = get_args(TrajectoryFormat.__value__)
+FORMATS: tuple[str, ...] = get_args(TrajectoryFormat)
 
 LARGEST_STAMP_S = 1e11  # 3,000 years: larger numbers are no seconds, whatever they count from
 WAYS = (

@@ -7,16 +7,17 @@ would have too many of them, or the mesh too many pieces.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import NoisyWorldError
 from ..scenes.mesh import Mesh
-from .mesh_points import Faces, faces_of
+from .mesh_points import SampledTriangles, faces_of
 
-type Float64 = NDArray[np.float64]
-type Mask = NDArray[np.bool_]
+Float64: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
 
 # Chosen, unless a comment says otherwise: what looks like a person walking through a furnished room.
 _CELL_M = 0.05  # the map's resolution: fine enough for a gap between furniture, some 10^4 cells for a room
@@ -132,7 +133,7 @@ def _check_resolution(mesh: Mesh) -> None:
         )
 
 
-def _grid(least_m: Float64, most_m: Float64, clearance_m: float, faces: Faces) -> Grid:
+def _grid(least_m: Float64, most_m: Float64, clearance_m: float, faces: SampledTriangles) -> Grid:
     """Return the finest grid that is neither too large nor cuts the faces into too many pieces."""
     cell_m = max(_CELL_M, clearance_m / _CLEARANCE_CELLS)
     while True:

@@ -10,13 +10,14 @@ are Shuster's, A Survey of Attitude Representations (1993), equations 279 to 285
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geometry import rotation_from_rotvec, rotvec_from_rotation
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 MOST_ITERATIONS = 30
 TOLERANCE = 1e-12  # of the angular velocities, relative to the largest; each iteration gains a digit or more

@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -20,10 +20,10 @@ from ..geometry import pose, rotation_from_quat_wxyz
 from ..schema import shown
 from .pose_text import LARGEST_STAMP_S, WAYS, FilePoses, Float64, PoseRows, TextRows, all_finite
 
-type StampUnit = Literal["s", "ms", "us", "ns"]
-type StampedFormat = Literal["tum", "euroc"]
+StampUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
+StampedFormat: TypeAlias = Literal["tum", "euroc"]
 
-STAMP_UNITS: tuple[str, ...] = get_args(StampUnit.__value__)
+STAMP_UNITS: tuple[str, ...] = get_args(StampUnit)
 WIDTHS = (8, 17)
 
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}

@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +13,11 @@ from ..errors import NoisyWorldError
 from ..geometry import invert_pose, opencv_from_blender_c2w, opencv_from_robot_c2w
 from .curve import Curve, NaturalSpline, SplineCurve, WarpedCurve
 
-type Direction = Literal["c2w", "w2c"]
-type Axes = Literal["opencv", "opengl", "robot"]
+Direction: TypeAlias = Literal["c2w", "w2c"]
+Axes: TypeAlias = Literal["opencv", "opengl", "robot"]
 
-DIRECTIONS: tuple[str, ...] = get_args(Direction.__value__)
-AXES: tuple[str, ...] = get_args(Axes.__value__)
+DIRECTIONS: tuple[str, ...] = get_args(Direction)
+AXES: tuple[str, ...] = get_args(Axes)
 
 MOST_POSES = 1_000_000
 """Of a path that is made or resampled: 14 hours at 20 Hz, 128 MB of poses."""

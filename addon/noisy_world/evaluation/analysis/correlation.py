@@ -2,7 +2,7 @@
 """Which perturbations are alike to systems, which systems fail together, and what of a sequence goes with errors."""
 
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from .run_table import CLEAN, SEQUENCE, errors_of, indicators_in
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 ALL = "all"
 PAIRS = ["mode", "a", "b", "n", "n_scenes", "spearman", "p"]

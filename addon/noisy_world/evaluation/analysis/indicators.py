@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +48,7 @@ MEANING = {
     "rotation_acceleration_degps2": "acceleration of rotation, degrees/s^2, from the true poses",
 }
 
-type Column = NDArray[np.float64]
+Column: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,14 @@ other number comes from such a bootstrap (Cameron, Gelbach and Miller 2008 on fe
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.streams import stream
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 LEVEL = 0.95
 RESAMPLES = 2000

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How fast a camera moves and turns, from its poses."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core.geometry import quat_wxyz_from_rotation, rotation_angle_rad
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 MOTION = ("speed_mps", "acceleration_mps2", "rotation_speed_degps", "rotation_acceleration_degps2")
 

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from math import exp, isfinite, log
 from statistics import fmean, median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ SMALLEST_M = 1e-12  # of an error whose logarithm is taken
 COUNTS = ["n_runs", "n_failed", "n_lost", "n", "n_scenes"]
 OVER = [*COUNTS, "ate_m", "clean_ate_m", "over_clean", "least", "most"]
 
-type Bools = NDArray[np.bool_]
+Bools: TypeAlias = NDArray[np.bool_]
 
 
 def with_over_clean(runs: "DataFrame") -> "DataFrame":

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What single images are like: colour, its features, and depth; without knowing how they were made."""
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Grey = NDArray[np.uint8]
-type Depth = NDArray[np.float32]
+Grey: TypeAlias = NDArray[np.uint8]
+Depth: TypeAlias = NDArray[np.float32]
 
 FEATURES = 500
 """ORB features that are looked for at most in a frame; OpenCV's other parameters are its defaults."""

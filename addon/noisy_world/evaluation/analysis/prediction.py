@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from .run_table import SEQUENCE, SUCCESS
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 FEATURES = {
     "orb_tracked_low": True,

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Container
 from statistics import fmean
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,8 @@ from .run_table import CLEAN, SCORES
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Float64 = NDArray[np.float64]
-type Row = dict[str, Any]
+Float64: TypeAlias = NDArray[np.float64]
+Row: TypeAlias = dict[str, Any]
 
 BASELINE = "rgbd_odometry"
 ALL = "all"

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from math import isnan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,9 @@ from .run_table import CLEAN, SETTING, is_error, worst_if_failed
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Float64 = NDArray[np.float64]
-type Row = dict[str, Any]
-type Unit = tuple[Any, ...]  # a scene, or a scene and a seed
+Float64: TypeAlias = NDArray[np.float64]
+Row: TypeAlias = dict[str, Any]
+Unit: TypeAlias = tuple[Any, ...]  # a scene, or a scene and a seed
 
 TESTS = [
     *("unit", "n", "n_clean", "mean", "clean_mean", "welch_t", "welch_freedom", "welch_p", "welch_p_holm", "hedges_g"),

@@ -2,7 +2,7 @@
 """How results spread over scenes, seeds and repeats: means with intervals, and differences to clean, scene by scene."""
 
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,9 @@ from .run_table import CLEAN, FAILED, SETTING, is_error, is_score, is_share
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Float64 = NDArray[np.float64]
-type Row = dict[str, Any]
-type Cells = dict[str, dict[int, list[float]]]  # values by scene and seed, one for each repeat
+Float64: TypeAlias = NDArray[np.float64]
+Row: TypeAlias = dict[str, Any]
+Cells: TypeAlias = dict[str, dict[int, list[float]]]  # values by scene and seed, one for each repeat
 
 COUNTS = ["n_runs", "n_failed", "n", "n_scenes"]
 SPREAD = [

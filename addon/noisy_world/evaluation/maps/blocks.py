@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Voxels in blocks, kept only where there is something: which block stands where in memory."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ _BITS = 21  # of a coordinate in a key: a million blocks in each direction from 
 _HALF = 1 << (_BITS - 1)
 _MASK = (1 << _BITS) - 1
 
-type Keys = NDArray[np.int64]
+Keys: TypeAlias = NDArray[np.int64]
 """Three whole coordinates as one number, in their order."""
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Every metric of a map by its name."""
 
-from ..metrics.names import Metric
+from ..metrics.metric import Metric
 from .icp import LARGEST_M
 from .renders import MOST_RENDERS
 

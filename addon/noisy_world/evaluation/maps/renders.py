@@ -2,6 +2,7 @@
 """A map as the true cameras would see it, against what they see: depth and colour."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,8 @@ from .views import Views, rendered_views, spread
 MOST_RENDERS = 50
 HIGHEST_PSNR_DB = 100.0  # of equal images, whose PSNR has no bound; chosen
 
-type Colour = NDArray[np.uint8]
-type Compare = Callable[[Colour, Colour], float]
+Colour: TypeAlias = NDArray[np.uint8]
+Compare: TypeAlias = Callable[[Colour, Colour], float]
 """A number for two images (H, W, 3) uint8 RGB, such as LPIPS."""
 
 

@@ -2,6 +2,7 @@
 """Triangles of a mesh, and points on them drawn evenly by area."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from ...core.scenes.mesh import Mesh
 from ...core.streams import stream
 from ...rays.triangles import triangle_corners
 
-type Points = NDArray[np.float64]
+Points: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

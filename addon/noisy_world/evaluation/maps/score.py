@@ -2,6 +2,7 @@
 """The numbers of a map: how far it is from the truth, how much of the truth it holds, and how it looks."""
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +21,7 @@ NEAR_ENOUGH_M = 0.05
 """At most so far from the map a point of the truth is complete: the paper's 5 cm."""
 ICP_SAMPLES = 20_000
 
-type Values = dict[str, float | None]
+Values: TypeAlias = dict[str, float | None]
 
 
 @dataclass(frozen=True)

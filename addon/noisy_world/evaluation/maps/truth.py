@@ -4,7 +4,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from .views import RecordedViews, RenderedViews, Views
 SAMPLES = 200_000
 _ROUNDS = 20  # of samples, where most are not seen; chosen
 
-type Origin = Literal["mesh", "fused"]
+Origin: TypeAlias = Literal["mesh", "fused"]
 
 
 @dataclass(frozen=True)

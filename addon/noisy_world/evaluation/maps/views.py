@@ -22,7 +22,7 @@ NEAR_M, FAR_M = 0.01, 1000.0
 
 
 @dataclass(frozen=True)
-class View:
+class MapView:
     """What a camera sees: colour (H, W, 3) uint8, None where it has none; planar depth (H, W) in metres, 0 = void."""
 
     rgb: NDArray[np.uint8] | None
@@ -35,7 +35,7 @@ class Views(Protocol):
     camera: Intrinsics
     c2w: NDArray[np.float64]
 
-    def view(self, index: int) -> View:
+    def view(self, index: int) -> MapView:
         """Return what the camera sees there, without noise."""
         ...
 
@@ -46,7 +46,7 @@ class NoViews:
     camera = Intrinsics(1, 1, 1.0, 1.0, 0.0, 0.0)
     c2w = np.empty((0, 4, 4))
 
-    def view(self, index: int) -> View:
+    def view(self, index: int) -> MapView:
         """Raise IndexError: there is none."""
         raise IndexError(index)
 
@@ -60,10 +60,10 @@ class RecordedViews:
         self._frames = frames
         self.c2w = np.array([frame.c2w for frame in frames]).reshape(-1, 4, 4)
 
-    def view(self, index: int) -> View:
+    def view(self, index: int) -> MapView:
         """Return a frame's images."""
         frame = self._frames[index]
-        return View(frame.rgb, frame.depth_m)
+        return MapView(frame.rgb, frame.depth_m)
 
 
 class RenderedViews:
@@ -82,11 +82,11 @@ class RenderedViews:
         options = RenderOptions(NEAR_M, FAR_M, samples=1, seed=0, engine="embree", channels=channels)
         self._session = RaySession(mesh, self._paths, camera, options)
 
-    def view(self, index: int) -> View:
+    def view(self, index: int) -> MapView:
         """Return what is seen of the mesh."""
         frame = self._session.frame(self._paths.request(index))
         assert frame.depth_m is not None
-        return View(None if frame.rgb is None else rgb_bytes(frame.rgb), frame.depth_m)
+        return MapView(None if frame.rgb is None else rgb_bytes(frame.rgb), frame.depth_m)
 
     def close(self) -> None:
         """End the threads."""

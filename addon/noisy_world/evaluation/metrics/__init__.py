@@ -2,9 +2,11 @@
 """Metrics of trajectories: how far an estimate is from the truth, and how much of it there is."""
 
 from .alignment import Alignment, Similarity
+from .compared import Compared
 from .frame_errors import FrameErrors, frame_errors_text
-from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, Metric
-from .protocols import PROTOCOLS, Protocol, metrics_of, paper_protocol
+from .metric import Metric, TrajectoryMetric
+from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, metrics_of
+from .protocols import PROTOCOLS, Protocol, paper_protocol
 from .robustness import Rate, corruption_error, resilience_rate
 from .score import FAILURES, Score, score_trajectory
 
@@ -15,12 +17,14 @@ __all__ = [
     "PAPER_PREFIX",
     "PROTOCOLS",
     "Alignment",
+    "Compared",
     "FrameErrors",
     "Metric",
     "Protocol",
     "Rate",
     "Score",
     "Similarity",
+    "TrajectoryMetric",
     "corruption_error",
     "frame_errors_text",
     "metrics_of",

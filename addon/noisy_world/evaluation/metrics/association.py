@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which pose of an estimate belongs to which frame of the truth, decided by their time stamps."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
-type Float64 = NDArray[np.float64]
-type Rows = NDArray[np.int64]
+Float64: TypeAlias = NDArray[np.float64]
+Rows: TypeAlias = NDArray[np.int64]
 
 MAX_DIFFERENCE_S = 0.01
 """How far the stamps of a pose and its frame may lie apart: evo's default, and that of the paper's code."""

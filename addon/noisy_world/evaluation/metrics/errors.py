@@ -6,18 +6,19 @@ compares poses after alignment, the relative pose error (RPE) motions between tw
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import rotation_angle_rad
 
-type Float64 = NDArray[np.float64]
-type Pairs = NDArray[np.int64]
+Float64: TypeAlias = NDArray[np.float64]
+Pairs: TypeAlias = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Spread:
+class ErrorStatistics:
     """What is said of many errors: root of the mean square, mean, median, largest, standard deviation (of all)."""
 
     rmse: float
@@ -27,9 +28,9 @@ class Spread:
     std: float
 
 
-def spread_of(errors: Float64) -> Spread:
+def spread_of(errors: Float64) -> ErrorStatistics:
     """(N,), N >= 1, finite -> their statistics."""
-    return Spread(
+    return ErrorStatistics(
         float(np.sqrt(np.mean(np.square(errors)))),
         float(errors.mean()),
         float(np.median(errors)),

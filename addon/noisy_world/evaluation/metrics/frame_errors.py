@@ -5,11 +5,12 @@ import csv
 import io
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 COLUMNS = ("index", "stamp_s", "tracked", "error_m", "rotation_error_deg", "x_m", "y_m", "z_m")
 

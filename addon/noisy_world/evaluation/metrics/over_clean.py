@@ -5,7 +5,7 @@ A threshold in metres says whether a path is good enough for a task; it sees not
 millimetres. What noise did is seen beside the error without it, whatever a system's accuracy is.
 """
 
-from .names import Metric
+from .metric import Metric
 from .success import LEAST_TRACKED
 
 OVER_CLEAN = "ate_over_clean"

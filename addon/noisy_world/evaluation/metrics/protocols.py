@@ -6,13 +6,12 @@ can be compared otherwise.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeAlias
 
 from .alignment import Alignment
 from .association import MAX_DIFFERENCE_S
-from .names import METRICS, PAPER_METRICS, Metric
 
-type Kind = Literal["strict", "paper"]
+Kind: TypeAlias = Literal["strict", "paper"]
 
 
 @dataclass(frozen=True)
@@ -99,11 +98,6 @@ PROTOCOLS: dict[str, Protocol] = {
     )
 }
 """Every protocol by name. The paper prints RPE and SR of ORB-SLAM3 alone; of others they are by the same formulas."""
-
-
-def metrics_of(protocol: Protocol) -> dict[str, Metric]:
-    """Return the metrics that a protocol gives, by name."""
-    return METRICS if protocol.kind == "strict" else PAPER_METRICS
 
 
 _MEAN_SYSTEMS = ("imap", "nice_slam", "co_slam", "coslam", "splatam")

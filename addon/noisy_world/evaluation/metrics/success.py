@@ -2,11 +2,12 @@
 """Scores from 0 to 1 that count what a run lost as well as what it erred, so that a failed run is a 0, not a gap."""
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 THRESHOLDS_M = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Of the ATE, below which a run counts as a success."""

@@ -13,7 +13,7 @@ from ...core.requirements import missing_packages, missing_sentence
 
 if TYPE_CHECKING:
     from .frames import FrameIndex
-    from .story import Result
+    from .tracking_history import Result
 
 NAME = "rgbd_odometry"
 NEEDED = ("numpy", "cv2")

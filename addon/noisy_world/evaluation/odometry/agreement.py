@@ -5,6 +5,7 @@ OpenCV's odometry never admits to being lost: it returns the motion with the lea
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from ...core.geometry import Intrinsics, invert_pose
 from .alignment import View
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 ACROSS = 64  # points of the grid in a row; chosen: 3,000 points take half a millisecond
 NEAR_M, NEAR_SHARE = 0.03, 0.02  # depths agree within 3 cm and 2 % of the depth

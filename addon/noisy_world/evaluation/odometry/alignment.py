@@ -6,7 +6,7 @@ square matrix; frames have to be prepared; no first guess can be given.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from .frames import Depth, Grey
 if TYPE_CHECKING:
     import cv2
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 # Finest level first; chosen: half the time of OpenCV's own counts (7, 7, 7, 10), and found from twice as far, as it is
 # the coarsest levels that bring views together. In a textured box of 160 x 120 pixels 1 of 27 motions over three frames

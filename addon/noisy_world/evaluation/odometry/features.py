@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from .alignment import View
 if TYPE_CHECKING:
     import cv2
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 FEATURES = 600  # a view; chosen: 4 ms at 320 x 240
 FAST_THRESHOLD = 12  # OpenCV's 20 finds few corners in fog

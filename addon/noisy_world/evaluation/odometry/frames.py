@@ -5,6 +5,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,8 @@ from ...core.geometry import Intrinsics
 from ...core.regular_files import read_bytes, read_text
 from ...core.schema import Place, key, parse
 
-type Grey = NDArray[np.uint8]
-type Depth = NDArray[np.float32]
+Grey: TypeAlias = NDArray[np.uint8]
+Depth: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 """Loops: where the path comes back to what was seen long before, the two views are aligned, and the drift is undone."""
 
 from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 from ...core.geometry import invert_pose, rotation_angle_rad
 from .agreement import Agreement
 from .places import Places
-from .story import Edge
+from .tracking_history import Edge
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 APART = 10  # keyframes between the two at least; nearer ones hang together anyway
 NEAR_M, NEAR_DEG = 1.0, 40.0  # how near the two seem to be, before drift

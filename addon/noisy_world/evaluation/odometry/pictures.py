@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The images of a sequence as the odometry wants them: grey and depth in metres, of a size that is fast."""
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
 from .frames import Depth, FrameEntry, FrameIndex, Grey, grey_of, read_colour, read_depth
 from .smoothing import smoothed
+
+T = TypeVar("T", bound=np.generic)
 
 
 class Pictures:
@@ -30,7 +34,7 @@ class Pictures:
             grey, depth_m = self._thinned(grey), self._thinned(depth_m)
         return grey, smoothed(depth_m) if self._smooth else depth_m
 
-    def _thinned[T: np.generic](self, image: NDArray[T]) -> NDArray[T]:
+    def _thinned(self, image: NDArray[T]) -> NDArray[T]:
         first = self.step // 2
         thinned = image[first :: self.step, first :: self.step]
         return np.ascontiguousarray(thinned[: self.camera.height_px, : self.camera.width_px])

@@ -2,6 +2,7 @@
 """Keyframes that are remembered, and views found among them: after a loss, and where the path returns."""
 
 from collections.abc import Callable, Iterable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from .features import Landmarks, Recogniser
 from .frames import FrameEntry
 from .pictures import Pictures
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 THUMBNAIL_PX = (16, 12)
 ALIKE = 10  # keyframes that look most alike, which a lost view is compared with

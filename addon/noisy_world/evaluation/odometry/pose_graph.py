@@ -2,6 +2,7 @@
 """The keyframes' poses that fit all measured edges best, by gtsam."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 from ...core.extras import need
 from ...core.geometry import invert_pose, rotation_angle_rad
 from ...core.requirements import missing_packages
-from .story import Edge
+from .tracking_history import Edge
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 # Of an alignment's error, each axis; only the ratios count. Chosen: a radian does as much as a metre, as rooms are some
 # metres large; loops are aligned from farther apart.

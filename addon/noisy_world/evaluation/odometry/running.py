@@ -16,8 +16,8 @@ from .loops import find_loops
 from .pictures import Pictures
 from .places import Places
 from .pose_graph import can_optimise, optimised
-from .story import Result, Story
 from .tracking import State, Tracker, believed
+from .tracking_history import Result, TrackingHistory
 
 WIDEST_PX = 640  # wider images are made smaller: chosen for time, as accuracy does not gain
 SEED = 1  # of OpenCV's own random numbers
@@ -67,9 +67,9 @@ def run(
 
 def _followed(
     index: FrameIndex, pictures: Pictures, places: Places, progress: Progress | None, stopped: Callable[[], bool]
-) -> Story:
+) -> TrackingHistory:
     """Track frame after frame; a frame that is lost is looked for among all keyframes."""
-    tracker, story = Tracker(places.aligner), Story()
+    tracker, story = Tracker(places.aligner), TrackingHistory()
     if progress:
         progress.start("tracking", len(index.frames))
     for entry in index.frames:
@@ -93,7 +93,7 @@ def _followed(
     return story
 
 
-def _usual(story: Story) -> Agreement:
+def _usual(story: TrackingHistory) -> Agreement:
     """Return how well tracked views agree: the median of each number."""
     seen = [tracked.agreement for _, tracked in story.frames if tracked.keyframe_from_camera is not None]
     numbers = np.array([(a.overlap, a.seen, a.depth, a.grey, a.moved, a.error) for a in seen])

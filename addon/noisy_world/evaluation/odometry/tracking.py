@@ -7,6 +7,7 @@ with the last frame, too, which hardly ever fails, and what fits the keyframe be
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ...core.geometry import invert_pose, rotation_angle_rad
 from .agreement import NONE, WHOLE, Agreement, agreement
 from .alignment import Aligner, View
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 class State(StrEnum):
@@ -77,7 +78,7 @@ class _Anchor:
     stamp_s: float
 
 
-type _Found = tuple[Float64, Agreement]  # a view's place in the keyframe's coordinates, and how well it fits
+_Found: TypeAlias = tuple[Float64, Agreement]  # a view's place in the keyframe's coordinates, and how well it fits
 
 
 # How a view fits when nothing is known yet of how views fit.

@@ -10,7 +10,7 @@ NEEDED = ("pandas", "jinja2", "matplotlib", "tabulate", "scipy")
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenReport:
     """A report. files: what was written. missing: a sentence for each thing that it has to do without.
 
     findings: what it begins with, in sentences.
@@ -21,7 +21,7 @@ class Written:
     findings: tuple[str, ...]
 
 
-def write_report(results: Path) -> Written:
+def write_report(results: Path) -> WrittenReport:
     """Write the report of a results folder into it.
 
     Equal folders give equal bytes. Raises InputError where the folder holds no results or a damaged file, StorageError
@@ -38,4 +38,4 @@ def write_report(results: Path) -> Written:
     found = read_results(results)
     contents = gather(found, analyse(found.runs, found.sequences))
     files = write_contents(contents, paper_tables(found, published()), results)
-    return Written(tuple(files), tuple(contents.missing), tuple(contents.findings))
+    return WrittenReport(tuple(files), tuple(contents.missing), tuple(contents.findings))

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..analysis.tables import CAPTIONS
@@ -18,7 +18,7 @@ from .tables import NOTHING, Column, Table, shown
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-type Analyses = Mapping[str, "DataFrame"]
+Analyses: TypeAlias = Mapping[str, "DataFrame"]
 
 TITLES = {
     "over_clean": "Error over clean",

@@ -57,14 +57,14 @@ MEASURES = {
 
 
 @dataclass(frozen=True)
-class Source:
+class LatexFile:
     """A file of LaTeX. name: without the ending."""
 
     name: str
     text: str
 
 
-def paper_tables(results: Results, paper: Published) -> list[Source]:
+def paper_tables(results: Results, paper: Published) -> list[LatexFile]:
     """Return a table for each set of perturbations, mode and measure that the results have."""
     known = treatments(results)
     runs = results.runs.assign(_treatment=results.runs["setting"].map(known))
@@ -97,7 +97,7 @@ class _Layout:
     columns: Sequence[tuple[str, Treatment]]
 
 
-def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) -> Source:
+def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) -> LatexFile:
     name, mode, columns = layout.name, layout.mode, layout.columns
     clean = Treatment(CLEAN, "")
     every = [clean, *(where for _, where in columns)]
@@ -114,7 +114,7 @@ def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) 
     )
     if any(row[0].endswith("printed") for row in body):
         caption += " Rows marked printed are the paper's own figures, on Replica."
-    return Source(key, latex_tabular(key, caption, "l" + "r" * len(every), [first, second], body))
+    return LatexFile(key, latex_tabular(key, caption, "l" + "r" * len(every), [first, second], body))
 
 
 def _heading(where: Treatment) -> str:

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..metrics import METRICS
 from .labels import column_of
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
@@ -55,9 +56,10 @@ def in_order(runs: "DataFrame") -> "DataFrame":
 
 
 def main_metrics(runs: "DataFrame") -> list[str]:
-    """Return which of the main metrics the runs have; those of maps only where a map was scored."""
+    """Return which of the main metrics, and of installed packages, the runs have; of maps where one was scored."""
+    installed = [name for name in METRICS if METRICS.distribution(name)]
     of_maps = [name for name in MAIN_OF_MAPS if name in runs.columns and runs[name].notna().any()]
-    return [name for name in MAIN if name in runs.columns] + of_maps
+    return [name for name in (*MAIN, *installed) if name in runs.columns] + of_maps
 
 
 def records_of(group: "DataFrame") -> list[tuple[str, str]]:

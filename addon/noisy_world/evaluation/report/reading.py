@@ -3,6 +3,7 @@
 
 import csv
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
@@ -26,6 +27,7 @@ RUN_KEY = (*KEY, "system", "repeat")
 TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure")
 FOLDERS = ("scene", "setting", "seed", "system")
 """Columns whose texts name folders."""
+LONGEST_NAME_BYTES = 250  # file systems take 255 bytes, and "seed-" stands before a seed
 RUN_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed", "system", "repeat", "outcome", "failure")
 SEQUENCE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
 STRICT_PREFIX = "strict."
@@ -118,7 +120,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
 def _check_folders(names: list[str], path: Path, column: str) -> None:
     """Raise InputError for a name that is none of a folder: what it leads to would be read."""
     for line, name in enumerate(names, start=2):
-        if name in ("", ".", "..") or "/" in name or "\0" in name:
+        if name in ("", ".", "..") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_NAME_BYTES:
             raise InputError(path, f"{shown(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
 
 
@@ -163,11 +165,19 @@ def _natural(column: "Series") -> "Series":
     return column.str.zfill(20) if column.name == "seed" else column
 
 
+def _finite(text: str) -> float:
+    """Return a number. Raises ValueError for infinity and NaN, too: no table that is written here holds them."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError("is not finite")
+    return number
+
+
 def _numbers(texts: list[str], path: Path, column: str) -> "list[float]":
     numbers = []
     for line, text in enumerate(texts, start=2):
         try:
-            numbers.append(float(text) if text else float("nan"))
+            numbers.append(_finite(text) if text else float("nan"))
         except ValueError:
             where = f"line {line}, column {column!r}"
             raise InputError(path, f"{text[:40]!r} is no number", where=where, remedy=REMEDY) from None

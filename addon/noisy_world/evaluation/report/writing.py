@@ -7,7 +7,7 @@ from pathlib import Path
 from ...core.datasets.storage import storage_errors
 from ...core.regular_files import read_text
 from .contents import Contents
-from .paper_tables import Source
+from .paper_tables import LatexFile
 from .tables import csv_bytes, latex_table, markdown_table, parquet_bytes
 from .templating import FOLDER, environment
 
@@ -17,7 +17,7 @@ LONGEST_IN_MARKDOWN = 40  # rows; the files have all
 LONGEST_OPEN = 60  # rows of a table that is not folded away in the page
 
 
-def write_contents(contents: Contents, sources: Sequence[Source], folder: Path) -> list[Path]:
+def write_contents(contents: Contents, sources: Sequence[LatexFile], folder: Path) -> list[Path]:
     """Write everything into a results folder, and return the files. Raises StorageError."""
     files = {"report.html": html(contents).encode(), "report.md": markdown(contents).encode()}
     if contents.ranking is not None:

@@ -12,13 +12,13 @@ from ..analysis.indicators import indicators_of
 from ..metrics.frame_errors import FrameErrors
 from .cases import Case
 from .origin import CaseSequence
-from .results import FRAMES, INDICATORS, THUMBS, TRUTH, Results
+from .results import FRAMES, INDICATORS, THUMBS, TRUTH, ResultsFolder
 
 THUMB_PX = 240  # the width of each of the two images beside each other
 EVENLY = 3  # pictures along the sequence, beside the worst frames
 
 
-def describe(results: Results, case: Case, sequence: CaseSequence) -> None:
+def describe(results: ResultsFolder, case: Case, sequence: CaseSequence) -> None:
     """Write what stays of a sequence, if it is not there; the indicators last."""
     if results.is_described(case):
         return
@@ -31,7 +31,7 @@ def describe(results: Results, case: Case, sequence: CaseSequence) -> None:
     results.write_json(folder / INDICATORS, {**_plain(found.values), "frames": len(numbers)})
 
 
-def show(results: Results, case: Case, sequence: CaseSequence, places: Iterable[int]) -> None:
+def show(results: ResultsFolder, case: Case, sequence: CaseSequence, places: Iterable[int]) -> None:
     """Write small pictures of frames, by their places in the sequence, where they are not there."""
     numbers = list(sequence.opened.frames)
     for place in places:

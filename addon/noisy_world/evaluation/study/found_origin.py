@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ...core.datasets.dataset_state import read_dataset_state
 from ...core.datasets.provenance import path_sha256
-from ...core.datasets.standing import read_standing
 from ...core.errors import InputError
 from ...core.presets.selection import selected
 from ...core.progress import Progress
@@ -38,7 +38,7 @@ class FoundOrigin:
         if not isinstance(opened, OpenedFolder):
             raise InputError(folder, "holds sequences in tars, and systems read files", remedy="unpack them")
         self._opened = opened
-        standing = read_standing(folder)
+        standing = read_dataset_state(folder)
         self._made_from = None if standing is None else standing.identity
         seed = 0 if self._made_from is None else int(self._made_from["seed"])
         self._names = {_case(name, seed): name for name in opened}

@@ -5,7 +5,7 @@ from typing import Any
 
 from ...core.datasets.differences import first_difference
 from ...core.errors import StorageError
-from .results import STUDY, Results
+from .results import STUDY, ResultsFolder
 from .written import ANOTHER, FORMAT, KIND, read_study
 
 BY_NAME = ("scenes", "settings", "sequences", "found")
@@ -14,7 +14,7 @@ FOR_PEOPLE = ("preset", "preset_sha256")
 """Parts that decide nothing which other parts do not tell."""
 
 
-def opened(results: Results, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
+def opened(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
     """Write what is evaluated, beside what was before in the same folder.
 
     Raises StorageError where the folder holds a study of something else, in a line that names the first difference.
@@ -36,6 +36,10 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     for name in sorted({*there["systems"], *here["systems"]}):
         if name in there["systems"] and name in here["systems"] and there["systems"][name] != here["systems"][name]:
             return f"the definition of {name} is another"
+    before, now = there.get("metrics", {}), here.get("metrics", {})
+    for name in sorted(before):
+        if name in now and before[name] != now[name]:
+            return f"the metric {name} is of {before[name]}, and here of {now[name]}"
     for key in ("protocol", "maps"):
         if there.get(key) != here[key]:
             return first_difference(there.get(key), here[key], key) or ""
@@ -57,8 +61,10 @@ def merged(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:
         key: {**before.get(key, {}), **value} if key in BY_NAME and isinstance(value, dict) else value
         for key, value in now.items()
     }
+    brought = {**there.get("metrics", {}), **here.get("metrics", {})}
     return {
         **here,
+        **({"metrics": brought} if brought else {}),
         "subject": subject,
         "systems": {**there["systems"], **here["systems"]},
         "seeds": sorted({*there["seeds"], *here["seeds"]}),

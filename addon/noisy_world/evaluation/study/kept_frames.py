@@ -25,7 +25,7 @@ from ...core.planning.source import OpenSource, PreparedSource, RenderedFrame, R
 from ...core.regular_files import read_array
 from ...core.trajectories.frame_request import FrameRequest
 from ...core.trajectories.sensor_paths import SensorPaths
-from .held_scene import SourceInside
+from .scene_cache import SourceInside
 
 
 def frames_bytes(camera: Intrinsics, frames: int) -> int:

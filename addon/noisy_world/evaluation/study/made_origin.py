@@ -24,12 +24,12 @@ from ...recipes.opening import open_path
 from ...sources import find_scenes
 from .cases import Case, Condition
 from .clean_sequence import CleanSequence
-from .held_scene import HeldSource, Holder
 from .kept_frames import KeptFrames, KeptSource, frames_bytes
 from .notes import NotesOnly
 from .origin import CaseSequence
 from .repeating import depends_on_seed
-from .results import Results
+from .results import ResultsFolder
+from .scene_cache import CachedSource, SceneCache
 
 
 class MadeOrigin:
@@ -43,7 +43,7 @@ class MadeOrigin:
         self,
         preset: Preset,
         seeds: tuple[int, ...],
-        results: Results,
+        results: ResultsFolder,
         *,
         keep: bool = False,
         keep_clean: bool = True,
@@ -65,7 +65,7 @@ class MadeOrigin:
         self._keep = keep
         self._keep_clean = keep_clean
         self._stop = stop or threading.Event()
-        self._holder = Holder()
+        self._holder = SceneCache()
 
     @cached_property
     def whole(self) -> Plan:
@@ -154,7 +154,7 @@ class MadeOrigin:
         plan = lay_out_plan(preset, (setting,), [scene])
         (render,) = plan.renders
         kept = self._kept(render, case)
-        source: Source = HeldSource(scene.source, scene.name, self._holder, self.renders_by_seed)
+        source: Source = CachedSource(scene.source, scene.name, self._holder, self.renders_by_seed)
         scene = replace(scene, source=source if kept is None else KeptSource(source, kept))
         return replace(plan, renders=(replace(render, scene=scene),)), kept
 

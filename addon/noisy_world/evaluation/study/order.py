@@ -8,7 +8,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Order:
+class StudyOrder:
     """What a study is to do.
 
     subject: the preset's file, or the folder of sequences. document: the preset's content, overrides included; None for
@@ -43,7 +43,7 @@ class Order:
         return json.dumps(asdict(self))
 
     @classmethod
-    def parse(cls, text: str) -> "Order":
+    def parse(cls, text: str) -> "StudyOrder":
         """Return the order in a line of JSON."""
         values = json.loads(text)
         listed = {name: tuple(values[name]) for name in ("systems", "seeds", "scenes", "settings")}

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ...core.datasets.dataset_state import WORK_FOLDER
 from ...core.datasets.json_text import read_json
-from ...core.datasets.standing import WORK_FOLDER
 from ...core.datasets.storage import storage_errors, write_atomic
 from ...core.errors import StorageError
 from .cases import Case, SystemRun
@@ -27,7 +27,7 @@ THUMBS = "thumbs"
 
 
 @dataclass(frozen=True)
-class Results:
+class ResultsFolder:
     """A folder of results. What is in its working folder goes when the study ends."""
 
     folder: Path

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...core.presets.preset import check_document
 from ...core.progress import Progress
+from ..metrics import METRICS
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import System
@@ -18,9 +19,9 @@ from .describing import describe, show, worst_frames
 from .found_origin import FoundOrigin
 from .made_origin import MadeOrigin
 from .mapping import MapsOfCase, maps_of
-from .order import Order
+from .order import StudyOrder
 from .origin import CaseSequence, Origin
-from .results import ERRORS, SCORES, Results
+from .results import ERRORS, SCORES, ResultsFolder
 from .run_files import read_run_record
 from .scoring import MAP, score_run
 
@@ -28,13 +29,13 @@ from .scoring import MAP, score_run
 class Study:
     """A study that is to be carried out. Any number of processes may work at different cases of one."""
 
-    def __init__(self, order: Order, *, stop: threading.Event) -> None:
+    def __init__(self, order: StudyOrder, *, stop: threading.Event) -> None:
         """Find the systems and the files of the scenes. stop: when set, `carry_out` ends with InterruptedRunError.
 
         Raises InputError for what is missing or wrong.
         """
         self.order = order
-        self.results = Results(order.folder)
+        self.results = ResultsFolder(order.folder)
         self.systems = {system.name: system for system in isolating(map(find_system, order.systems), order.isolate)}
         self._stop = stop
 
@@ -106,7 +107,9 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
-        how = {"maps": self.order.maps, "protocol": self.order.protocol}
+        how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol}
+        if brought := {name: str(found) for name in METRICS if (found := METRICS.distribution(name))}:
+            how["metrics"] = brought
         return {**how, "subject": self.origin.identity, "systems": systems}
 
 

@@ -5,23 +5,24 @@ import csv
 import statistics
 from collections.abc import Iterable
 from io import StringIO
+from typing import TypeAlias
 
 from ...core.errors import one_line
 from ...core.extras import need
 from ...core.regular_files import read_text
 from ..csv_cells import text_of
 from ..metrics.names import METRICS, PAPER_METRICS
-from .results import Results
+from .results import ResultsFolder
 from .tables import RUNS
 
 NEEDED = ("tabulate",)
 
 SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
 """What is shown by each protocol: the first is the error, in metres."""
-type Row = dict[str, str]
+Row: TypeAlias = dict[str, str]
 
 
-def summary_text(results: Results, protocol: str) -> str:
+def summary_text(results: ResultsFolder, protocol: str) -> str:
     """Return the table: a row for each perturbation and severity, for each system medians over scenes, seeds, repeats.
 
     Raises MissingDependencyError without the extra `evaluate`.

@@ -4,23 +4,23 @@
 import csv
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 from ...perturbations import registry
 from ..csv_cells import cell_of
 from ..metrics.names import METRICS, PAPER_METRICS
 from .cases import Case, Condition, SystemRun
 from .found_origin import CLEAN, RECORDED
-from .results import Results
+from .results import ResultsFolder
 from .run_files import read_run_record
 from .scoring import MAP, PAPER, STRICT
 from .written import read_indicators, read_scores, read_study
 
 RUNS, SEQUENCES = "runs.csv", "sequences.csv"
-type Row = dict[str, Any]
+Row: TypeAlias = dict[str, Any]
 
 
-def write_tables(results: Results) -> None:
+def write_tables(results: ResultsFolder) -> None:
     """Write runs.csv and sequences.csv. Raises StorageError where a file in the folder is damaged."""
     study = read_study(results)
     conditions = _Conditions(study["subject"]["settings"])
@@ -53,7 +53,7 @@ class _Conditions:
         return {"scene": case.scene, "setting": name, **told, "seed": case.seed}
 
 
-def _run_row(results: Results, run: SystemRun, conditions: _Conditions, protocol: str) -> Row:
+def _run_row(results: ResultsFolder, run: SystemRun, conditions: _Conditions, protocol: str) -> Row:
     folder = results.of_run(run)
     record = read_run_record(folder)
     scores = read_scores(results, run)
@@ -80,7 +80,7 @@ def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
     return _with_others((*RUN_COLUMNS, *metrics), rows)
 
 
-def _sequence_row(results: Results, case: Case, conditions: _Conditions) -> Row:
+def _sequence_row(results: ResultsFolder, case: Case, conditions: _Conditions) -> Row:
     found = read_indicators(results, case)
     return {**conditions.columns(case), **found}
 

@@ -8,7 +8,7 @@ from typing import Any
 from ...core.datasets.json_text import finite_number
 from ...core.errors import StorageError
 from .cases import Case, SystemRun
-from .results import INDICATORS, SCORES, STUDY, Results
+from .results import INDICATORS, SCORES, STUDY, ResultsFolder
 from .scoring import MAP, PAPER, PROTOCOL_NAMES, STRICT
 
 KIND = "study of Noisy World"
@@ -16,7 +16,7 @@ FORMAT = 1  # version of study.json; raised when its keys change
 ANOTHER = "choose another folder with --out"
 
 
-def read_study(results: Results) -> dict[str, Any]:
+def read_study(results: ResultsFolder) -> dict[str, Any]:
     """Return what was evaluated. Raises StorageError where study.json is damaged, or of another version."""
     path = results.folder / STUDY
     content = results.read_json(path)
@@ -28,7 +28,7 @@ def read_study(results: Results) -> dict[str, Any]:
     return study
 
 
-def read_scores(results: Results, run: SystemRun) -> dict[str, Any]:
+def read_scores(results: ResultsFolder, run: SystemRun) -> dict[str, Any]:
     """Return the scores of a run: `failure`, and the values of each protocol by name. Raises StorageError."""
     path = results.of_run(run) / SCORES
     scores = results.read_json(path)
@@ -40,7 +40,7 @@ def read_scores(results: Results, run: SystemRun) -> dict[str, Any]:
     return scores
 
 
-def read_indicators(results: Results, case: Case) -> dict[str, Any]:
+def read_indicators(results: ResultsFolder, case: Case) -> dict[str, Any]:
     """Return what the frames of a case are like, numbers by name. Raises StorageError."""
     path = results.of_case(case) / INDICATORS
     found = results.read_json(path)
@@ -75,6 +75,9 @@ def _problem(study: Any) -> str:
         return "subject.settings: is no mapping"
     if not isinstance(study.get("systems"), dict):
         return "systems: is no mapping"
+    metrics = study.get("metrics", {})  # of installed packages, with these
+    if not isinstance(metrics, dict) or not all(isinstance(said, str) for said in metrics.values()):
+        return "metrics: is no mapping of texts"
     if not isinstance(study.get("seeds"), list) or not all(type(seed) is int for seed in study["seeds"]):
         return "seeds: is no list of whole numbers"
     if type(study.get("repeats")) is not int:

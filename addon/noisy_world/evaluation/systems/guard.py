@@ -87,7 +87,7 @@ class Log:
             self._file.flush()
 
 
-class Limits:
+class ResourceLimits:
     """What a command may take, and how much it has taken.
 
     Of an order's `limits`, all whole numbers: written_bytes and files (in the folders that count), processes (at once),
@@ -280,7 +280,7 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
     """Carry out an order and return what is to be said."""
     started = time.monotonic()
     logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
-    limits = Limits(order["limits"], order["counted"])
+    limits = ResourceLimits(order["limits"], order["counted"])
     processes = Processes()
     largest = order["limits"]["written_bytes"]
 
@@ -330,7 +330,7 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
 
 
 def attend(
-    process: subprocess.Popen, outputs: dict[int, Log], until: float, limits: Limits, processes: Processes
+    process: subprocess.Popen, outputs: dict[int, Log], until: float, limits: ResourceLimits, processes: Processes
 ) -> tuple[str, str]:
     """Write what a process says to logs until it ends or has to; return which, and which limit it went over."""
     asked = sys.stdin.fileno()

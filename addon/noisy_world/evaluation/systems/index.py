@@ -30,7 +30,7 @@ _KINDS: tuple[tuple[bytes, Image], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "j
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class GivenSequence:
     """A sequence as a system is given it. modalities: those that the system reads. links: whether images are links."""
 
     stored: StoredSequence
@@ -158,7 +158,7 @@ def given_sequence(
     camera: Intrinsics | None = None,
     *,
     links: bool = False,
-) -> Given:
+) -> GivenSequence:
     """Find a sequence on disk, of any layout, for a system that reads these modalities.
 
     camera: its intrinsics, where no file says them. links: whether images are given as links. Raises InputError where
@@ -170,7 +170,7 @@ def given_sequence(
     known = camera if replaced else stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
-    return Given(stored, known, modalities, links)
+    return GivenSequence(stored, known, modalities, links)
 
 
 def _check_plain(stored: StoredSequence, *, lens: bool) -> None:

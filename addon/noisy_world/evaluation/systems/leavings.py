@@ -6,6 +6,7 @@ import os
 import shutil
 import stat
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def sentence(text: str) -> str:
 def remove_tree(path: Path) -> bool:
     """Remove a folder, or what stands in its place, whatever a system has done to it; tell whether it is gone."""
 
-    def permit(function: Callable[..., object], name: str, error: BaseException) -> None:
+    def permit(function: Callable[..., object], name: str, error: object) -> None:
         del error
         with contextlib.suppress(OSError):
             os.chmod(os.path.dirname(name), stat.S_IRWXU)  # noqa: PTH101, PTH120 - a name may be too long for a Path
@@ -74,7 +75,10 @@ def remove_tree(path: Path) -> bool:
             path.unlink()
         return not os.path.lexists(path)
     with contextlib.suppress(RecursionError, OSError):
-        shutil.rmtree(path, onexc=permit)
+        if sys.version_info >= (3, 12):
+            shutil.rmtree(path, onexc=permit)
+        else:
+            shutil.rmtree(path, onerror=permit)
     if os.path.lexists(path):  # folders without permissions, or nested more deeply than there are open files
         for command in (("chmod", "-R", "u+rwX"), ("rm", "-rf")):
             subprocess.run(  # noqa: S603 - a path of ours

@@ -6,6 +6,8 @@ photographs; this one is a tree of the same format (DBoW2's text, as ORB-SLAM2 r
 of a room that belongs to no study. Its tree is made by k-means with medians of bits, from a fixed seed.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +19,7 @@ from ...pipeline.clean_frame import CleanFrame
 from ...pipeline.frame_maker import render_options
 from ...planning import make_plan
 
-type Bits = NDArray[np.uint8]
+Bits: TypeAlias = NDArray[np.uint8]
 """(N, 256): descriptors, a bit in each."""
 
 ROOM = 7

@@ -18,10 +18,10 @@ from ..outcome import Outcome, RunRecord
 from .checking import command_values, prepared, system_versions
 from .definition import STUDY_NAMES, System, filled
 from .estimate_file import ESTIMATE, KEYFRAMES, estimate_text
-from .index import Given, given_sequence
+from .index import GivenSequence, given_sequence
 from .leavings import check_output, found_output, remove_tree, restore_folder, sentence
 from .normalising import Normalised, normalised
-from .watching import Told, watched
+from .watching import CommandOutcome, watched
 
 RUN = "run.json"
 LOG = "log.txt"
@@ -96,7 +96,7 @@ def _emptied(out: Path) -> Path:
     return work
 
 
-def _command(system: System, given: Given, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
+def _command(system: System, given: GivenSequence, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
     """Return the command, after what it reads is written. Raises InputError where it names what only a study knows."""
     words = system.command + (system.map_arguments if maps else ())
     named = " ".join(words)
@@ -116,7 +116,9 @@ def _command(system: System, given: Given, work: Path, names: Mapping[str, str],
     return filled(words, {**command_values(system), **names, **values})
 
 
-def _record(system: System, given: Given, told: Told, out: Path, written: Path, *, maps: bool) -> RunRecord:
+def _record(
+    system: System, given: GivenSequence, told: CommandOutcome, out: Path, written: Path, *, maps: bool
+) -> RunRecord:
     """Write what the system estimated; return how the run ended."""
     outcome, detail = _how_it_ended(told, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
@@ -139,7 +141,7 @@ def _record(system: System, given: Given, told: Told, out: Path, written: Path, 
     )
 
 
-def _how_it_ended(told: Told, limit_s: float) -> tuple[Outcome, str]:
+def _how_it_ended(told: CommandOutcome, limit_s: float) -> tuple[Outcome, str]:
     if told.ended == "limit":
         return Outcome.TIMED_OUT, f"was stopped after {limit_s:g} s; {LOG} holds what it said"
     if told.ended == "over":
@@ -152,7 +154,7 @@ def _how_it_ended(told: Told, limit_s: float) -> tuple[Outcome, str]:
     return Outcome.CRASHED, f"{ended}; {LOG} holds what it said"
 
 
-def _estimated(system: System, given: Given, written: Path, pattern: str = "") -> Normalised:
+def _estimated(system: System, given: GivenSequence, written: Path, pattern: str = "") -> Normalised:
     """Read an estimate, or that of keyframes by a pattern."""
     names = given.stored.rgb_files
     return normalised(
@@ -167,7 +169,7 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def _take_files(system: System, given: Given, written: Path, out: Path, *, maps: bool) -> list[str]:
+def _take_files(system: System, given: GivenSequence, written: Path, out: Path, *, maps: bool) -> list[str]:
     """Take over what else of the contract a system wrote; return sentences on what is wrong in it."""
     problems = []
     limits = system.limits

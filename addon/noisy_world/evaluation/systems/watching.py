@@ -12,7 +12,7 @@ import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 from .definition import Limits
 
@@ -22,11 +22,11 @@ POLL_S = 0.05
 OVERDUE_S = 60.0  # after the time limit and the grace: then the guard itself was stopped
 LONGEST_TOLD = 2**16  # bytes of what the guard says
 
-type Ended = Literal["itself", "limit", "asked", "missing", "over", "unwatched"]
+Ended: TypeAlias = Literal["itself", "limit", "asked", "missing", "over", "unwatched"]
 
 
 @dataclass(frozen=True)
-class Told:
+class CommandOutcome:
     """How a command ended: by itself, at its time limit, as it was asked to, over another limit; its program was
     missing; or it ended the guard, or stopped it.
 
@@ -52,7 +52,7 @@ def watched(
     grace_s: float,
     errors: Path | None = None,
     stop: threading.Event | None = None,
-) -> Told:
+) -> CommandOutcome:
     """Run a command in a session of its own, and end all that it started.
 
     folders: the first is that in which it runs; what is written into all of them counts. log: a file for what it says.
@@ -82,7 +82,7 @@ def watched(
     )
     assert process.stdin is not None
     assert process.stdout is not None
-    told: Told | None = None
+    told: CommandOutcome | None = None
     try:
         _wait(process, begun_s + limit_s + grace_s + OVERDUE_S, stop)
     finally:
@@ -98,7 +98,7 @@ def watched(
             process.wait()
             end_marked(mark)
     problem = "it ended, stopped or disturbed the process that watches over it"
-    return told or Told("unwatched", problem, seconds=time.monotonic() - begun_s)
+    return told or CommandOutcome("unwatched", problem, seconds=time.monotonic() - begun_s)
 
 
 def _wait(process: subprocess.Popen[bytes], until_s: float, stop: threading.Event | None) -> None:
@@ -110,10 +110,10 @@ def _wait(process: subprocess.Popen[bytes], until_s: float, stop: threading.Even
             process.wait(POLL_S if stop is not None else until_s - time.monotonic())
 
 
-def _parsed(said: bytes | None) -> Told | None:
+def _parsed(said: bytes | None) -> CommandOutcome | None:
     """Return what a guard said; None where that is not what a guard says."""
     try:
         content: Any = json.loads(said or b"")
-        return Told(**content)
+        return CommandOutcome(**content)
     except (ValueError, TypeError, RecursionError):
         return None

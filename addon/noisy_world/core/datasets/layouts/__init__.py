@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Dataset layouts: each is an object, which both writes and reads; those of RECORDED are read alone."""
 
+import re
 from pathlib import Path
 
 from ...errors import InputError
+from ...installed import Door, Registry
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 from .colour_depth import Open3DLayout, RedwoodLayout
@@ -19,7 +21,7 @@ from .tum import TumLayout
 from .vslamlab import VslamLabLayout
 
 __all__ = [
-    "KNOWN_RECORDINGS",
+    "EVERY",
     "LAYOUTS",
     "RECORDED",
     "Beyond",
@@ -33,17 +35,32 @@ __all__ = [
     "RecordedLayout",
     "SequenceFacts",
     "find_sequence",
+    "known_recordings",
 ]
 
-LAYOUTS: dict[str, Layout] = {
-    layout.name: layout for layout in (ReplicaLayout(), TumLayout(), EurocLayout(), VslamLabLayout())
-}
-"""Every layout by its name in presets; the first is the default."""
+_GIVEN = ("name", "label", "meaning")
+_WRITTEN = ("images", "colours", "depth_scale_per_m", "patterns")
 
 
-RECORDED: dict[str, RecordedLayout] = {
-    layout.name: layout
-    for layout in (
+def _problem(layout: Layout | RecordedLayout) -> str:
+    """Return what a layout does not say of itself, in a sentence, or ""."""
+    needed = (*_GIVEN, *(_WRITTEN if isinstance(layout, Layout) else ("files",)))
+    if lacking := [name for name in needed if not getattr(layout, name, None)]:
+        return f"its layout {type(layout).__name__} lacks {', '.join(lacking)}"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", layout.name):
+        return f"{layout.name!r} is no name of a layout: small letters, digits and underscores, a letter first"
+    return ""
+
+
+DOOR = Door[Layout | RecordedLayout]("noisy_world.layouts", "layout", "LAYOUT", (Layout, RecordedLayout), _problem)
+
+EVERY = Registry[Layout | RecordedLayout](
+    DOOR,
+    lambda: (
+        ReplicaLayout(),
+        TumLayout(),
+        EurocLayout(),
+        VslamLabLayout(),
         SevenScenesLayout(),
         BundleFusionLayout(),
         ScanNetLayout(),
@@ -51,11 +68,20 @@ RECORDED: dict[str, RecordedLayout] = {
         Open3DLayout(),
         RedwoodLayout(),
         NerfstudioLayout(),
-    )
-}
+    ),
+)
+"""Every layout by its name, ours and those of installed packages."""
+
+LAYOUTS = EVERY.only(Layout)
+"""Every layout that is written and read, by its name in presets; the first is the default."""
+
+RECORDED = EVERY.only(RecordedLayout)
 """Every layout of recordings that is read and not written, by its name."""
 
-KNOWN_RECORDINGS = " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
+
+def known_recordings() -> str:
+    """Return the layouts that are read, in words: "Replica or TUM or ..."."""
+    return " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
 
 
 def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
@@ -70,6 +96,6 @@ def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy 
     if len(found) == 1:
         return found[0].read(folder, rate_hz, poses)
     if not found:
-        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {KNOWN_RECORDINGS}")
+        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
     several = " and of ".join(layout.label for layout in found)
     raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +25,12 @@ from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_byt
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
-type Modality = str
+Modality: TypeAlias = str
 """The name of a channel, as in `output.modalities`."""
 
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
-type StampsLike = FrameStamps | Sequence[float] | NDArray[np.float64]
+StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
 _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}

@@ -8,6 +8,7 @@ each vertex.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from .openings import Hole, pane_bars_m
 from .rays import first_hit, first_hits, hidden
 from .surfaces import Array, Piece, Point, Sheet
 
-type Indices = NDArray[np.integer]
+Indices: TypeAlias = NDArray[np.integer]
 
 # Chosen by eye: a sunny room whose shadows give features, and which is built within a second or two.
 LATTICE_M = 0.12

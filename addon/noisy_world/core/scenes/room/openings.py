@@ -2,15 +2,16 @@
 """What fills the holes in walls: windows with what is seen through them, curtains, doors."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from . import patterns as pt
 from .surfaces import Array, Piece, Point, ball, box, joined, rect, rod, shadeless, sheet, tube
 
-type Hole = tuple[float, float, float, float]  # metres: from, to, low, high
+Hole: TypeAlias = tuple[float, float, float, float]  # metres: from, to, low, high
 # (s, t), right and up by ahead -> (R, C, 3) display-encoded colours of what is far away.
-type View = Callable[[Array, Array], Array]
+View: TypeAlias = Callable[[Array, Array], Array]
 
 REVEAL_M = 0.16  # depth of the windows in the wall
 

@@ -8,15 +8,15 @@ Seen from its outer side, columns run to the right and rows upwards: column step
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-type Array = NDArray[Any]  # of floats; pyright takes three times as long for arrays whose type is named
-type Point = tuple[float, float, float]
+Array: TypeAlias = NDArray[Any]  # of floats; pyright takes three times as long for arrays whose type is named
+Point: TypeAlias = tuple[float, float, float]
 # (u_m, v_m), each (R, C) in metres along the surface -> (R, C, 3) display-encoded colours.
-type Painter = Callable[[Array, Array], Array]
+Painter: TypeAlias = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from .drawing import NARROW_IN, Picture, drawing, look, shortened, svg_bytes, unused
 
@@ -16,7 +16,7 @@ ACROSS, ACROSS_NARROW = 4, 2
 SIZE_IN = (2.25, 1.75)  # of a panel
 STATIC, DYNAMIC = "static", "dynamic"
 
-type Looks = dict[str, tuple[str, str]]
+Looks: TypeAlias = dict[str, tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def curves(points: Sequence[CurvePoint], name: str, title: str, label: str, *, o
 
     over_clean: values are errors over clean, on a logarithmic scale, rather than between 0 and 1.
     """
-    drawn = _Drawn(points, label, _limits(points) if over_clean else None)
+    drawn = _CurveFigure(points, label, _limits(points) if over_clean else None)
     about = (
         f"{title} (0 is clean), a panel for each perturbation, a line for each system; static severities are solid, "
         "dynamic ones dashed."
@@ -62,7 +62,7 @@ def _limits(points: Sequence[CurvePoint]) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class _CurveFigure:
     """A figure of curves. limits: of the logarithmic scale; None: it goes from 0 to 1."""
 
     points: Sequence[CurvePoint]

@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from ....core.geometry import nearest_rotation, pose, rotation_error
 from ....core.trajectories.trajectory import Axes, Direction, convert_convention
 from ...estimate import Estimate
 
-type Index = Mapping[str, Any]
+Index: TypeAlias = Mapping[str, Any]
 """The frames that a system was given: `frames`, a list in their order, each with `stamp_s` and `colour`, its file."""
 
 # As for trajectory files: rounding is mended, which is 1e-6 in float32; anything more is a mistake and refused.

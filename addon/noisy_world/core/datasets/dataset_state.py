@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..schema import shown
 from .json_text import read_json
 from .layouts import LAYOUTS
 from .provenance import FORMAT, cameras_of
@@ -27,7 +28,7 @@ JOURNALS = "journal-*.jsonl"
 
 
 @dataclass(frozen=True)
-class Standing:
+class DatasetState:
     """A dataset in a folder.
 
     identity: what it was made from, with all that a run which did not end was to make; None where that is unknown.
@@ -55,10 +56,10 @@ class Standing:
         return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
 
 
-NOTHING = Standing(None, None, frozenset(), holds_frames=False)
+NOTHING = DatasetState(None, None, frozenset(), holds_frames=False)
 
 
-def read_standing(out: Path) -> Standing | None:
+def read_dataset_state(out: Path) -> DatasetState | None:
     """Return what a folder holds of a dataset; None where it holds none of ours."""
     opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
     manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
@@ -69,7 +70,7 @@ def read_standing(out: Path) -> Standing | None:
     identity = opened or (manifest["identity"] if manifest else None)
     sequences = begun | recorded | set(identity["sequences"] if identity else ())
     sequences |= set(manifest["identity"]["sequences"] if manifest else ())
-    return Standing(
+    return DatasetState(
         identity,
         manifest,
         frozenset(sequences),
@@ -198,7 +199,10 @@ def identity_problem(value: Any) -> str:
         return "is not the identity of a dataset"
     if value["format"] != FORMAT:
         return ""
-    whole = _fits(value, _IDENTITY) and _has_cameras(value) and value["output"]["layout"] in LAYOUTS
+    whole = _fits(value, _IDENTITY) and _has_cameras(value)
+    if whole and value["output"]["layout"] not in LAYOUTS:
+        told = shown(value["output"]["layout"])
+        return f"is in the layout {told}, which is not known here: install the package that brings it"
     whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
     if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
         return "lacks what an identity holds, or holds something else"

@@ -11,7 +11,7 @@ import queue
 import subprocess
 import threading
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeAlias
 
 from ..core.errors import InterruptedRunError, NoisyWorldError
 from ..core.progress import read_message
@@ -19,11 +19,11 @@ from .entry import INTERRUPTED
 
 END = "end"  # what a worker is told when there is no piece left: none is called so
 
-type Next = Callable[[int], str | None]
+Next: TypeAlias = Callable[[int], str | None]
 """Returns the name of the next piece for the worker of a number; None where there is none."""
 
 
-class Crew:
+class WorkerPool:
     """Workers on this machine."""
 
     def __init__(

@@ -19,7 +19,7 @@ from ...core.trajectories.stamps import FrameStamps
 from ...core.trajectories.trajectory import Axes, Trajectory
 
 
-class Holder:
+class SceneCache:
     """Holds the scene that was prepared last."""
 
     def __init__(self) -> None:
@@ -102,14 +102,14 @@ class SourceInside:
 
 
 @dataclass(frozen=True)
-class HeldSource(SourceInside):
+class CachedSource(SourceInside):
     """A source that stays prepared for the next case of its scene.
 
     seeded: whether its renderer's samples follow the seed; else another seed needs no other session.
     """
 
     name: str
-    holder: Holder
+    holder: SceneCache
     seeded: bool
 
     @contextmanager

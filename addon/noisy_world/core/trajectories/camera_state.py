@@ -6,17 +6,18 @@ The air's axes are right, down and forward of the sequence's first image, made l
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .motion import CameraMotion
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Stance:
+class CameraState:
     """How a camera stands and moves.
 
     rotation: (3, 3), camera to air. position_m, velocity_m_s: (3,), of the air. turning_rad_s: (3,), the camera's axes.
@@ -40,7 +41,7 @@ class Stance:
 
 _WORLD = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _OWN = np.diag([1.0, -1.0, -1.0])
-AT_REST = Stance(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
+AT_REST = CameraState(np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3))
 _UPRIGHT = 1e-9  # nearer to a turn about y by a quarter, x and z turn about the same axis
 
 
@@ -53,13 +54,13 @@ def _euler_rad(rotation: Float64) -> Float64:
     return np.array([math.atan2(rotation[2, 1], rotation[2, 2]), y, math.atan2(rotation[1, 0], rotation[0, 0])])
 
 
-def stance_of(motion: CameraMotion | None) -> Stance:
+def camera_state_of(motion: CameraMotion | None) -> CameraState:
     """Return how a camera stands in the air; level and at rest where its path is unknown."""
     if motion is None:
         return AT_REST
     axes = level_axes(motion.first_c2w[:3, :3])
     position_m = axes.T @ (motion.c2w[:3, 3] - motion.first_c2w[:3, 3])
-    return Stance(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s)
+    return CameraState(axes.T @ motion.c2w[:3, :3], position_m, axes.T @ motion.velocity_m_s, motion.turning_rad_s)
 
 
 def level_axes(rotation: Float64) -> Float64:

@@ -14,7 +14,7 @@ from ..core.optics import Distortion, Optics
 
 
 @dataclass(frozen=True)
-class Treatment:
+class Rectification:
     """Undistorts and registers frames. camera: of colour. optics: of the recording, before it is done."""
 
     camera: Intrinsics

@@ -15,7 +15,7 @@ from .typed import camera_of
 PLACED = ("lens", "sensor_width", "sensor_height", "sensor_fit", "shift_x", "shift_y", "clip_start", "clip_end", "type")
 
 
-class Eye:
+class RenderCamera:
     """A camera of a scene that sees with given intrinsics, and otherwise as an artist's camera does."""
 
     def __init__(

@@ -2,6 +2,7 @@
 """What became of the frames of a sequence, and how its keyframes lie in one another."""
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from .frames import FrameEntry
 from .tracking import State, Tracked
 from .written import FrameResult
 
-type Float64 = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Edge:
     first_from_second: Float64
 
 
-class Story:
+class TrackingHistory:
     """What became of the frames so far, and the keyframes with their places in one another."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ LOADING = "loading"
 DECODING = "decoding"
 
 
-class Spent:
+class StageTimer:
     """Processor seconds by stage, of what the threads do that say so, and of all else while frames are rendered."""
 
     def __init__(self) -> None:

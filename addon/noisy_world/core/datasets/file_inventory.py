@@ -12,21 +12,22 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from ..machine import available_threads
 from ..regular_files import open_text
+from .dataset_state import JOURNALS
 from .records import FRAMES, FrameRecord, read_record
-from .standing import JOURNALS
 from .storage import sha256_of_regular_file
 
-type Digest = Callable[[Path], str | None]
+Digest: TypeAlias = Callable[[Path], str | None]
 """A function that returns a file's SHA-256; None where it is missing or cannot be read."""
 
 RECENT = 200  # records of a journal, the last ones, of which it is asked when they were written
 
 
 @dataclass(frozen=True)
-class Written:
+class JournalTimes:
     """When the newest records of a journal were written.
 
     times_s: of their files, since the epoch. frames_each: what part of a frame a record is:
@@ -39,7 +40,7 @@ class Written:
 
 
 @dataclass(frozen=True)
-class Tally:
+class FileInventory:
     """A sequence as it is on disk.
 
     done: how many of its frames are finished. lost: files that a record names and that are not there. damaged: files
@@ -50,11 +51,11 @@ class Tally:
     done: int
     lost: tuple[str, ...] = ()
     damaged: tuple[str, ...] = ()
-    written: tuple[Written, ...] = ()
+    written: tuple[JournalTimes, ...] = ()
 
 
 @dataclass(frozen=True)
-class Place:
+class ImageLocation:
     """A folder with a sequence's images, and what tells of them: the dataset's, or a shard's.
 
     journals: files of records. records: those of a finished shard, which has no journals.
@@ -91,15 +92,15 @@ def journals_of(folder: Path) -> tuple[Path, ...]:
 
 
 def tally(
-    places: Iterable[Place], images_each: int, frames: frozenset[int] | None, digest: Digest | None = None
-) -> Tally:
+    places: Iterable[ImageLocation], images_each: int, frames: frozenset[int] | None, digest: Digest | None = None
+) -> FileInventory:
     """Return what there is of a sequence.
 
     places: where its files may be; the dataset's own folder last, as files are moved there while this looks.
     images_each: how many images a frame has. frames: those that are asked for; None for all. digest: hashes every file;
     None to see only whether each is there.
     """
-    written: list[Written] = []
+    written: list[JournalTimes] = []
     # All records before any file: files are written, and moved, before their records.
     recorded = [(place, _recorded(place, frames, images_each, written)) for place in places]
     named: dict[str, int] = {}  # the frame of each file
@@ -112,7 +113,7 @@ def tally(
         damaged |= wrong
         intact |= there - wrong
     images = Counter(named[name] for name in intact)
-    return Tally(
+    return FileInventory(
         sum(count >= images_each for count in images.values()),
         tuple(sorted(named.keys() - intact - damaged)),
         tuple(sorted(damaged - intact)),
@@ -120,7 +121,7 @@ def tally(
     )
 
 
-def counted(images: Path, frames: int, images_each: int) -> Tally | None:
+def counted(images: Path, frames: int, images_each: int) -> FileInventory | None:
     """Return what there is of a sequence that a run has completed, if its folders hold as many files as it has images.
 
     None where they hold fewer: then only the records tell what is lost.
@@ -129,11 +130,11 @@ def counted(images: Path, frames: int, images_each: int) -> Tally | None:
     if first is None:
         return None
     there = sum(_entries(images / folder) for folder in _folders(first[1]))
-    return Tally(frames) if there >= frames * images_each else None
+    return FileInventory(frames) if there >= frames * images_each else None
 
 
 def _recorded(
-    place: Place, frames: frozenset[int] | None, images_each: int, written: list[Written]
+    place: ImageLocation, frames: frozenset[int] | None, images_each: int, written: list[JournalTimes]
 ) -> dict[str, tuple[int, str]]:
     """Return the frame and the SHA-256 of each file that a place's records name, by name.
 
@@ -170,7 +171,7 @@ def _lines(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
                 yield record.frame, record.files
 
 
-def _written(images: Path, newest: Iterable[dict[str, str]], images_each: int) -> Written | None:
+def _written(images: Path, newest: Iterable[dict[str, str]], images_each: int) -> JournalTimes | None:
     times_s: list[float] = []
     count = records = 0
     for files in newest:
@@ -181,7 +182,7 @@ def _written(images: Path, newest: Iterable[dict[str, str]], images_each: int) -
         except OSError:
             continue  # lost, or moved on while this looks
         count += len(files)
-    return Written(tuple(times_s), count / images_each / len(times_s), records == RECENT) if times_s else None
+    return JournalTimes(tuple(times_s), count / images_each / len(times_s), records == RECENT) if times_s else None
 
 
 def _folders(names: Iterable[str]) -> set[str]:

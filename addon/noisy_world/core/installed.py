@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What installed packages bring, found by their entry points, beside our own of the same kind.
+
+An entry point names an object, or a package whose modules each hold one under the door's attribute; modules whose names
+begin with an underscore are left out. Everything that is wrong with a package is one line that names it and its entry
+point.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+from typing import Any, Generic, TypeVar
+
+from ..other_name import give_other_name
+from .errors import NoisyWorldError
+
+T = TypeVar("T")
+S = TypeVar("S")
+
+PACKAGE = "noisy_world"  # the name by which installed packages import us; inside Blender our own name is another
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """An installed package, by the name and version that its metadata declare."""
+
+    name: str
+    version: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.version}"
+
+
+@dataclass(frozen=True)
+class Door(Generic[T]):
+    """How installed packages bring things of one kind.
+
+    group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
+    kinds: the classes of which it is an instance; each has a name. problem: returns what is wrong with one in a
+    sentence, or "".
+    """
+
+    group: str
+    word: str
+    attribute: str
+    kinds: tuple[type[T], ...]
+    problem: Callable[[T], str] = lambda _: ""
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """What an entry point leads to. where: package and entry point, for messages."""
+
+    found: object
+    distribution: Distribution
+    where: str
+
+
+@dataclass(frozen=True)
+class Brought(Generic[T]):
+    """A thing and the package that brought it; None for our own."""
+
+    item: T
+    distribution: Distribution | None
+
+
+def loaded_entries(group: str) -> Iterator[Loaded]:
+    """Load the entry points of a group, sorted by package and entry point.
+
+    Raises NoisyWorldError naming the package whose entry point cannot be loaded.
+    """
+    root = __name__.removesuffix(".core.installed")
+    if root != PACKAGE:
+        give_other_name(PACKAGE, root)
+    found = [(_distribution(entry), entry) for entry in entry_points(group=group)]
+    for distribution, entry in sorted(found, key=lambda pair: (pair[0].name, pair[1].name)):
+        where = f"{distribution}: the entry point {entry.name} = {entry.value}"
+        yield Loaded(_loaded(entry.load, where), distribution, where)
+
+
+def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
+    """Return things of one kind by name: our own, and then those of installed packages.
+
+    Raises NoisyWorldError naming the package that brings something else, or a name that is in use.
+    """
+    found = {_name(item): Brought(item, None) for item in own}
+    for entry in loaded_entries(door.group):
+        for item in _brought_by(entry, door):
+            add(found, _name(item), Brought(item, entry.distribution), door.word)
+    return found
+
+
+def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:
+    """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
+    if name in found:
+        other = found[name].distribution
+        raise NoisyWorldError(
+            f"{new.distribution}: its {word} {name} has the name of one "
+            f"{f'of {other}' if other else 'of our own'}; rename it, or uninstall the package"
+        )
+    found[name] = new
+
+
+class Registry(Mapping[str, T]):
+    """Things of one kind by name, our own first; those of installed packages are found when it is first asked.
+
+    Raises NoisyWorldError then, naming the package that brings something else, or a name that is in use.
+    """
+
+    def __init__(self, door: Door[T], own: Callable[[], Iterable[T]]) -> None:
+        self.door = door
+        self._own = own
+
+    @cached_property
+    def _found(self) -> dict[str, Brought[T]]:
+        return collected(self.door, self._own())
+
+    def __getitem__(self, name: str) -> T:
+        return self._found[name].item
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found)
+
+    def __len__(self) -> int:
+        return len(self._found)
+
+    def distribution(self, name: str) -> Distribution | None:
+        """Return the package that brought something; None for our own."""
+        return self._found[name].distribution
+
+    def origin(self, name: str) -> str:
+        """Return where something is from, for a list: "; from my-layouts 1.0", or "" for our own."""
+        found = self.distribution(name)
+        return f"; from {found}" if found else ""
+
+    def only(self, kind: type[S]) -> "Mapping[str, S]":
+        """Return those of one class, which are found when they are first asked for."""
+        return _Only(self, kind)
+
+    def forget(self) -> None:
+        """Look again for what is installed, when it is asked the next time."""
+        self.__dict__.pop("_found", None)
+
+
+class _Only(Mapping[str, S]):
+    """The things of a registry that are of one class."""
+
+    def __init__(self, every: Mapping[str, Any], kind: type[S]) -> None:
+        self._every = every
+        self._kind = kind
+
+    def __getitem__(self, name: str) -> S:
+        item = self._every[name]
+        if not isinstance(item, self._kind):
+            raise KeyError(name)
+        return item
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, item in self._every.items() if isinstance(item, self._kind))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def _name(item: Any) -> str:
+    return item.name
+
+
+def _distribution(entry: EntryPoint) -> Distribution:
+    assert entry.dist is not None  # entry_points() reads them from distributions
+    return Distribution(entry.dist.name, entry.dist.version)
+
+
+def _brought_by(entry: Loaded, door: Door[T]) -> Iterator[T]:
+    package = entry.found
+    if not (isinstance(package, ModuleType) and hasattr(package, "__path__")):
+        yield _checked(package, entry.where, door)
+        return
+    for module in pkgutil.iter_modules(package.__path__):
+        if module.name.startswith("_"):
+            continue
+        name = f"{package.__name__}.{module.name}"
+        part = f"{entry.where}: the module {name}"
+        held = getattr(_loaded(lambda name=name: importlib.import_module(name), part), door.attribute, None)
+        if held is None:
+            raise NoisyWorldError(
+                f"{part} holds no {door.attribute}; begin the names of other modules with an underscore"
+            )
+        yield _checked(held, part, door)
+
+
+def _loaded(load: Callable[[], object], where: str) -> object:
+    try:
+        return load()
+    except Exception as error:  # the package's code may raise anything; the user gets one line
+        told = " ".join(f"{type(error).__name__}: {error}".split())
+        raise NoisyWorldError(f"{where} cannot be loaded: {told}; mend or uninstall the package") from error
+
+
+def _checked(found: object, where: str, door: Door[T]) -> T:
+    if isinstance(found, door.kinds):
+        if problem := door.problem(found):
+            raise NoisyWorldError(f"{where}: {problem}; mend or uninstall the package")
+        return found
+    names = [kind.__name__ for kind in door.kinds]
+    if any(base.__name__ in names for base in type(found).__mro__):
+        raise NoisyWorldError(
+            f"{where} was made with another copy of noisy_world; restart, and keep one copy on Python's path"
+        )
+    if isinstance(found, type) and issubclass(found, door.kinds):
+        raise NoisyWorldError(f"{where} is a class; give an object of it: {door.attribute} = {found.__name__}()")
+    one = f"one of {', '.join(names)}" if len(names) > 1 else f"a {names[0]}"
+    raise NoisyWorldError(f"{where} is a {type(found).__name__}, but has to be {one}, or a package of modules")

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything of ours keeps the contracts that authors test theirs with; what breaks a rule is told which."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from recorded_layouts import WRITERS
+
+from noisy_world import testing
+from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
+from noisy_world.core.datasets.layouts.replica import ReplicaLayout
+from noisy_world.core.datasets.layouts.tum import TumLayout
+from noisy_world.evaluation.metrics import METRICS
+from noisy_world.evaluation.systems.registry import SHIPPED
+from noisy_world.extend import (
+    ColourPerturbation,
+    DepthPerturbation,
+    MotionPerturbation,
+    PairingPerturbation,
+    TrajectoryMetric,
+    key,
+)
+from noisy_world.perturbations import registry
+
+
+@pytest.mark.parametrize("name", [name for name, item in registry().items() if item.distribution is None])
+def test_perturbations_keep_theirs(name):
+    testing.check_perturbation(registry()[name])
+
+
+@pytest.mark.parametrize("name", list(METRICS))
+def test_metrics_keep_theirs(name):
+    testing.check_metric(METRICS[name])
+
+
+@pytest.mark.parametrize("name", list(LAYOUTS))
+def test_layouts_keep_theirs(name, tmp_path):
+    testing.check_layout(LAYOUTS[name], tmp_path)
+
+
+@pytest.mark.parametrize("name", list(RECORDED))
+def test_layouts_of_recordings_keep_theirs(name, tmp_path):
+    folder = tmp_path / "recording"
+    folder.mkdir()
+    WRITERS[name](folder)
+    testing.check_layout(RECORDED[name], folder)
+
+
+def test_a_system_keeps_its(tmp_path):
+    testing.check_system(SHIPPED / "plain_odometry.yaml", tmp_path)
+
+
+# --- what breaks a rule ---
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How much."""
+
+    amount: float = key("how much", default=0.3, minimum=0, maximum=1)
+
+
+USUAL = {"label": "Broken", "order": 1, "parameters": Amount, "source": "none"}
+LEVELS = {"severities": {"amount": (0.1, 0.2, 0.3, 0.4, 0.5)}}
+
+
+def colour(apply, **keys):
+    return ColourPerturbation(name="broken", stage="lens", apply=apply, **{**USUAL, **LEVELS, **keys})
+
+
+def depth(apply, **keys):
+    return DepthPerturbation(name="broken", apply=apply, **{**USUAL, **LEVELS, **keys})
+
+
+def darken(rgb, parameters, context):
+    rgb *= np.float32(parameters.amount)
+    return rgb
+
+
+def unseeded(rgb, parameters, context):
+    return (rgb + np.random.default_rng().standard_normal(rgb.shape) * parameters.amount).astype(np.float32)
+
+
+def noisy(rgb, parameters, context):
+    return (rgb + context.stream().standard_normal(rgb.shape) * parameters.amount).astype(np.float32)
+
+
+def turned(trajectory, parameters, context):
+    return replace(trajectory, c2w=trajectory.c2w * 2)
+
+
+FEWER = {"amount": (0.1, 0.2, 0.4, 0.5, 0.6)}
+
+
+@pytest.mark.parametrize(
+    ("broken", "told"),
+    [
+        (colour(noisy, severities=FEWER), "the default of amount is 0.3, but severity 3 says 0.4"),
+        (colour(darken), "changes colour that it is given; copy it"),
+        (colour(unseeded), "gives another colour for the same frame; draw from the context only"),
+        (colour(noisy, repeatable=True), "says repeatable, but frames 4 and 5 differ for equal images"),
+        (colour(lambda rgb, *_: rgb), "returns the array that it is given; return a new one"),
+        (colour(lambda rgb, *_: rgb / np.float32(0) * 0), "gives colour that is not finite"),
+        (colour(lambda rgb, *_: rgb[::2]), "apply has to return a float32 array of shape (36, 48, 3)"),
+        (depth(lambda depth_m, *_: depth_m + np.float32(0.1)), "gives depth where there was none; void (0) has"),
+        (depth(lambda depth_m, *_: -depth_m), "gives depth of -"),
+        (MotionPerturbation(name="broken", apply=turned, **USUAL, severities={}), "gives poses that are not rigid"),
+        (
+            PairingPerturbation(name="broken", apply=lambda count, *_: np.arange(count) + 1, **USUAL, severities={}),
+            "has to name frames from 0 to 11, or -1, not [12]",
+        ),
+        (Amount(), "is a Amount, no perturbation"),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore:divide by zero", "ignore:invalid value")
+def test_a_broken_perturbation_is_told_its_rule(broken, told):
+    with pytest.raises(AssertionError) as raised:
+        testing.check_perturbation(broken)
+    assert told in str(raised.value)
+
+
+def metric(compute, name="broken_m", unit="m", better="lower", meaning="A number.", **keys):
+    return TrajectoryMetric(name, "broken", unit, better, meaning, compute, **keys)
+
+
+def moved(compared):
+    compared.estimate[:, 0, 3] = 0.0
+    return 0.0
+
+
+@pytest.mark.parametrize(
+    ("broken", "told"),
+    [
+        (metric(lambda compared: 1.0), "is 1 for an estimate that is the truth, but lower is better: 0"),
+        (metric(lambda compared: 0.0, name="broken"), "is in m, so its name has to end with _m"),
+        (metric(lambda compared: 0.0, meaning="a number"), "its meaning has to be a sentence"),
+        (metric(moved), "changes the poses that it is given; copy them"),
+        (metric(lambda compared: float(np.random.default_rng().random()) * 1e-9), "for the same poses"),
+        (metric(lambda compared: -compared.ate_m), "better than the truth"),
+        (metric(lambda compared: None), "has no value for an estimate that is the truth"),
+        (metric(lambda compared: float(len(compared.frames) < 60), better="higher"), "and higher is better"),
+        (metric(lambda compared: compared.position.rmse if compared.by else float("nan"), of_failed=True), "gave nan"),
+    ],
+)  # fmt: skip
+def test_a_broken_metric_is_told_its_rule(broken, told):
+    with pytest.raises(AssertionError) as raised:
+        testing.check_metric(broken)
+    assert told in str(raised.value)
+
+
+class Counting(ReplicaLayout):
+    """Finds no frames.jsonl."""
+
+    def read(self, folder, rate_hz=None, poses="drop"):
+        found = super().read(folder, rate_hz, poses)
+        counted = found.stamps.of(np.arange(len(found.rgb_files)) / 20)
+        return replace(found, stamps=counted, trajectory=found.trajectory.at(slice(None), counted.rgb.seconds))
+
+
+class Unremoved(ReplicaLayout):
+    """Writes what none of its patterns matches."""
+
+    def sequence_texts(self, facts):
+        return {**super().sequence_texts(facts), "notes.txt": "!"}
+
+
+class OneName(ReplicaLayout):
+    """Gives every image of depth one name."""
+
+    def depth_name(self, frame, stamp_ns):
+        return "results/depth000000.png"
+
+
+class Scaled(TumLayout):
+    """Reads its own depth scale, whatever was written."""
+
+    name = "scaled"
+
+    def read(self, folder, rate_hz=None, poses="drop"):
+        return replace(super().read(folder, rate_hz, poses), depth_scale_per_m=self.depth_scale_per_m)
+
+
+@pytest.mark.parametrize(
+    ("broken", "told"),
+    [
+        (Counting, "where no file of its own says them, they are in frames.jsonl"),
+        (Unremoved, "writes notes.txt, which none of its patterns matches: it would never be removed"),
+        (OneName, "gives two images one name"),
+        (Scaled, "its files are recognised by tum too; tell it by what others do not have"),
+    ],
+)
+def test_a_broken_layout_is_told_its_rule(broken, told, tmp_path):
+    with pytest.raises(AssertionError) as raised:
+        testing.check_layout(broken(), tmp_path)
+    assert told in str(raised.value)
+
+
+SYSTEM = """name: {name}
+about: {about}
+command: ["{{python}}", "-c", "import sys; {program}", "{{frames}}"]
+writes: {{file: poses.txt, format: tum}}
+"""
+WRITES = "open('poses.txt', 'w').writelines('%d.5 %d 0 0 0 0 0 1' % (k, k) + chr(10) for k in range(9))"
+
+ONE = "open('poses.txt', 'w').write('10.0 0 0 0 0 0 0 1')"
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({"name": "other"}, "other: its file is named broken.yaml; name it other.yaml"),
+        ({"about": "words"}, "about has to be a sentence"),
+        ({"program": "sys.exit(3)"}, "broken: a run ended as crashed"),
+        ({"program": WRITES}, "ended as unreadable: poses.txt: no pose belongs to a frame"),
+        ({"program": ONE}, "broken: 1 of its 1 poses have the stamp of a frame; 3 or more have to"),
+    ],
+)  # fmt: skip
+def test_a_broken_system_is_told_its_rule(keys, told, tmp_path):
+    definition = tmp_path / "broken.yaml"
+    definition.write_text(SYSTEM.format(**{"name": "broken", "about": "It is broken.", "program": WRITES, **keys}))
+    with pytest.raises(AssertionError) as raised:
+        testing.check_system(definition, tmp_path / "work")
+    assert told in str(raised.value)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The package of docs/extend.md, as it stands there: two layouts, a metric and a system, all by entry points."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+
+import cv2
+import installed_package
+import numpy as np
+import pytest
+from worlds import ROOT, path_poses, write_world
+
+pytest.importorskip("embreex", reason="embreex comes with an extra")
+
+PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
+FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
+MODULES = {
+    "__init__.py": "",
+    "flat.py": FLAT,
+    "phone.py": PHONE,
+    "upward.py": UPWARD,
+    "systems/__init__.py": "",
+    "systems/still.yaml": re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1],
+    "systems/still.py": STILL,
+}
+FRAMES = 5
+RENDER = {"engine": "embree", "backend": "reference"}
+# All in one process, as one that starts takes longer than what it does.
+PROGRAM = """
+import sys
+from noisy_world.cli import command
+from noisy_world.core.datasets.layouts import find_sequence
+for words in (
+    ["list", "layouts"],
+    ["systems"],
+    ["generate", "made/preset.yaml", "--out", "flat"],
+    ["generate", "made/preset.yaml", "--out", "flat"],
+    ["generate", "read/preset.yaml", "--out", "tum"],
+    ["evaluate", "flat", "--systems", "still", "--out", "results"],
+):
+    print(">", *words, flush=True)
+    if command.main(words):
+        sys.exit(f"{words} ended with an error")
+import os, pathlib, my_lab_tests
+os.chdir("tested")
+for name in ("flat", "upward", "still"):
+    pathlib.Path("..", name + "_works").mkdir()
+my_lab_tests.test_flat(pathlib.Path("../flat_works"))
+my_lab_tests.test_phone()
+my_lab_tests.test_upward()
+my_lab_tests.test_still(pathlib.Path("../still_works"))
+"""
+
+
+def write_phone(folder):
+    """Write what the phone records: its depth is 2 m and 1 cm more with each frame."""
+    folder.mkdir()
+    for k, c2w in enumerate(path_poses(FRAMES)):
+        assert cv2.imwrite(str(folder / f"color_{k}.png"), np.full((24, 32, 3), 40 + k, np.uint8))
+        assert cv2.imwrite(str(folder / f"depth_{k}.png"), np.full((24, 32), 2000 + 10 * k, np.uint16))
+        np.savetxt(folder / f"pose_{k}.txt", c2w)
+
+
+@pytest.fixture(scope="module")
+def worked(tmp_path_factory):
+    """Where the program has run, and what it said."""
+    folder = tmp_path_factory.mktemp("work")
+    groups = {name.removeprefix("noisy_world."): entries for name, entries in PROJECT["entry-points"].items()}
+    site = installed_package.install(folder / "site", PROJECT["name"], PROJECT["version"], groups, MODULES, kind=None)
+    noise = [{"name": "clean"}, {"name": "noise", "perturb": [{"depth_gaussian_noise": {"severity": 3}}]}]
+    output = {"layout": "flat", "depth_scale_per_m": 2000}
+    write_world(folder / "made", frames=FRAMES, size=(32, 24), settings=noise, render=RENDER, output=output)
+    write_phone(folder / "phone")
+    (site / "my_lab_tests.py").write_text(TESTS)  # which are run from the package's own folder
+    (folder / "tested").mkdir()
+    (folder / "tested/my_lab").symlink_to(site / "my_lab")
+    (site / "a_recording").symlink_to(folder / "phone")
+    scenes = [
+        {"name": "flat", "sequence": str(folder / "flat/clean/box")},
+        {"name": "phone", "sequence": str(folder / "phone")},
+    ]
+    camera = {"width": 32, "height": 24, "fx": 16, "fy": 16, "cx": 15.5, "cy": 11.5}
+    write_world(
+        folder / "read", size=(32, 24), scenes=scenes, settings=noise[:1], output={"layout": "tum"}, camera=camera
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(site), str(ROOT / "addon")])},
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return folder, dict(re.findall(r"^> (.+)\n((?:(?!> ).*\n)*)", result.stdout, re.MULTILINE))
+
+
+def depth_steps(file):
+    found = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    assert found is not None, file
+    return found.astype(int)
+
+
+def test_lists_have_them(worked):
+    _, said = worked
+    written, alone = said["list layouts"].split("read alone, as sequence")
+    assert "flat  Flat, all images in one folder, each pose in a file; from my-lab 1.0\n" in written
+    assert "phone  Our phone: what our phone records; depth in mm; from my-lab 1.0\n" in alone
+    assert "still (from my-lab 1.0): can be run here\n" in said["systems"]
+
+
+def test_a_dataset_is_written_and_read_in_the_layout(worked):
+    folder, said = worked
+    images = sorted(file.name for file in (folder / "flat/clean/box").glob("*.png"))
+    assert images == sorted(f"{k:06d}_{kind}.png" for k in range(FRAMES) for kind in ("rgb", "depth"))
+    identity = json.loads((folder / "flat/manifest.json").read_text())["identity"]
+    assert identity["versions"]["my-lab"] == "1.0"
+    again = said["generate made/preset.yaml --out flat"]  # of the second time
+    assert f"0 frames rendered, {FRAMES} kept" in again
+    poses = np.loadtxt(folder / "tum/clean/flat/groundtruth.txt")
+    assert np.abs(poses[:, 1:4] - path_poses(FRAMES)[:, :3, 3]).max() < 1e-5
+    for k in range(FRAMES):  # 2,000 steps a metre become TUM's 5,000
+        given = depth_steps(folder / f"flat/clean/box/{k:06d}_depth.png")
+        assert given.max() > 1000
+        assert np.abs(depth_steps(folder / f"tum/clean/flat/depth/{k:06d}.png") - 2.5 * given).max() <= 0.5
+
+
+def test_a_recording_is_read_in_the_layout(worked):
+    folder, _ = worked
+    poses = np.loadtxt(folder / "tum/clean/phone/groundtruth.txt")
+    assert np.allclose(poses[:, 0], np.arange(FRAMES) / 10)
+    assert np.abs(poses[:, 1:4] - path_poses(FRAMES)[:, :3, 3]).max() < 1e-5
+    for k in range(FRAMES):
+        assert (depth_steps(folder / f"tum/clean/phone/depth/{k:06d}.png") == 5 * (2000 + 10 * k)).all()
+
+
+def test_a_study_has_the_metric_and_the_system(worked):
+    folder, _ = worked
+    with (folder / "results/tables/runs.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["system"], row["setting"]) for row in rows} == {("still", "clean"), ("still", "noise")}
+    assert all(float(row["upward_max_m"]) > 0 for row in rows)
+    assert "largest error upwards" in (folder / "results/report.md").read_text()
