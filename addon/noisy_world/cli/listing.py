@@ -47,7 +47,7 @@ def list_channels() -> int:
 
     width = max(map(len, CHANNELS))
     for name, item in CHANNELS.items():
-        print(f"{name:<{width}}  {item.meaning}: {item.convention}")
+        print(f"{name:<{width}}  {item.meaning}: {item.convention}{CHANNELS.origin(name)}")
     return 0
 
 

@@ -253,9 +253,10 @@ def processor() -> dict[str, Any]:
 
 
 def _packages(plan: Plan) -> dict[str, str]:
-    """Return the versions of the installed packages whose perturbations or layout the preset uses, by name."""
+    """Return the versions of the installed packages whose perturbations, layout or channels a preset uses, by name."""
     used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
     used.append(EVERY.distribution(plan.format.layout.name))
+    used += [REGISTERED.distribution(name) for name in plan.format.modalities]
     return {item.name: item.version for item in used if item is not None}
 
 
