@@ -3,10 +3,10 @@
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings it by an entry
-point of the group `noisy_world.perturbations`, `noisy_world.layouts`, `noisy_world.channels` or `noisy_world.metrics`.
-docs/extend.md and docs/layouts.md have an example of every kind, and `noisy_world.testing` tells whether a perturbation,
-a layout or a metric keeps its contract. Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings it by an
+entry point of the group `noisy_world.perturbations`, `noisy_world.layouts`, `noisy_world.channels` or
+`noisy_world.metrics`. docs/extend.md and docs/layouts.md have an example of every kind, and `noisy_world.testing` tells
+whether a perturbation, a layout or a metric keeps its contract. Importing this needs no Blender.
 """
 
 from .core.channels.surface import Surface, SurfaceChannel

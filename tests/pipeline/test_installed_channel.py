@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The channel of docs/layouts.md, as it stands there, brought by an installed package: listed, written and identified."""
+"""The channel of docs/layouts.md, as it stands there, of an installed package: listed, written and identified."""
 
 import json
 import os
