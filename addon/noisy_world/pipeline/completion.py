@@ -22,9 +22,9 @@ from ..core.trajectories.sensor_paths import SensorPaths
 
 def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
     """Return the files of a sequence that say what the values of its channels mean, by name."""
-    mesh, texts = scene.source.mesh, dict[str, str]()
+    texts: dict[str, str] = {}
     for item in surface_channels(format_.modalities):
-        if item.has_content and mesh is not None:
+        if item.has_content and (mesh := scene.source.mesh) is not None:
             texts[f"{item.name}.json"] = canonical(item.content(mesh(), scene.source.location))
     return texts
 
