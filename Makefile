@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -77,6 +77,7 @@ $(VENV)-docs/.installed: requirements-docs.lock
 
 # What stands below Blender, whose branches are counted: 95 % of core's and of the perturbations' have to be taken.
 BELOW_BLENDER := tests/core tests/perturbations tests/pipeline tests/sources
+BELOW_BLENDER311 := tests/core tests/perturbations tests/sources tests/recipes tests/rays
 # Blender imports the meshes of these, and core makes of them what they are.
 COUNTED := $(BELOW_BLENDER) tests/blender/test_imported_colours.py tests/blender/test_imported_meshes.py tests/blender/test_imported_refusals.py
 
@@ -100,6 +101,15 @@ test-below: $(VENV)/.extras
 
 test-above: $(VENV)/.extras
 	$(PYTEST) tests $(COUNTED:%=--ignore=%)
+
+# What the library does without Blender, under the oldest Python that it works with.
+test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11
+	.venv-python311/bin/python -m pytest $(BELOW_BLENDER311)
+
+.venv-python311/.installed: requirements-library.lock
+	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }
+	$(ENVIRONMENT) "$(PYTHON311)" .venv-python311 $(PINNED) $<
+	touch $@
 
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
@@ -150,11 +160,12 @@ slam-env: venv ## an environment with ORB-SLAM3 and Open3D's SLAM; PYTHON_SLAM=/
 	$(INSTALL_ORB_SLAM3)
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
-	uv pip compile pyproject.toml --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
+	uv pip compile pyproject.toml --extra blender --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
 	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
 	uv pip compile --group pyproject.toml:evaluate --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-evaluate.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
+	uv pip compile pyproject.toml --group library --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-library.lock
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-python311 .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .ruff_cache

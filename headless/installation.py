@@ -67,7 +67,7 @@ def entry(script: Path) -> "Entry":
         remedy = f"run: make -C {ROOT} blender-env BLENDER={binary}"
     else:
         remedy = f"run: make -C {ROOT} venv, then use {ROOT / '.venv/bin/python'}"
-    return Entry(script.name, words, "this Blender's " if binary else "", remedy)
+    return Entry(script.name, words, "this Blender's " if binary else "", remedy, blender_remedy=remedy)
 
 
 def end_with(main: Callable[[list[str]], int]) -> NoReturn:

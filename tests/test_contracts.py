@@ -16,8 +16,10 @@ from noisy_world.evaluation.systems.registry import SHIPPED
 from noisy_world.extend import (
     ColourPerturbation,
     DepthPerturbation,
+    ExposurePerturbation,
     MotionPerturbation,
     PairingPerturbation,
+    Shutter,
     TrajectoryMetric,
     key,
 )
@@ -90,6 +92,20 @@ def turned(trajectory, parameters, context):
     return replace(trajectory, c2w=trajectory.c2w * 2)
 
 
+def averaged(take, parameters):
+    shown = [take(seconds) for seconds in (0.0, parameters.amount)]
+    return tuple(np.mean([getattr(item, name) for item in shown], axis=0) for name in ("rgb", "depth_m"))
+
+
+def exposure(apply):
+    shutter = lambda parameters: Shutter(0.0, parameters.amount)  # noqa: E731
+    return ExposurePerturbation(name="exposing", apply=apply, shutter=shutter, **USUAL, **LEVELS)
+
+
+def test_an_exposure_keeps_its_contract():  # none is shipped
+    testing.check_perturbation(exposure(averaged))
+
+
 FEWER = {"amount": (0.1, 0.2, 0.4, 0.5, 0.6)}
 
 
@@ -110,6 +126,8 @@ FEWER = {"amount": (0.1, 0.2, 0.4, 0.5, 0.6)}
             PairingPerturbation(name="broken", apply=lambda count, *_: np.arange(count) + 1, **USUAL, severities={}),
             "has to name frames from 0 to 11, or -1, not [12]",
         ),
+        (exposure(lambda take, _: (take(0.0).rgb, None)), "exposing: leaves out an image that it is given"),
+        (exposure(lambda take, _: (take(0.0).rgb[::2], take(0.0).depth_m)), "makes colour of (18, 48, 3) of"),
         (Amount(), "is a Amount, no perturbation"),
     ],
 )  # fmt: skip

@@ -13,9 +13,14 @@ import cv2
 import installed_package
 import numpy as np
 import pytest
-from worlds import ROOT, path_poses, write_world
+from worlds import ROOT, generate, path_poses, write_world
 
-pytest.importorskip("embreex", reason="embreex comes with an extra")
+from noisy_world.core.datasets.dataset_state import identity_problem
+from noisy_world.core.datasets.layouts import EVERY
+from noisy_world.core.errors import NoisyWorldError
+
+for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
+    pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
 FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
@@ -147,3 +152,53 @@ def test_a_study_has_the_metric_and_the_system(worked):
     assert {(row["system"], row["setting"]) for row in rows} == {("still", "clean"), ("still", "noise")}
     assert all(float(row["upward_max_m"]) > 0 for row in rows)
     assert "largest error upwards" in (folder / "results/report.md").read_text()
+
+
+# --- what is wrong ---
+
+NAMELESS = FLAT.replace('name = "flat"', 'name = "Flat one"')
+WITHOUT = FLAT.replace("depth_scale_per_m = 1000.0", "").replace('label = "Flat"', "")
+UNMADE = FLAT.replace("LAYOUT = FlatLayout()", "LAYOUT = FlatLayout")
+IN_USE = FLAT.replace('name = "flat"', 'name = "tum"')
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (NAMELESS, "'Flat one' is no name of a layout: small letters, digits and underscores, a letter first"),
+        (WITHOUT, "its layout FlatLayout lacks label, depth_scale_per_m"),
+        (UNMADE, "is a class; give an object of it: LAYOUT = FlatLayout()"),
+        (IN_USE, "its layout tum has the name of one of our own; rename it, or uninstall the package"),
+        ("LAYOUT = 1", "is a int, but has to be one of Layout, RecordedLayout, or a package of modules"),
+    ],
+)
+def test_a_broken_layout_is_one_line(monkeypatch, tmp_path, text, told):
+    modules = {"__init__.py": "", "flat.py": text}
+    installed_package.install(tmp_path, "broken-lab", "0.1", {"x": "broken_lab.flat:LAYOUT"}, modules, kind="layouts")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    EVERY.forget()
+    try:
+        with pytest.raises(NoisyWorldError) as raised:
+            list(EVERY)
+    finally:
+        monkeypatch.undo()
+        EVERY.forget()
+        for name in [item for item in sys.modules if item.partition(".")[0] == "broken_lab"]:
+            del sys.modules[name]
+    assert str(raised.value).startswith("broken-lab 0.1: ")
+    assert told in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_dataset_whose_layout_is_not_installed_says_so(worked):
+    folder, _ = worked
+    identity = json.loads((folder / "flat/manifest.json").read_text())["identity"]
+    assert identity_problem(identity) == (
+        "is in the layout 'flat', which is not known here: install the package that brings it"
+    )
+    # The command, without the package: one line, and what is there stays.
+    result = generate(folder / "made/preset.yaml", "--set", "output.layout=tum", "--out", folder / "flat", check=False)
+    assert result.returncode == 1
+    assert "Traceback" not in result.stderr
+    assert len(list((folder / "flat/clean/box").glob("*.png"))) == 2 * FRAMES
+    assert "'flat', which is not known here: install the package that brings it" in result.stderr

@@ -16,6 +16,7 @@ from noisy_world.core.planning.estimate import estimate, size_text
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import EngineName, read_preset
 from noisy_world.core.scenes.embedded import ROOMS
+from noisy_world.evaluation.metrics import METRICS
 from noisy_world.evaluation.systems.registry import find_system, shipped_names
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
@@ -157,6 +158,26 @@ def test_the_registries_are_named_on_their_pages():
         r"these are read alone:\n\n(.*?)\n\n", PAGES["docs/recordings.md"].read_text(encoding="utf-8"), re.S
     )[1].splitlines()
     assert len(rows) - 2 == len(RECORDED)
+
+
+def test_the_table_of_layouts_is_that_of_the_registry():
+    page = PAGES["docs/layouts.md"].read_text(encoding="utf-8")
+    (head,) = re.findall(r"^\| key of `output` \| what it does \| (.*) \|$", page, re.MULTILINE)
+    assert head.split(" | ") == list(LAYOUTS)
+    said = {
+        key: [cell.replace("`", "").split(", ") for cell in cells.split(" | ")]
+        for key, cells in re.findall(r"^\| `(image|colour|depth_scale_per_m)` \| [^|]* \| (.*) \|$", page, re.MULTILINE)
+    }
+    assert said["image"] == [list(layout.images) for layout in LAYOUTS.values()]
+    assert [cell[0] for cell in said["colour"]] == [layout.colours[0] for layout in LAYOUTS.values()]
+    assert said["depth_scale_per_m"] == [[f"{layout.depth_scale_per_m:g}"] for layout in LAYOUTS.values()]
+
+
+def test_the_table_of_metrics_is_that_of_the_registry():
+    page = PAGES["docs/metrics.md"].read_text(encoding="utf-8")
+    table = re.search(r"## The metrics\n.*?\n\|---\|---\|---\|\n(.*?)\n\n", page, re.S)[1]
+    named = [name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert sorted(named) == sorted(METRICS)
 
 
 # --- what the benchmark costs: one measurement, in docs/cost.md ---

@@ -23,8 +23,10 @@ def test_the_extras_are_those_of_the_package():
     ]
     assert project["dependency-groups"]["evaluate"] == list(extras.EXTRAS["evaluate"]), "what `make benchmark` installs"
     assert set(project["dependency-groups"]["extras"]) >= {
-        word for brought in extras.EXTRAS.values() for word in brought
+        word for name, brought in extras.EXTRAS.items() if name != "blender" for word in brought
     }
+    version = ".".join(map(str, extras.BLENDER_PYTHON))
+    assert [f'python_version == "{version}"' in word for word in extras.EXTRAS["blender"]] == [True]
 
 
 def test_a_checkout_is_named():
@@ -71,6 +73,20 @@ def test_an_extension_of_blender_names_the_packages(installed, monkeypatch):
 def test_an_environment_without_pip_has_uv(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert shlex.split(extras.install_command("strict"))[:5] == ["uv", "pip", "install", "--python", sys.executable]
+
+
+def test_where_blender_is_missing_the_line_names_the_extra_and_its_python(monkeypatch):
+    monkeypatch.setitem(sys.modules, "bpy", sys)
+    assert extras.blender_missing() == ""
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    monkeypatch.setattr(extras, "BLENDER_PYTHON", sys.version_info[:2])
+    line = extras.blender_missing("a .blend", otherwise="do without")
+    assert line.startswith("a .blend: bpy: missing in this Python 3.")
+    assert line.endswith(f"; run: {extras.install_command('blender')}, or do without")
+    monkeypatch.setattr(extras, "BLENDER_PYTHON", (3, 99))
+    python, command = extras.blender_missing().split("the extra blender, which brings it, is for ")[1].split(" run: ")
+    assert python == "Python 3.99 alone: in an environment of that"
+    assert shlex.split(command) == ["python3.99", "-m", "pip", "install", f"{CHECKOUT}[blender]"]
 
 
 def test_what_is_missing_is_one_line_with_the_command():

@@ -84,6 +84,8 @@ def forget():
 
 
 def test_a_study_has_both(site, tmp_path, capfd):
+    for package in ("tabulate", "pandas", "jinja2", "matplotlib"):
+        pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
     assert command.main(["list", "metrics"]) == 0
     assert "upward_max_m  largest error upwards [m], lower is better; from studio-slam 1.2\n" in capfd.readouterr().out
     assert command.main(["systems"]) == 0

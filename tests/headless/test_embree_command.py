@@ -82,6 +82,29 @@ def test_where_embreex_is_missing_one_line_says_so(world, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_where_blender_is_missing_one_line_names_the_extra_and_what_does_without(world, tmp_path):
+    words = [world, "--out", tmp_path / "out", "--set", "render.engine=cycles"]
+    script = without(["bpy"], *words)
+    assert script.returncode == 1
+    (line,) = script.stderr.splitlines()
+    assert line.startswith(f"generate.py: bpy: missing in this Python 3.{sys.version_info.minor} ")
+    assert f"run: make -C {GENERATE.parents[1]} venv" in line
+    assert line.endswith("; or add --set render.engine=embree, which needs no Blender but the extra embree")
+    code = (
+        f"import sys\nsys.modules['bpy'] = None\nsys.path.insert(0, {str(GENERATE.parents[1] / 'addon')!r})\n"
+        "from noisy_world.cli.command import main\nsys.exit(main())"
+    )
+    command = [sys.executable, "-c", code, "generate", *map(str, words), "render.backend=compositor"]
+    told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert told.returncode == 1
+    (line,) = told.stderr.splitlines()
+    assert f"{GENERATE.parents[1]}[blender]" in line
+    assert line.endswith(
+        "--set render.engine=embree render.backend=reference, which needs no Blender but the extra embree"
+    )
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import installed_package
 from analytic import box_depth
-from worlds import HIGH, LOW, ROOT, generate, path_poses, write_world
+from worlds import HIGH, LOW, ROOT, generate, need_blender, path_poses, write_world
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import Intrinsics
@@ -71,6 +71,7 @@ def with_site(site):
 
 @pytest.fixture(scope="module")
 def out(site, tmp_path_factory):
+    need_blender()
     world = tmp_path_factory.mktemp("world")
     preset = write_world(world, frames=COUNT, size=SIZE, settings=SETTINGS)
     generate(preset, "--out", world / "out", env=with_site(site))
@@ -374,6 +375,7 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path):
 
 
 def test_a_motion_that_breaks_its_contract_ends_the_run_in_a_line(tmp_path):
+    need_blender()
     modules = dict(installed_package.MODULES)
     for name, line in (("lift", "c2w[1:], trajectory.stamps_s[1:]"), ("stutter", "")):
         text = modules[f"effects/{name}.py"]

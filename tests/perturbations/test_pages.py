@@ -10,7 +10,7 @@ from fnmatch import fnmatch
 import cv2
 import installed_package
 import numpy as np
-from worlds import ROOT, generate, write_world
+from worlds import ROOT, generate, need_blender, write_world
 
 from noisy_world.perturbations import registry
 
@@ -54,6 +54,7 @@ def test_the_gallery_is_light():
 
 
 def test_the_example_works_as_it_stands(tmp_path):
+    need_blender()
     project = tomllib.loads(block("toml"))["project"]
     modules = {"__init__.py": "", "stereo_steps.py": block("python")}
     entry_points = project["entry-points"]["noisy_world.perturbations"]

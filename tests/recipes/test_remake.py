@@ -26,8 +26,7 @@ pytestmark = pytest.mark.usefixtures("no_blender")
 @pytest.fixture(autouse=True)
 def _blender_is_there(monkeypatch):
     """The commands look for bpy; here frames come from arithmetic."""
-    monkeypatch.setattr("noisy_world.cli.generate.missing_package", lambda names, entry: "")
-    monkeypatch.setattr("noisy_world.cli.generate.blender_problem", lambda: "")
+    monkeypatch.setattr("noisy_world.cli.generate.blender_problem", lambda entry: "")
     fake_session.Session.rendered.clear()
 
 

@@ -7,6 +7,7 @@ import sys
 import threading
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import cv2
 import fake_session
@@ -16,7 +17,7 @@ from shard_workers import workers_here
 from worlds import path_poses, write_world
 
 from noisy_world.core.optics import PINHOLE
-from noisy_world.core.errors import StorageError
+from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
 from noisy_world.core.planning.source import ColourAndDepth, Gives, Scene
@@ -27,6 +28,7 @@ from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
+from noisy_world.sources.blend import BlendSource
 
 STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])
 
@@ -112,6 +114,41 @@ def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
     assert 0.02 < np.abs(moved_m - path_poses(4)[:, :3, 3]).mean() < 0.3
     scenes = json.loads((out / "manifest.json").read_text())["identity"]["scenes"]
     assert {name: scene["inputs"] for name, scene in scenes.items()} == {"sums": {"arithmetic": "1"}}
+
+
+class FlatSource(ArithmeticSource):
+    """Frames without depth, from the path's own poses alone."""
+
+    gives = Gives(rendered=False, any_pose=False, depth=False, key="slide")
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({}, r"scenes\.0\.slide: a slide has no depth, but output\.modalities asks for it"),
+        (
+            {"settings": [{"name": "s", "perturb": [{"fog_depth": None}]}], "output": {"modalities": ["rgb"]}},
+            r"scenes\.0\.slide: s needs depth, and a slide has none",
+        ),
+        (
+            {"settings": [{"name": "s", "perturb": [{"motion_deviation": None}]}], "output": {"modalities": ["rgb"]}},
+            r"scenes\.0\.slide: deviates from its path in s, but an existing sequence cannot be seen from elsewhere",
+        ),
+        ({"rig": {"rgb": {}}}, r"scenes\.0\.slide: is a recording, which has no other poses for a rig"),
+    ],
+)
+def test_messages_name_the_key_that_the_source_says(tmp_path, keys, told):
+    preset = read_preset(write_world(tmp_path, size=(8, 6), **keys))
+    scene = Scene("sums", preset.place("scenes.0"), FlatSource())
+    with pytest.raises(InputError, match=told):
+        lay_out_plan(preset, read_settings(preset, registry()), [scene])
+
+
+def test_a_blend_with_several_cameras_is_named_by_its_own_key():
+    found = SimpleNamespace(known_path=None, found=SimpleNamespace(camera="a"), _cameras=("a", "b"), rendering=None)
+    gives = BlendSource.gives.fget(found)
+    assert gives.instants_only.startswith("2 cameras take turns")
+    assert gives.key == "blend"
 
 
 @pytest.fixture

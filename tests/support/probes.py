@@ -4,9 +4,12 @@
 import threading
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 import noisy_world.perturb
 import noisy_world.planning
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
+from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation, FrameContext
 from noisy_world.core.schema import key
 from noisy_world.perturbations import registry
 
@@ -25,9 +28,9 @@ class Amount:
 class Told:
     """One call. own, other: the image that is perturbed, and the other one of the context. amount: the severity."""
 
-    context: object
-    own: object
-    other: object
+    context: FrameContext
+    own: NDArray[np.generic]
+    other: NDArray[np.generic]
     amount: float
 
 
@@ -35,8 +38,8 @@ class Told:
 class Probes:
     """A perturbation of colour and one of depth. told: what each was told, by its name, the setting and the frame."""
 
-    told: dict = field(default_factory=dict)
-    lock: object = field(default_factory=threading.Lock)
+    told: dict[tuple[str, str, int], Told] = field(default_factory=dict)
+    lock: threading.Lock = field(default_factory=threading.Lock)
 
     def install(self, monkeypatch, *more):
         """Put both into the registry, beside other perturbations."""

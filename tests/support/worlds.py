@@ -3,6 +3,7 @@
 
 import contextlib
 import hashlib
+import importlib.util
 import os
 import signal
 import subprocess
@@ -16,7 +17,16 @@ from analytic import box_mesh, look_at
 
 ROOT = Path(__file__).resolve().parents[2]
 GENERATE = ROOT / "headless" / "generate.py"
+BLENDER_IS_HERE = importlib.util.find_spec("bpy") is not None  # asked before a test forbids its import
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.0, 1.5, 2.5])
+
+
+def need_blender():
+    """Skip a test whose program renders in Blender, where its package is not installed."""
+    import pytest
+
+    if not BLENDER_IS_HERE:
+        pytest.skip("bpy is not installed")
 
 
 def write_box_ply(path, *, shift_m=(0.0, 0.0, 0.0)):

@@ -19,13 +19,15 @@ class Entry:
     name: the beginning of its messages, such as "generate.py".
     words: the command that starts it again, without the subcommand's arguments.
     whose_python: whose Python this is, such as "this Blender's "; empty for a plain Python.
-    remedy: what to do where packages are missing.
+    remedy: what to do where packages are missing. blender_remedy: what to do where Blender is, if it is another thing
+    than to install the extra `blender`.
     """
 
     name: str
     words: tuple[str, ...]
     whose_python: str = ""
     remedy: str = "install them with pip"
+    blender_remedy: str = ""
 
     def command(self, arguments: Sequence[str]) -> list[str]:
         """Return the command that starts the subcommand again."""

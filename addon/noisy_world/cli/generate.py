@@ -9,7 +9,7 @@ from .arguments import out_address, out_folder, parse_arguments, preset_words
 from .ending import CONTINUES, ended
 from .entry import Entry
 from .listing import KNOWN, list_known, list_plan, print_plan
-from .missing import blender_lacks, blender_problem, missing_package
+from .missing import blender_lacks, blender_problem
 from .outcome import tell_outcome
 from .part import planned
 
@@ -137,10 +137,19 @@ def need_blender(plan: "Plan", entry: Entry) -> None:
     """Raise MissingDependencyError where a plan's frames cannot be made for want of Blender."""
     from ..core.errors import MissingDependencyError
 
-    problem = (missing_package(["bpy"], entry) or blender_problem()) if plan.needs_blender else ""
-    if problem:
-        or_else = "" if plan.renders_in_blender else "; or add --set render.backend=reference, which needs no Blender"
-        raise MissingDependencyError(problem + or_else)
+    if plan.needs_blender and (problem := blender_problem(entry)):
+        raise MissingDependencyError(problem + _without_blender(plan))
+
+
+def _without_blender(plan: "Plan") -> str:
+    """Return what makes a plan's frames without Blender, as the end of a line; "" where nothing does."""
+    if not plan.renders_in_blender:
+        return "; or add --set render.backend=reference, which needs no Blender"
+    gives = [scene.source.gives for scene in plan.scenes]
+    if any(item.rendered and item.own is not None for item in gives):  # only Blender knows their materials and lights
+        return ""
+    backend = " render.backend=reference" if plan.composites else ""
+    return f"; or add --set render.engine=embree{backend}, which needs no Blender but the extra embree"
 
 
 def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> None:
@@ -148,7 +157,7 @@ def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> No
     from ..core.errors import MissingDependencyError
 
     if plan.needs_blender and (problem := blender_lacks(entry)):
-        raise MissingDependencyError(problem)
+        raise MissingDependencyError(problem + _without_blender(plan))
     if "embree" in plan.engines:
         from ..rays.embree import embree_version
 

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
+from ..core.extras import blender_missing
 from ..core.requirements import missing_packages, missing_sentence
 from .entry import Entry
 from .system_libraries import advice, missing_libraries
@@ -21,8 +22,10 @@ def missing_package(names: Iterable[str], entry: Entry) -> str:
     return missing_sentence(missing, entry.whose_python, entry.remedy) if missing else ""
 
 
-def blender_problem() -> str:
-    """Import Blender; if that fails, return the problem, with the missing system libraries if they are the cause."""
+def blender_problem(entry: Entry) -> str:
+    """Import Blender; if that fails, return the problem and, of a missing package or system library, what to do."""
+    if problem := blender_missing(remedy=entry.blender_remedy):
+        return problem
     try:
         with _relevant_output():
             import bpy  # noqa: F401 - imported only to see whether it can be
@@ -35,7 +38,7 @@ def blender_problem() -> str:
 
 def blender_lacks(entry: Entry) -> str:
     """Return what is missing for Blender to be imported, without importing it: its package, or system libraries."""
-    if problem := missing_package(["bpy"], entry):
+    if problem := blender_missing(remedy=entry.blender_remedy):
         return problem
     names = missing_libraries()
     return advice(names) if names else ""

@@ -43,7 +43,7 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     from ..evaluation.systems.installing import ENVIRONMENT
     from ..evaluation.systems.installing import install as make
     from ..evaluation.systems.registry import find_system
-    from .missing import blender_problem, missing_package
+    from .missing import blender_problem
     from .system_libraries import missing_for, provide
 
     system = find_system(options.install)
@@ -53,7 +53,7 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
         check_system(system)
         print(f"{system.name} needs no installation")
         return 0
-    if problem := missing_package(["bpy"], entry) or blender_problem():  # the vocabulary's pictures are rendered
+    if problem := blender_problem(entry):  # the vocabulary's pictures are rendered
         raise MissingDependencyError(problem)
     found = environment_folder(ENVIRONMENT)
     into = found if options.into is None else options.into.resolve() / found.name

@@ -19,6 +19,7 @@ from .shipped import checkout
 DISTRIBUTION = "noisy-world"
 
 EXTRAS = {
+    "blender": ('bpy==5.2.3; python_version == "3.13"',),
     "embree": ("embreex>=4.4",),
     "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
     "cluster": ("ray>=2.50",),
@@ -35,6 +36,8 @@ EXTRAS = {
 }
 """What each extra brings, as pyproject.toml has it."""
 
+BLENDER_PYTHON = (3, 13)  # which Blender's package has wheels for
+
 
 def need(modules: Iterable[str], extra: str, *, for_what: str = "", otherwise: str = "") -> None:
     """Raise MissingDependencyError, with the command that installs the extra, where a module cannot be imported.
@@ -45,6 +48,29 @@ def need(modules: Iterable[str], extra: str, *, for_what: str = "", otherwise: s
         remedy = f"run: {install_command(extra)}" + (f", or {otherwise}" if otherwise else "")
         sentence = missing_sentence(missing, "", remedy)
         raise MissingDependencyError(f"{for_what}: {sentence}" if for_what else sentence)
+
+
+def blender_missing(for_what: str = "", *, otherwise: str = "", remedy: str = "") -> str:
+    """Return one line on Blender's package where it is missing, what to do about it included; "" where it is there.
+
+    for_what: what needs it, in front of the line. otherwise: what else can be done, at its end. remedy: what to do
+    instead of installing the extra.
+    """
+    missing = missing_packages(["bpy"])
+    if not missing:
+        return ""
+    sentence = missing_sentence(missing, "", (remedy or _blender_remedy()) + (f", or {otherwise}" if otherwise else ""))
+    return f"{for_what}: {sentence}" if for_what else sentence
+
+
+def _blender_remedy() -> str:
+    if sys.version_info[:2] == BLENDER_PYTHON:
+        return f"run: {install_command('blender')}"
+    version = ".".join(map(str, BLENDER_PYTHON))
+    command = shlex.join([f"python{version}", "-m", "pip", "install", *(_source("blender") or EXTRAS["blender"])])
+    return (
+        f"the extra blender, which brings it, is for Python {version} alone: in an environment of that run: {command}"
+    )
 
 
 def install_command(extra: str) -> str:

@@ -17,8 +17,13 @@ NEEDED = {
 
 def missing_packages(modules: Iterable[str] = NEEDED) -> list[str]:
     """Return the packages of the modules that cannot be imported, by the names under which they are installed."""
-    missing = [name for name in modules if name not in sys.modules and importlib.util.find_spec(name) is None]
-    return [NEEDED.get(name, name) for name in missing]
+    return [NEEDED.get(name, name) for name in modules if not _importable(name)]
+
+
+def _importable(module: str) -> bool:
+    if module in sys.modules:
+        return sys.modules[module] is not None  # None forbids its import
+    return importlib.util.find_spec(module) is not None
 
 
 def missing_sentence(packages: Iterable[str], where: str, remedy: str) -> str:

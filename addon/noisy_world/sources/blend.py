@@ -69,7 +69,7 @@ class BlendSource:
         own_path = self.known_path is None and self.found.camera is not None
         cuts = len(set(self._cameras)) if own_path else 1
         only = f"{cuts} cameras take turns on the way, so there is nothing between some frames" if cuts > 1 else ""
-        return Gives(rendered=True, any_pose=True, own=self.rendering, instants_only=only)
+        return Gives(rendered=True, any_pose=True, own=self.rendering, instants_only=only, key="blend")
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import MissingDependencyError
+from ..core.extras import blender_missing
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene
 from ..core.schema import Place
@@ -65,7 +66,7 @@ def _looked(path: Path, request: str) -> dict[str, Any]:
     )
     answers = [line for line in ran.stdout.splitlines() if line.startswith(MARK)]
     if "No module named 'bpy'" in ran.stderr:
-        raise MissingDependencyError("a .blend needs Blender: run pip install bpy, or start this in a Blender program")
+        raise MissingDependencyError(blender_missing("a .blend", otherwise="start this in a Blender program"))
     if ran.returncode != 0 or not answers:
         raise RuntimeError(f"the look at {path} ended with status {ran.returncode}: {ran.stderr[-2000:]}")
     told = json.loads(answers[-1].removeprefix(MARK))

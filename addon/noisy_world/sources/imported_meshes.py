@@ -6,7 +6,6 @@ this Blender where there is one, else this Python with the bpy package.
 """
 
 import contextlib
-import importlib.util
 import json
 import signal
 import subprocess
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError, MissingDependencyError
+from ..core.extras import blender_missing
 from ..core.regular_files import read_text
 from ..core.scenes.beside import link_notes
 from ..core.scenes.gltf_file import read_gltf_header
@@ -173,10 +173,8 @@ def _command(order: str, limit_s: int) -> list[str]:
     binary = sys.modules["bpy"].app.binary_path if sys.modules.get("bpy") is not None else ""
     if binary:
         return [binary, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", program]
-    if importlib.util.find_spec("bpy") is None:
-        raise MissingDependencyError(
-            "bpy: missing, and Blender's importers with it; install it, or export the mesh as PLY"
-        )
+    if problem := blender_missing("a mesh that Blender's importers read", otherwise="export the mesh as PLY"):
+        raise MissingDependencyError(problem)
     return [sys.executable, "-c", program]
 
 

@@ -66,7 +66,7 @@ class Recording:
     @property
     def gives(self) -> Gives:
         """Frames from the recorded poses, not rendered."""
-        return Gives(rendered=False, any_pose=False, instants_only=RECORDED)
+        return Gives(rendered=False, any_pose=False, instants_only=RECORDED, key="sequence")
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:

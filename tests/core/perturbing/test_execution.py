@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an execution makes of steps of each kind, and what it refuses: expected values are written out by hand."""
 
+from small_steps import BY_SEVERITY, SEQUENCE, WHERE, adding, colour, depth, motion, pairing, steps
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +12,6 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import (
     ColourWork,
     chosen_poses,
-    drawn_motion,
-    expose,
     move,
     paired_depth,
     perturb_depth,
@@ -22,62 +20,14 @@ from noisy_world.core.perturbing.execution import (
     take_poses,
 )
 from noisy_world.core.perturbing.kinds import (
-    ColourPerturbation,
-    DepthPerturbation,
-    ExposurePerturbation,
-    FrameContext,
-    MotionPerturbation,
-    PairingPerturbation,
     SequenceContext,
 )
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Setting
 from noisy_world.core.schema import Place, key
 from noisy_world.core.streams import stream
-from noisy_world.core.trajectories.frame_request import Shutter
 from noisy_world.core.trajectories.motion import CameraMotion
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
-
-SEQUENCE = (7, "room", "setting")
-WHERE = FrameContext(3, SEQUENCE)
-
-
-@dataclass(frozen=True)
-class Amount:
-    """How much."""
-
-    amount: float = key("how much", default=1.0, minimum=-1000, maximum=1000)
-
-
-COMMON = {"label": "Label", "order": 10, "parameters": Amount, "severities": {}, "source": "none"}
-BY_SEVERITY = {"severities": {"amount": (1, 2, 3, 4, 5)}}
-
-
-def steps(*perturbations, **values):
-    """Steps of these perturbations; values by name."""
-    known = {item.name: item for item in perturbations}
-    return parse_steps([{item.name: values.get(item.name)} for item in perturbations], Place("x"), known)
-
-
-def colour(name, apply, **other):
-    return ColourPerturbation(**(COMMON | {"name": name, "stage": "sensor", "apply": apply} | other))
-
-
-def depth(name, apply, **other):
-    return DepthPerturbation(**(COMMON | {"name": name, "apply": apply} | other))
-
-
-def motion(name, order=10, **other):
-    return MotionPerturbation(**(COMMON | {"name": name, "order": order} | other))
-
-
-def pairing(name, apply, order=10, **other):
-    return PairingPerturbation(**(COMMON | {"name": name, "order": order, "apply": apply} | other))
-
-
-def adding(rgb, parameters, _context):
-    return rgb + np.float32(parameters.amount)
-
 
 # --- colour ---
 
@@ -371,85 +321,3 @@ def test_work_is_shared_only_where_all_that_it_looks_at_is_equal():
         for temporal in ("fresh", "fixed", "drift")
     }
     assert len(keys) == 3
-
-
-# --- exposure ---
-
-
-def exposing(name, order, apply):
-    return ExposurePerturbation(
-        **(COMMON | {"name": name, "order": order}), apply=apply, shutter=lambda parameters: Shutter()
-    )
-
-
-def test_exposures_act_one_inside_the_other():
-    # The scene shows its own time. The first is a mean of the moments before and after, doubled; the second looks 0.5 s
-    # later and adds 10. Around the frame's moment 3: the second takes 2 * (3.4 + 3.6) / 2 = 7.
-    def doubled_mean(take, parameters):
-        images = [take(seconds).rgb for seconds in (-parameters.amount, parameters.amount)]
-        return images[0] + images[1], None
-
-    def later(take, parameters):
-        taken = take(parameters.amount)
-        assert taken.depth_m is None
-        return taken.rgb + np.float32(10), None
-
-    asked = []
-
-    def scene(seconds):
-        asked.append(round(seconds, 9))
-        return SimpleNamespace(rgb=np.full((1, 1, 3), 3 + seconds, np.float32), depth_m=None)
-
-    both = exposing("inner", 1, doubled_mean), exposing("outer", 2, later)
-    rgb, depth_m = expose(steps(*both, inner={"amount": 0.1}, outer={"amount": 0.5}), scene)
-    assert rgb.ravel() == pytest.approx([17.0] * 3)
-    assert depth_m is None
-    assert asked == [0.4, 0.6]
-    # The other way round: each of the two moments is looked at half a second later, and has 10 more.
-    other = exposing("outer", 1, later), exposing("inner", 2, doubled_mean)
-    rgb, _ = expose(steps(*other, inner={"amount": 0.1}, outer={"amount": 0.5}), scene)
-    assert rgb.ravel() == pytest.approx([27.0] * 3)
-    assert expose(steps(both[1], outer={"amount": 0.5}), scene)[0].ravel() == pytest.approx([13.5] * 3)
-
-
-# --- what combinations of motion keep ---
-
-
-def choosing(name, order, indices):
-    return MotionPerturbation(
-        **(COMMON | {"name": name, "order": order}), choose=lambda count, parameters, context: np.array(indices)
-    )
-
-
-def test_choices_and_what_was_drawn_follow_one_another():
-    drawing = MotionPerturbation(
-        **(COMMON | {"name": "drawing", "order": 1}),
-        apply=lambda path, parameters, context: path,
-        drawn=lambda count, parameters, context: {"number": np.arange(count) * 1.0},
-    )
-    # Of six: 5, 1, 3, 0. Of these four: the last, the first, the second.
-    made = steps(drawing, choosing("first", 2, [5, 1, 3, 0]), choosing("second", 3, [3, 0, 1]))
-    assert chosen_poses(made, 6, SEQUENCE).tolist() == [0, 5, 1]
-    assert drawn_motion(made, 6, SEQUENCE)["drawing"]["number"].tolist() == [0.0, 5.0, 1.0]
-    pairs = [
-        PairingPerturbation(
-            **(COMMON | {"name": name, "order": order}), apply=lambda count, parameters, context, of=of: np.array(of)
-        )
-        for name, order, of in (("one", 1, [3, 2, -1, 0]), ("two", 2, [1, 2, 3, 0]))
-    ]
-    # Frame 0 takes the pair of frame 1, which is depth 2; frame 1 takes that of 2, which is out; 2 was out itself.
-    assert paired_depth(steps(*pairs), 4, SEQUENCE).tolist() == [2, -1, -1, 3]
-
-
-def test_poses_that_are_moved_apart_have_nothing_between_them():
-    path = evenly_stamped(np.tile(np.eye(4), (4, 1, 1)), 10.0)
-    apart = MotionPerturbation(**(COMMON | {"name": "apart"}), apply=lambda path, parameters, context: path)
-    smooth = replace(apart, name="smooth", continuous=True)
-    moved = move(steps(apart), path.followed(np.array([0, 2])), SEQUENCE)
-    assert moved.independent == "apart moves each pose by itself"
-    with pytest.raises(NoisyWorldError, match="between the frames: apart moves"):
-        moved.pose_at(0.05)
-    # What is shown of it afterwards has nothing between its poses either.
-    with pytest.raises(NoisyWorldError, match="between the frames: apart moves"):
-        take_poses(move(steps(apart), path, SEQUENCE), np.array([0, 2])).pose_at(0.05)
-    np.testing.assert_array_equal(move(steps(smooth), path, SEQUENCE).pose_at(0.05), np.eye(4))

@@ -118,7 +118,7 @@ def test_environments_lie_where_they_are_found_again(tmp_path, monkeypatch):
 
 def test_the_command_lists_and_installs(tmp_path, python, monkeypatch, capfd):
     monkeypatch.setenv("NOISY_WORLD_ENVIRONMENTS", str(tmp_path / "named"))
-    monkeypatch.setattr("noisy_world.cli.missing.blender_problem", lambda: "")
+    monkeypatch.setattr("noisy_world.cli.missing.blender_problem", lambda entry: "")
 
     def systems(*words):
         status = command.main(["systems", *map(str, words)])

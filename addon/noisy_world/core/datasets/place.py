@@ -76,9 +76,11 @@ def _is_ours(name: Path) -> bool:
 
 
 def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
-    """Tell whether a path's parts are those of a pattern, where ** stands for any number of them."""
+    """Tell whether a path's parts are those of a pattern, where ** stands for any number, at the end not for none."""
     if not pattern:
         return not parts
+    if pattern[0] == "**" and len(pattern) == 1:
+        return bool(parts)
     if pattern[0] == "**":
         return any(_matches(parts[count:], pattern[1:]) for count in range(len(parts) + 1))
     return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])

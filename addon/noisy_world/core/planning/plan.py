@@ -208,9 +208,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
         if setting.needs_depth and not scene.source.gives.depth:
-            problem = f"{setting.name} needs depth, and a video has none"
+            problem = f"{setting.name} needs depth, and a {scene.source.gives.key} has none"
             remedy = "take that setting out, or name the folder of its depth: depth"
-            raise scene.place.at("video").error(problem, remedy)
+            raise _place_of(scene).error(problem, remedy)
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
@@ -278,7 +278,7 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     optics, layout = scene.source.optics(camera), plan.format.layout
     if optics.plain or layout.optics:
         return optics
-    place = scene.place.at("sequence")
+    place = _place_of(scene)
     if optics.depth is not None:
         problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"
         raise place.error(
@@ -313,14 +313,14 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
         if not scene.source.gives.any_pose:
             _check_poses(scene, preset)
         if not scene.source.gives.depth and "depth" in preset.spec.output.modalities:
-            problem = "a video has no depth, but output.modalities asks for it"
+            problem = f"a {scene.source.gives.key} has no depth, but output.modalities asks for it"
             remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
-            raise scene.place.at("video").error(problem, remedy)
+            raise _place_of(scene).error(problem, remedy)
         check_surface(scene, preset)
 
 
 def _place_of(scene: Scene) -> Place:
-    """Return the place of a recording's folder or file in its scene."""
+    """Return the place of the key that names a scene's file or folder."""
     return scene.place.at(scene.source.gives.key)
 
 

@@ -109,8 +109,9 @@ class Gives:
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
     importers read it, whatever renders it. depth: whether it has any. surface: whether the surface that each pixel sees
-    is known, for normals and the like. instants_only: why it has nothing between its
-    frames; "" where it answers requests for any time. key: of a scene, that names a recording.
+    is known, for normals and the like. instants_only: why it has nothing between its frames; "" where it answers
+    requests for any time. key: of a scene in a preset, that names its file or folder; all messages about the source
+    name it.
     """
 
     rendered: bool
@@ -120,7 +121,7 @@ class Gives:
     depth: bool = True
     surface: bool = False
     instants_only: str = ""
-    key: Literal["sequence", "video"] = "sequence"
+    key: str = "mesh"
 
 
 @dataclass(frozen=True)

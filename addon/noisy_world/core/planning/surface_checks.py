@@ -22,6 +22,8 @@ def check_surface(scene: Scene, preset: Preset) -> None:
         raise place.error(problem, "take it out, or leave that scene out")
     for item in surface_channels(asked):
         if problem := item.problem(scene.source.location):
-            raise scene.place.at("mesh").error(f"has no {item.name}: {problem}", "name such a mesh, or take it out")
+            raise scene.place.at(scene.source.gives.key).error(
+                f"has no {item.name}: {problem}", "name such a mesh, or take it out"
+            )
     if engine not in SURFACE_ENGINES:
         raise place.error(f"{what}: render.engine {engine} cannot tell it", f"use {' or '.join(SURFACE_ENGINES)}")
