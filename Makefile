@@ -20,7 +20,7 @@ endef
 .PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
+	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 venv: $(VENV)/.installed ## make .venv with the pinned packages
 
