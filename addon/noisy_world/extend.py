@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the author of a package imports that brings perturbations, layouts or metrics.
+"""What the author of a package imports that brings perturbations, layouts, channels or metrics.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `LAYOUT` or a `METRIC`; an installed package brings it by an entry point of
-the group `noisy_world.perturbations`, `noisy_world.layouts` or `noisy_world.metrics`. docs/extend.md has an example of
-every kind, and `noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings it by an
+entry point of the group `noisy_world.perturbations`, `noisy_world.layouts`, `noisy_world.channels` or
+`noisy_world.metrics`. docs/extend.md and docs/layouts.md have an example of every kind, and `noisy_world.testing` tells
+whether a perturbation, a layout or a metric keeps its contract. Importing this needs no Blender.
 """
 
+from .core.channels.surface import Surface, SurfaceChannel
 from .core.datasets.frame_times import read_frame_times
 from .core.datasets.known_poses import PosePolicy, truth_file
 from .core.datasets.layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
@@ -61,6 +63,8 @@ __all__ = [
     "Shutter",
     "Socket",
     "StoredSequence",
+    "Surface",
+    "SurfaceChannel",
     "Trajectory",
     "TrajectoryMetric",
     "cam_params_text",

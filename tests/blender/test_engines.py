@@ -92,8 +92,8 @@ def test_a_single_modality_is_the_same_and_alone():
     mesh = replace(mesh, rgb=np.random.default_rng(3).random((24, 3)).astype(np.float32))
     for samples in (1, 4):
         both = render(mesh, replace(OPTIONS, samples=samples))
-        colour = render(mesh, replace(OPTIONS, samples=samples, depth=False))
-        depth = render(mesh, replace(OPTIONS, samples=samples, rgb=False))
+        colour = render(mesh, replace(OPTIONS, samples=samples, channels={"rgb"}))
+        depth = render(mesh, replace(OPTIONS, samples=samples, channels={"depth"}))
         assert not bpy.context.view_layer.use_pass_combined
         assert colour.depth_m is None
         assert depth.rgb is None

@@ -111,10 +111,10 @@ def test_two_sensors_see_from_two_places():
     both = cast(mesh, LEVEL, SMALL, depth_c2w=other)
     expected, sure = box_depth(SMALL, other, low, high)
     assert worst_error(both.depth_m, expected, sure) < 1e-5
-    alone = cast(mesh, LEVEL, SMALL, depth=False)
+    alone = cast(mesh, LEVEL, SMALL, channels={"rgb"})
     assert alone.depth_m is None
     assert np.array_equal(both.rgb, alone.rgb)
-    assert cast(mesh, other, SMALL, rgb=False).rgb is None
+    assert cast(mesh, other, SMALL, channels={"depth"}).rgb is None
 
 
 def test_the_number_of_threads_decides_no_value(monkeypatch):

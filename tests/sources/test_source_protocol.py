@@ -20,7 +20,7 @@ from noisy_world.core.optics import PINHOLE
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
-from noisy_world.core.planning.source import Gives, Scene
+from noisy_world.core.planning.source import ColourAndDepth, Gives, Scene
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.trajectories.stamps import FrameStamps
@@ -34,7 +34,7 @@ STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])
 
 
 @dataclass(frozen=True)
-class ArithmeticFrame:
+class ArithmeticFrame(ColourAndDepth):
     rgb: np.ndarray
     depth_m: np.ndarray
 

@@ -7,6 +7,9 @@ import numpy as np
 
 
 class Frame(SimpleNamespace):
+    def image(self, modality):
+        return {"rgb": self.rgb, "depth": self.depth_m}[modality]
+
     def file_as(self, modality, format_):
         return None
 

@@ -87,7 +87,11 @@ def opened(path, *, rgb=True, depth=True, stamps_s=None, depth_alpha=0.5, keep=F
         c2w, frames = c2w[: len(stamps_s)], 1 + np.array(stamps_s) * found.fps
     paths = SensorPaths(Trajectory(c2w, (frames - frames[0]) / found.fps))
     options = RenderOptions(
-        near_m=sight.near_m, far_m=sight.far_m, samples=found.samples["cycles"], seed=0, rgb=rgb, depth=depth
+        near_m=sight.near_m,
+        far_m=sight.far_m,
+        samples=found.samples["cycles"],
+        seed=0,
+        channels=frozenset({name for name, on in (("rgb", rgb), ("depth", depth)) if on}),
     )
     file = OwnSceneFile(
         path=path,

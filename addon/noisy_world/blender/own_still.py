@@ -65,7 +65,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     engine = still.engine or ENGINES[scene.render.engine]
     near_m, far_m = still.clip_m or (sight.near_m, sight.far_m)
     options = RenderOptions(
-        rgb=True, depth=True, near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
+        near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
         samples=still.samples or samples_of(scene)[engine],
     )  # fmt: skip
     file = OwnSceneFile(

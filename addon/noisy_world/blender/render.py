@@ -4,11 +4,13 @@
 import contextlib
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels.surface import Fact, Surface
 from ..core.errors import StorageError
 from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
@@ -16,6 +18,17 @@ from .typed import camera_of
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
+SURFACE_BYTES_PER_PIXEL = 28  # seven more: a normal, and a face with its alpha
+FACE_OUTPUT = "Noisy World face"
+FACE_ATTRIBUTE = "noisy_world_face"
+FACE_STEP = 4096  # a face's number is told in two parts below this, which float32 holds exactly; chosen
+
+
+@dataclass(frozen=True)
+class Passes(RenderedFrame):
+    """What a render gives. world: of the surface, where it is asked for; normals in the scene's axes."""
+
+    world: Surface | None = None
 
 
 class FrameRenderer:
@@ -27,22 +40,36 @@ class FrameRenderer:
     """
 
     def __init__(
-        self, scene: bpy.types.Scene, size_px: tuple[int, int], *, rgb: bool, depth: bool, encoded_colours: bool
+        self,
+        scene: bpy.types.Scene,
+        size_px: tuple[int, int],
+        *,
+        rgb: bool,
+        depth: bool,
+        encoded_colours: bool,
+        facts: frozenset[Fact] = frozenset(),
     ) -> None:
         """Prepare the scene.
 
         size_px: width, height. rgb, depth: what is rendered. encoded_colours: the scene shows display-encoded values.
+        facts: what is told of the surface, with Cycles; for faces their materials have to say it (`tell_faces`).
         """
         self._scene = scene
         self._crop = (slice(size_px[1]), slice(size_px[0]))
         self._rgb = rgb
         self._depth = depth
         self._encoded_colours = encoded_colours
-        self._scratch = ScratchFolder(EXR_BYTES_PER_PIXEL * size_px[0] * size_px[1])
+        self._facts = facts
+        bytes_per_pixel = EXR_BYTES_PER_PIXEL + (SURFACE_BYTES_PER_PIXEL if facts else 0)
+        self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
         self._path = self._scratch.path / "frame.exr"
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
         layer.use_pass_z = depth
+        layer.use_pass_normal = "normals" in facts
+        if "faces" in facts:
+            face = layer.aovs.add()
+            face.name, face.type = FACE_OUTPUT, "COLOR"
         render = scene.render
         render.filepath = str(self._path)
         render.use_file_extension = False
@@ -58,7 +85,7 @@ class FrameRenderer:
         """Remove the scratch file."""
         self._scratch.remove()
 
-    def render(self) -> RenderedFrame:
+    def render(self) -> Passes:
         """Render the scene in its current state.
 
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
@@ -74,7 +101,7 @@ class FrameRenderer:
             raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
         return self._read()
 
-    def _read(self) -> RenderedFrame:
+    def _read(self) -> Passes:
         import OpenEXR  # needed only for rendering
 
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
@@ -90,7 +117,16 @@ class FrameRenderer:
             # Where nothing is hit, depth is the far plane's or, with Cycles, 1e10.
             far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
             depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
-        return RenderedFrame(colours, depth_m)
+        return Passes(colours, depth_m, world=self._surface(channels) if self._facts else None)
+
+    def _surface(self, channels: dict[str, NDArray[np.float32]]) -> Surface:
+        normals = faces = None
+        if "normals" in self._facts:
+            normals = np.stack([channels[f"Normal.{name}"] for name in "XYZ"], axis=-1)
+        if "faces" in self._facts:
+            low, high, hit = (np.rint(channels[f"{FACE_OUTPUT}.{name}"]).astype(np.int32) for name in "RGB")
+            faces = np.where(hit > 0, high * FACE_STEP + low, -1).astype(np.int32)
+        return Surface(normals, faces)
 
 
 def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:

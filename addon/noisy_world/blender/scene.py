@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import NEUTRAL_GREY, Mesh, Texture
-from .materials import COLOUR_ATTRIBUTE, UV_ATTRIBUTE, new_image, texture_material, vertex_colour_material
+from .materials import (
+    COLOUR_ATTRIBUTE,
+    UV_ATTRIBUTE,
+    new_image,
+    tell_attribute,
+    texture_material,
+    vertex_colour_material,
+)
+from .render import FACE_ATTRIBUTE, FACE_OUTPUT, FACE_STEP
 
 ORIGIN_PROPERTY = "noisy_world_origin_m"
 Domain: TypeAlias = Literal["POINT", "CORNER"]
@@ -71,6 +79,18 @@ def add_mesh(
     result = bpy.data.objects.new(name, data)
     scene.collection.objects.link(result)
     return result
+
+
+def tell_faces(shown: bpy.types.Object) -> None:
+    """Let the materials of a mesh's object write each face's number into FACE_OUTPUT, in two parts, and a 1."""
+    data = shown.data
+    assert isinstance(data, bpy.types.Mesh)
+    numbers = np.arange(len(data.polygons), dtype=np.int64)
+    parts = np.stack([numbers % FACE_STEP, numbers // FACE_STEP, np.ones_like(numbers)], axis=1).astype(np.float32)
+    _set_attribute(data.attributes.new(FACE_ATTRIBUTE, "FLOAT_VECTOR", "FACE"), "vector", parts.ravel())
+    for material in data.materials:
+        assert material is not None
+        tell_attribute(material, FACE_ATTRIBUTE, FACE_OUTPUT)
 
 
 def rgba_of(mesh: Mesh) -> tuple[Domain, NDArray[np.float32]]:

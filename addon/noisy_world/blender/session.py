@@ -2,9 +2,14 @@
 """A mesh in Blender, ready to be rendered from any pose; the generator renders from it."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
+from ..core.channels.surface import Surface
+from ..core.channels.surface_images import SurfaceImages
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
@@ -15,7 +20,7 @@ from .camera import add_camera, place_camera, set_intrinsics
 from .engines import ENGINES, Device, EngineName, configure, enable_gpu, show_textures
 from .probe import gl_version
 from .render import FrameRenderer
-from .scene import Decoding, add_mesh, empty_scene, set_origin
+from .scene import Decoding, add_mesh, empty_scene, set_origin, tell_faces
 
 
 def blender_version() -> dict[str, str]:
@@ -42,6 +47,7 @@ class Shot:
     samples: int
     rgb: bool
     depth: bool
+    surface: bool = False
 
 
 class Session:
@@ -61,7 +67,8 @@ class Session:
         # A single sample is not averaged, so its colour need not be converted to light and back.
         linear_light = options.samples > 1
         decoding: Decoding = "none" if not linear_light else "shader" if self._engine.shades else "attribute"
-        add_mesh(scene, mesh, name, decoding=decoding, by_texels=self._engine.blurs_textures)
+        self._images = SurfaceImages(options.channels, mesh)
+        shown = add_mesh(scene, mesh, name, decoding=decoding, by_texels=self._engine.blurs_textures)
         configure(
             scene,
             self._engine,
@@ -72,6 +79,8 @@ class Session:
         )
         if mesh.texture is not None:
             show_textures(scene)
+        if "faces" in self._images.needs:
+            tell_faces(shown)
         self._shots = self._plan_shots(two_places=paths.depth is not None)
         # Both sensors use one camera in turn: changing the scene's camera takes as long as a frame, moving it nothing.
         self._camera = add_camera(scene, "Noisy World camera")
@@ -87,8 +96,9 @@ class Session:
             scene,
             (intrinsics.width_px, intrinsics.height_px),
             rgb=options.rgb,
-            depth=options.depth,
+            depth=options.depth or not options.rgb,
             encoded_colours=not linear_light,
+            facts=self._images.needs,
         )
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
@@ -98,22 +108,34 @@ class Session:
     def _plan_shots(self, *, two_places: bool) -> list["Shot"]:
         """Plan one render for colour and depth if they share a pose and the engine's depth allows it, else two."""
         options = self._options
+        surface = bool(self._images.needs)
+        along = surface and options.samples == 1  # a single sample shows the pixel's centre, as the surface has to be
         together = not two_places and (options.samples == 1 or self._engine.centre_depth)
-        if options.rgb and options.depth and together:
-            return [Shot(False, options.samples, rgb=True, depth=True)]
-        shots = [Shot(False, options.samples, rgb=True, depth=False)] if options.rgb else []
-        return shots + ([Shot(True, 1, rgb=False, depth=True)] if options.depth else [])
+        shots = []
+        if options.rgb:
+            both = options.depth and together
+            shots.append(Shot(False, options.samples, rgb=True, depth=both, surface=along))
+        if options.depth and not (options.rgb and together):
+            shots.append(Shot(True, 1, rgb=False, depth=True, surface=surface and not options.rgb and not two_places))
+        if surface and not any(shot.surface for shot in shots):
+            shots.append(Shot(False, 1, rgb=False, depth=not (options.rgb or options.depth), surface=True))
+        return shots
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame."""
         rgb = depth_m = None
+        others: dict[str, NDArray[Any]] = {}
         for shot in self._shots:
             place_camera(self._scene, self._camera, request.depth_c2w if shot.from_depth_sensor else request.rgb_c2w)
             self._engine.set_samples(self._scene, shot.samples)
+            if self._images.needs:
+                self._scene.update_tag()  # or Cycles would not hear of fewer samples while its camera stays
             rendered = self._renderer.render()
             rgb = rendered.rgb if shot.rgb else rgb
             depth_m = rendered.depth_m if shot.depth else depth_m
-        return RenderedFrame(rgb, depth_m)
+            if shot.surface and rendered.world is not None:
+                others = self._images.of(_in_camera(rendered.world, request.rgb_c2w))
+        return RenderedFrame(rgb, depth_m, others)
 
     def close(self) -> None:
         """Remove the scratch files."""
@@ -124,6 +146,13 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _in_camera(surface: Surface, c2w: NDArray[np.float64]) -> Surface:
+    """Return the surface with its normals, of the scene's axes, in those of the camera at a pose (4, 4)."""
+    if surface.normals is None:
+        return surface
+    return replace(surface, normals=(surface.normals @ c2w[:3, :3]).astype(np.float32))
 
 
 def _served(paths: SensorPaths, options: RenderOptions) -> tuple[object, ...]:

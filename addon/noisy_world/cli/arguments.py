@@ -31,8 +31,9 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         nargs="?",
         const="sequences",
         choices=[*KNOWN, *HELD],
-        help="list keys (all that a preset may have), layouts (of the files), perturbations (with their parameters and "
-        "severities), presets (those shipped), or this preset's scenes, settings or sequences (default); then end",
+        help="list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
+        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
+        "settings or sequences (default); then end",
     )
     parser.add_argument(
         "--jobs",

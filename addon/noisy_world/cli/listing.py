@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listing keys, layouts, perturbations and presets, and what a preset holds."""
+"""Listing keys, layouts, channels, perturbations and presets, and what a preset holds."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan, Render
 
-KNOWN = ("keys", "layouts", "metrics", "perturbations", "presets")  # what can be listed without a preset
+KNOWN = ("keys", "layouts", "channels", "metrics", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 MOST_RENDERS = 20  # that a dry run lists one by one
 MOST_SETTINGS = 12  # of a render that it names
@@ -28,6 +28,8 @@ def list_known(what: str) -> int:
         return 0
     if what == "layouts":
         return list_layouts()
+    if what == "channels":
+        return list_channels()
     if what == "perturbations":
         return list_perturbations()
     if what == "metrics":
@@ -36,6 +38,16 @@ def list_known(what: str) -> int:
     width = max(len(name) for name, _ in rows)
     for name, meaning in rows:
         print(f"{name:<{width}}  {meaning}")
+    return 0
+
+
+def list_channels() -> int:
+    """List what a camera gives for a frame, and how its files hold it."""
+    from ..core.channels import CHANNELS
+
+    width = max(map(len, CHANNELS))
+    for name, item in CHANNELS.items():
+        print(f"{name:<{width}}  {item.meaning}: {item.convention}{CHANNELS.origin(name)}")
     return 0
 
 

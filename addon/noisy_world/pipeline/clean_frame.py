@@ -4,6 +4,7 @@
 import contextlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,18 @@ class CleanFrame:
             depth_m = self._image.depth_m
         assert depth_m is not None, "depth was not asked for"
         return depth_m
+
+    def image(self, modality: Modality) -> NDArray[Any]:
+        """Return the image of a channel; colour and depth are kept once they are read."""
+        match modality:
+            case "rgb":
+                return self.rgb
+            case "depth":
+                return self.depth_m
+            case _:
+                found = self._image.image(modality)
+                assert found is not None, f"{modality} was not asked for"
+                return found
 
     def _decoding(self) -> contextlib.AbstractContextManager[None]:
         return contextlib.nullcontext() if self._spent is None else self._spent.on(DECODING)

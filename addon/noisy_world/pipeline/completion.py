@@ -3,10 +3,11 @@
 
 from collections.abc import Callable
 
+from ..core.channels import surface_channels
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.dataset_state import OVERVIEW
 from ..core.datasets.depth_range import RangeLoss, range_loss
-from ..core.datasets.layouts import SequenceFacts
+from ..core.datasets.layouts import OutputFormat, SequenceFacts
 from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
@@ -14,7 +15,18 @@ from ..core.datasets.records import FrameRecord
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence, written_paths
+from ..core.planning.source import Scene
+from ..core.presets.preset import canonical
 from ..core.trajectories.sensor_paths import SensorPaths
+
+
+def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
+    """Return the files of a sequence that say what the values of its channels mean, by name."""
+    texts: dict[str, str] = {}
+    for item in surface_channels(format_.modalities):
+        if item.has_content and (mesh := scene.source.mesh) is not None:
+            texts[f"{item.name}.json"] = canonical(item.content(mesh(), scene.source.location))
+    return texts
 
 
 class Completion:
@@ -53,6 +65,7 @@ class Completion:
                 frames = tuple(records)
                 facts = SequenceFacts(format_, render.camera, self._plan.rig, frames, paths, stamps, render.optics)
                 texts = format_.layout.sequence_texts(facts)
+                texts |= channel_texts(format_, render.scene)
                 if not one_camera:
                     texts |= format_.setting_texts(render.camera, render.optics)
                 files[sequence.folder] = self._dataset.finish_sequence(sequence.folder, texts, records.values())

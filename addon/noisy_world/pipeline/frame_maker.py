@@ -202,8 +202,7 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         seed=render_seed(spec.seed),
         engine=rendering.engine,
         device=spec.render.device,
-        rgb="rgb" in plan.format.modalities or render.needs_rgb,
-        depth="depth" in plan.format.modalities or render.needs_depth,
+        channels=frozenset(plan.format.modalities).union(render.needed_besides),
         threads=threads,
         first_frames=looked_at,
     )

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS, in_order
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.journal import Journal
@@ -111,7 +111,11 @@ class FrameWriter:
         lost = None
         files = FrameFiles(self._dataset, clean, self._finished, self._spent)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
-            records = [*self._write_rgb(sequence, clean, files, colours), *self._write_depth(sequence, clean, files)]
+            records = [
+                record
+                for modality in in_order(self._dataset.format.modalities)
+                for record in self._write_images(modality, sequence, clean, files, colours)
+            ]
             with self._lock, self._spent.on("journals"):
                 for record in records:
                     journal.append(record)
@@ -119,6 +123,25 @@ class FrameWriter:
                 if lost is None and record.out_of_range is not None:
                     lost = Lost(sequence, record.frame, record.out_of_range)
         return lost
+
+    def _write_images(
+        self, modality: Modality, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
+    ) -> Iterator[FrameRecord]:
+        """Write the images of a channel that show a clean frame."""
+        match CHANNELS[modality].steps:
+            case "rgb":
+                return self._write_rgb(sequence, clean, files, colours)
+            case "depth":
+                return self._write_depth(sequence, clean, files)
+            case None:
+                return self._write_clean(modality, sequence, clean, files)
+
+    def _write_clean(
+        self, modality: Modality, sequence: Sequence, clean: CleanFrame, files: "FrameFiles"
+    ) -> Iterator[FrameRecord]:
+        for frame in self._finished.missing(sequence, modality, clean.source):
+            name = self._names.image(modality, frame)
+            yield self._record(frame, {name: files.give(modality, sequence.folder, name).sha256}, {})
 
     def _write_rgb(
         self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
@@ -191,7 +214,7 @@ class FrameFiles:
             pixels = image.pixels()
         if pixels is None:
             return self.give("rgb", folder, name)
-        self._perturbed[key] = written = self._put_colour(pixels, folder, name)
+        self._perturbed[key] = written = self._put_image("rgb", pixels, folder, name)
         return written
 
     def give_depth(self, work: DepthWork, stage: str, folder: str, name: str) -> WrittenImage:
@@ -207,7 +230,7 @@ class FrameFiles:
             depth_m = work.on(clean_m)
         if depth_m is None:
             return self.give("depth", folder, name)
-        self._perturbed[key] = written = self._put_depth(depth_m, folder, name)
+        self._perturbed[key] = written = self._put_image("depth", depth_m, folder, name)
         return written
 
     def give(self, modality: Modality, folder: str, name: str) -> WrittenImage:
@@ -218,10 +241,8 @@ class FrameFiles:
             self._written[modality] = replace(there, path=self._dataset.out / folder / name)
         elif modality in self._written:
             self._linked(self._written[modality], folder, name)
-        elif modality == "rgb":
-            self._written[modality] = self._put_colour(self._clean.rgb, folder, name)
         else:
-            self._written[modality] = self._put_depth(self._clean.depth_m, folder, name)
+            self._written[modality] = self._put_image(modality, self._clean.image(modality), folder, name)
         return self._written[modality]
 
     def _existing(self, modality: Modality) -> WrittenImage | None:
@@ -231,17 +252,12 @@ class FrameFiles:
         found = self._finished.clean_image(modality, self._clean.source)
         return None if found is None else WrittenImage(found[0], found[1], out_of_range=found[2])
 
-    def _put_depth(self, depth_m: NDArray[np.float32], folder: str, name: str) -> WrittenImage:
-        """Write a depth image under a name into a sequence."""
-        format_ = self._dataset.format
-        with self._spent.on("encoding depth"):
-            data, lost = format_.encode_depth(depth_m), format_.out_of_range(depth_m)
+    def _put_image(self, modality: Modality, pixels: NDArray[Any], folder: str, name: str) -> WrittenImage:
+        """Write an image of a channel under a name into a sequence."""
+        channel, format_ = CHANNELS[modality], self._dataset.format
+        with self._spent.on(f"encoding {channel.spoken}"):
+            data, lost = channel.encode(pixels, format_), channel.lost(pixels, format_)
         return replace(self._put(folder, name, data), out_of_range=lost)
-
-    def _put_colour(self, rgb: NDArray[np.float32] | NDArray[np.uint8], folder: str, name: str) -> WrittenImage:
-        with self._spent.on("encoding colour"):
-            data = self._dataset.format.encode_rgb(rgb)
-        return self._put(folder, name, data)
 
     def _put(self, folder: str, name: str, data: bytes) -> WrittenImage:
         with self._spent.on("hashing"):

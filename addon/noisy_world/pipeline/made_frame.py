@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.layouts import OutputFormat
+from ..core.channels import CHANNELS
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import InputError
 from ..core.perturbing.execution import Notes, perturb_depth, perturb_rgb
 from ..core.planning.sequence import Sequence
@@ -78,6 +79,16 @@ class MadeFrame:
         """Return colour (H, W, 3), RGB, as a dataset's image holds it if nothing is lost in encoding."""
         pixels, _ = self._rgb
         return written.stored_rgb(self._clean_rgb.rgb if pixels is None else pixels)
+
+    def image_bytes(self, modality: Modality, written: OutputFormat) -> bytes:
+        """Return the image of a channel as a dataset holds it."""
+        match modality:
+            case "rgb":
+                return self.rgb_bytes(written)
+            case "depth":
+                return self.depth_bytes(written)
+            case _:
+                return CHANNELS[modality].encode(self._clean_rgb.image(modality), written)
 
     def rgb_bytes(self, written: OutputFormat) -> bytes:
         """Return the colour image as a dataset holds it."""

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.layouts import FrameNames, Modality
@@ -44,7 +45,7 @@ def take_stock(dataset: Dataset, plan: Plan, render: Render) -> Lacking:
     for modality in dataset.format.modalities:
         missing, shared, held = dict[str, int](), set[int](), set[int]()
         for sequence in render.sequences:
-            clean = not getattr(sequence.setting, modality)
+            clean = not sequence.setting.on(modality)
             finished = there[sequence.folder]
             for frame in sequence.frames:
                 name, source = _image(sequence, names, modality, frame)
@@ -96,8 +97,7 @@ def colour_notes(sequence: Sequence, frame: int) -> Notes:
 
 def _image(sequence: Sequence, names: FrameNames, modality: Modality, frame: int) -> tuple[str, int]:
     """Return the name of a frame's image and the source frame that it shows."""
-    shown = sequence.shown(frame)
-    return (names.rgb(frame), shown.rgb_source) if modality == "rgb" else (names.depth(frame), shown.depth_source)
+    return names.image(modality, frame), sequence.source_of(modality, frame)
 
 
 Flags: TypeAlias = dict[str, dict[Modality, NDArray[np.bool_]]]
@@ -163,12 +163,11 @@ class Holding:
         """Yield finished files that hold the clean image of a source frame."""
         for folder, sequence in self._sequences.items():
             finished = self._flags[folder].get(modality)
-            if finished is None or getattr(sequence.setting, modality):
+            if finished is None or sequence.setting.on(modality):
                 continue
             for frame in sequence.showing(modality, source):
                 if finished[frame]:
-                    name = self._names.rgb(frame) if modality == "rgb" else self._names.depth(frame)
-                    yield self._dataset.out / folder / name
+                    yield self._dataset.out / folder / self._names.image(modality, frame)
 
 
 class Finished:
@@ -202,5 +201,5 @@ class Finished:
         for holding in self._holdings:
             for path in holding.clean_files(modality, source):
                 if digest := sha256_of_regular_file(path):
-                    return path, digest, holding.out_of_range(source) if modality == "depth" else None
+                    return path, digest, holding.out_of_range(source) if CHANNELS[modality].paired else None
         return None

@@ -17,6 +17,8 @@ from .ears import cut_ears, turn
 
 Points: TypeAlias = NDArray[np.float32]
 
+AT_ONCE = 500_000  # triangles whose normals are calculated together; chosen: 100 MB
+
 _IN_TWO = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 _ACROSS = np.array([[0, 1, 3], [1, 2, 3]], dtype=np.int32)  # where the diagonal from the first corner lies outside
 
@@ -42,6 +44,21 @@ def triangle_corners(mesh: Mesh, vertices_m: Points) -> NDArray[np.int32]:
 def triangle_faces(mesh: Mesh) -> NDArray[np.int32]:
     """Return the face (T,) int32 of each triangle."""
     return np.repeat(np.arange(len(mesh.face_starts), dtype=np.int32), mesh.face_sizes - 2)
+
+
+def triangle_normals(mesh: Mesh, corners: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return the normals (T, 3) float32 of triangles, of unit length; zero of those without an area.
+
+    corners: (T, 3), as `triangle_corners` returns them. In float64, from the mesh's own vertices.
+    """
+    normals = np.zeros((len(corners), 3), dtype=np.float32)
+    for start in range(0, len(corners), AT_ONCE):
+        part = slice(start, start + AT_ONCE)
+        first, second, third = (mesh.vertices_m[mesh.corner_vertices[corners[part, corner]]] for corner in range(3))
+        across = np.cross(second - first, third - first)
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        np.divide(across, length, out=normals[part], where=length > 0, casting="same_kind")
+    return normals
 
 
 def _split(vertices_m: Points, faces: NDArray[np.int32]) -> NDArray[np.int32]:

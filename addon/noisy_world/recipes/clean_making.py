@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS, in_order
 from ..core.datasets.dataset import Journal
 from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.layouts import Modality
@@ -38,7 +39,6 @@ from ..pipeline.frame_maker import render_options
 from ..pipeline.versions import versions_of
 from .clean_store import CLEAN, FORMAT, KIND, PATH, CleanStore, image_name, read_store
 
-CHANNELS: Mapping[Modality, int] = {"rgb": 3, "depth": 1}
 ANOTHER = "choose another folder with --out"
 
 
@@ -123,7 +123,7 @@ class _Making:
 
     def _check_space(self, missing: Mapping[str, list[int]]) -> None:
         needed = sum(
-            len(missing[render.name]) * render.camera.width_px * render.camera.height_px * 4 * CHANNELS[modality]
+            len(missing[render.name]) * render.camera.width_px * render.camera.height_px * _bytes_of(modality)
             for render in self._plan.renders
             for modality in self._modalities(render)
         )
@@ -139,9 +139,7 @@ class _Making:
         return render_options(self._plan, render, judging=render.frames[0] in frames)
 
     def _modalities(self, render: Render) -> list[Modality]:
-        options = self._options(render, [])
-        wanted: dict[Modality, bool] = {"rgb": options.rgb, "depth": options.depth}
-        return [name for name, asked in wanted.items() if asked]
+        return list(in_order(self._options(render, []).channels))
 
     def _missing(self, render: Render) -> list[int]:
         """Return the source frames of which a file is not there as it was written."""
@@ -172,7 +170,7 @@ class _Making:
                 if self._stop.is_set():
                     raise InterruptedRunError("stopped; finished frames stay, and the same command goes on")
                 image = source.frame(paths.request(frame))
-                images = {image_name("rgb", frame): image.rgb, image_name("depth", frame): image.depth_m}
+                images = {image_name(item, frame): image.image(item) for item in self._modalities(render)}
                 files = {
                     name: self._write(folder / name, _npy(pixels))
                     for name, pixels in images.items()
@@ -190,6 +188,11 @@ class _Making:
                 path.parent.mkdir(parents=True, exist_ok=True)
             write_atomic(path, data, self._scratch)
         return digest
+
+
+def _bytes_of(modality: Modality) -> int:
+    """Return how many bytes a pixel of a channel takes in a store."""
+    return CHANNELS[modality].components * np.dtype(CHANNELS[modality].dtype).itemsize
 
 
 def rendered(plan: Plan) -> Plan:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS
 from ..core.datasets.dataset_state import identity_problem
 from ..core.datasets.differences import COMMON, first_difference
 from ..core.datasets.json_text import read_json
@@ -25,7 +26,7 @@ from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics
-from ..core.planning.source import Gives, PreparedSource
+from ..core.planning.source import ColourAndDepth, Gives, PreparedSource
 from ..core.regular_files import read_array
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Axes, Trajectory
@@ -57,7 +58,7 @@ class CleanStore:
     def frame(self, render: str, source: int) -> "StoredClean | None":
         """Return a source frame of a render; None where it holds none of its images."""
         frame = StoredClean(self.folder / render, source)
-        return frame if frame.path("rgb").is_file() or frame.path("depth").is_file() else None
+        return frame if any(frame.path(name).is_file() for name in CHANNELS) else None
 
     def source(self, scene: str) -> "StoredScene":
         """Return what is known of a scene, as a source. Raises InputError where its path is damaged."""
@@ -124,7 +125,7 @@ def _array(path: Path) -> NDArray[Any]:
 
 
 @dataclass(frozen=True)
-class StoredClean:
+class StoredClean(ColourAndDepth):
     """A clean frame in a store. folder: of the render."""
 
     folder: Path
@@ -144,9 +145,13 @@ class StoredClean:
         """Planar depth (H, W) in metres; 0 = void. Raises InputError where the file is damaged."""
         return self._image("depth", 2)
 
-    def _image(self, modality: Modality, axes: int) -> NDArray[np.float32]:
+    def image(self, modality: Modality) -> NDArray[Any]:
+        """Return the image of any channel. Raises InputError where the file is damaged."""
+        return self._image(modality, 2 if CHANNELS[modality].components == 1 else 3)
+
+    def _image(self, modality: Modality, axes: int) -> NDArray[Any]:
         image = _array(self.path(modality))
-        if image.dtype != np.float32 or image.ndim != axes:
+        if image.dtype != CHANNELS[modality].dtype or image.ndim != axes:
             raise InputError(self.path(modality), f"is {image.dtype} {image.shape}, no clean image", remedy=AGAIN)
         return image
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS
 from ..core.datasets.image_files import damage
 from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
@@ -22,7 +23,6 @@ from .frame_numbers import FrameNumbers
 from .opened import Frame, Opened, OpenedSequence
 
 KEPT = 64  # sequences whose rows stay in memory, a megabyte each for some thousand frames
-WORDS = {"rgb": "colour", "depth": "depth"}
 
 
 class OpenedPacked(Opened):
@@ -175,7 +175,7 @@ class PackedFrame(Frame):
     def _content(self, modality: Modality) -> bytes:
         packed, row = self._opened.packed, self._row
         if f"{modality}_offset" not in row:
-            raise InputError(packed.address.text, f"holds no {WORDS[modality]}")
+            raise InputError(packed.address.text, f"holds no {CHANNELS[modality].spoken}")
         start = row[f"{modality}_offset"]
         data = packed.address.read_range(row["tar"], start, start + row[f"{modality}_size"])
         if sha256_of_bytes(data) != row[f"{modality}_sha256"]:
@@ -184,4 +184,4 @@ class PackedFrame(Frame):
 
     def _place(self, modality: Modality) -> str:
         packed = self._opened.packed
-        return f"{packed.address.of(self._row['tar'])}: {self._row.get(f'{modality}_file', WORDS[modality])}"
+        return f"{packed.address.of(self._row['tar'])}: {self._row.get(f'{modality}_file', CHANNELS[modality].spoken)}"

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import COLOUR_AND_DEPTH
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.perturbing.steps import Setting
@@ -160,7 +161,8 @@ class OpenedRecipe(Opened):
             self._check_renderer(plan)
             prepared = real.source.prepare(render.camera, _ignore)
             self._prepared[scene] = self._closing.enter_context(prepared)
-        options = replace(render_options(sequence.plan, render), rgb=True, depth=True)
+        told = render_options(sequence.plan, render)
+        options = replace(told, channels=told.channels | COLOUR_AND_DEPTH)
         self._live[scene] = render.name, open_render(self._prepared[scene], render, sequence.paths, options, _ignore)
         return self._live[scene][1]
 

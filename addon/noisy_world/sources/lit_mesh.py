@@ -52,7 +52,7 @@ class LitMeshSource:
     @property
     def gives(self) -> Gives:
         """Rendered frames from any pose, by settings of its own."""
-        return replace(self.plain.gives, own=self.rendering)
+        return replace(self.plain.gives, own=self.rendering, surface=False)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:

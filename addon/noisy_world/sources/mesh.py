@@ -71,7 +71,7 @@ class MeshSource:
     @cached_property
     def _gives(self) -> Gives:
         imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
-        return Gives(rendered=True, any_pose=True, imported=imported)
+        return Gives(rendered=True, any_pose=True, imported=imported, surface=True)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:

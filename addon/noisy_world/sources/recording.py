@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import COLOUR_AND_DEPTH
 from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence
 from ..core.datasets.storage import sha256_of_file
@@ -18,7 +19,7 @@ from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
 from ..core.machine import keep_freed_memory
 from ..core.optics import Optics
-from ..core.planning.source import Gives, RenderOptions
+from ..core.planning.source import ColourAndDepth, Gives, RenderOptions
 from ..core.schema import Place
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.matrix_poses import numbered_files
@@ -211,7 +212,7 @@ class OpenRecording:
 
 
 @dataclass(frozen=True)
-class RecordedFrame:
+class RecordedFrame(ColourAndDepth):
     """A frame on disk. treatment: done to its images; None for nothing."""
 
     stored: StoredFrame
@@ -238,7 +239,7 @@ class RecordedFrame:
         Raises InputError where that file is damaged.
         """
         stored = self.stored
-        if self.treatment is not None:
+        if self.treatment is not None or modality not in COLOUR_AND_DEPTH:
             return None
         if modality == "rgb":
             same = stored.stored_rgb == (written.image, written.colour)

@@ -20,7 +20,7 @@ from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.video_files import VideoFile, VideoReader, read_video
 from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Optics
-from ..core.planning.source import Gives, RenderOptions
+from ..core.planning.source import ColourAndDepth, Gives, RenderOptions
 from ..core.schema import Place
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -151,7 +151,7 @@ class OpenVideo:
 
 
 @dataclass(frozen=True)
-class VideoFrame:
+class VideoFrame(ColourAndDepth):
     """A frame of a video. rgb: (H, W, 3) uint8, RGB. index: its number. depth: where its depth is; None for nowhere."""
 
     rgb: NDArray[np.uint8]
@@ -168,6 +168,6 @@ class VideoFrame:
 
         Raises InputError where that file is damaged.
         """
-        if modality == "rgb" or self.depth is None or self.depth.scale_per_m != written.depth_scale_per_m:
+        if modality != "depth" or self.depth is None or self.depth.scale_per_m != written.depth_scale_per_m:
             return None
         return self.depth.whole_file(self.index)

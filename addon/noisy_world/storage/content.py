@@ -11,6 +11,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS, in_order
 from ..core.datasets.dataset_state import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, read_dataset_state
 from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import LAYOUTS, Layout, Modality
@@ -21,6 +22,7 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
 from ..core.regular_files import read_bytes
+from ..core.trajectories.stamps import FrameStamps
 
 ReadImage: TypeAlias = Callable[[str, str], bytes]
 """Returns the content of an image of a sequence: by its name inside the sequence's folder, and its SHA-256."""
@@ -69,13 +71,12 @@ class Content:
 
     @property
     def modalities(self) -> tuple[Modality, ...]:
-        """Colour, depth or both, in this order."""
-        both: tuple[Modality, ...] = ("rgb", "depth")
-        return tuple(modality for modality in both if modality in self.identity["output"]["modalities"])
+        """The names of its channels, in the registry's order."""
+        return in_order(self.identity["output"]["modalities"])
 
     def suffix(self, modality: Modality) -> str:
         """Return the end of the names of its images, such as "png"."""
-        return self.identity["output"]["image"] if modality == "rgb" else "png"
+        return CHANNELS[modality].suffix_told(self.identity["output"])
 
     @property
     def depth_scale_per_m(self) -> float:
@@ -119,11 +120,17 @@ class Content:
 
     def _images(self, record: FrameRecord) -> dict[Modality, tuple[str, str]]:
         """Return a frame's images by modality: a name is of one where it is like the layout's, digits aside."""
-        depth_like = _like(self.layout.depth_name(0, 0))
-        found: dict[Modality, tuple[str, str]] = {
-            "depth" if _like(name) == depth_like else "rgb": (name, digest) for name, digest in record.files.items()
+        found = {_like(name): (name, digest) for name, digest in record.files.items()}
+        return {modality: found[like] for modality, like in self._alike.items()}
+
+    @cached_property
+    def _alike(self) -> dict[Modality, str]:
+        """What the names of each channel's images are like."""
+        stamps = FrameStamps.of([0.0])
+        return {
+            modality: _like(CHANNELS[modality].name_in(self.layout, 0, stamps, self.suffix(modality)))
+            for modality in self.modalities
         }
-        return {modality: found[modality] for modality in self.modalities}
 
     @property
     def overview(self) -> bytes | None:

@@ -4,11 +4,14 @@
 from dataclasses import dataclass
 from typing import Any
 
+from ..core.channels import CHANNELS
+from ..core.datasets.layouts import Modality
 from .content import Content
 from .frame_table import TABLE, table_columns
 from .sequence_tar import FRAMES_FOLDER
 
 CROISSANT = "croissant.json"
+MEDIA_TYPES = {"jpg": "image/jpeg", "png": "image/png"}
 CONFORMS_TO = "http://mlcommons.org/croissant/1.0"
 # As the specification gives it: https://docs.mlcommons.org/croissant/docs/croissant-spec.html
 CONTEXT: dict[str, Any] = {
@@ -124,10 +127,10 @@ def _file(file: PackedFile, encoding: str, description: str) -> dict[str, Any]:
     }
 
 
-def _images(content: Content, modality: Any, tars: list[PackedFile]) -> dict[str, Any]:
-    kind = {"jpg": "image/jpeg", "png": "image/png"}[content.suffix(modality)]
+def _images(content: Content, modality: Modality, tars: list[PackedFile]) -> dict[str, Any]:
+    kind = MEDIA_TYPES[content.suffix(modality)]
     ending = f"{modality}.{content.suffix(modality)}"
-    what = "colour" if modality == "rgb" else f"depth in 16 bits, {content.depth_scale_per_m:g} steps a metre, 0 void"
+    what = CHANNELS[modality].told(content.depth_scale_per_m)
     return {
         "@type": "cr:FileSet",
         "@id": f"{modality}-images",

@@ -4,6 +4,7 @@
 from collections.abc import Sequence as Many
 from typing import Any
 
+from ..core.channels import CHANNELS
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import CONVENTIONS
 from .content import Content, FrameImages
@@ -28,7 +29,7 @@ def table_columns(modalities: Many[Modality]) -> dict[str, tuple[str, str]]:
         "json_size": ("int64", "the size of the frame's JSON, bytes"),
     }
     for modality in modalities:
-        what = "colour" if modality == "rgb" else "depth"
+        what = CHANNELS[modality].spoken
         columns |= {
             f"{modality}_file": ("string", f"the {what} image's name in the layout, inside the sequence's folder"),
             f"{modality}_sha256": ("string", f"SHA-256 of the {what} image"),

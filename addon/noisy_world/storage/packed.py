@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ..core.channels import in_order
 from ..core.datasets.dataset_state import (
     IDENTITY,
     MANIFEST,
@@ -52,9 +53,8 @@ class Packed:
 
     @property
     def modalities(self) -> tuple[Modality, ...]:
-        """Colour, depth or both, in this order."""
-        both: tuple[Modality, ...] = ("rgb", "depth")
-        return tuple(modality for modality in both if modality in self.manifest["identity"]["output"]["modalities"])
+        """The names of its channels, in the registry's order."""
+        return in_order(self.manifest["identity"]["output"]["modalities"])
 
     @cached_property
     def cameras(self) -> dict[str, Intrinsics]:

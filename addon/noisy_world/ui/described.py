@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 
 import bpy
 
+from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
 from ..core.schema import KeyInfo
 
@@ -187,3 +188,14 @@ def told_once() -> Iterator[None]:
         for (_, name), scene in changes.items():
             for listener in LISTENERS:
                 listener(scene, name)
+
+
+def channel_flag(item: Channel) -> Any:
+    """Return the property that says whether a channel is written."""
+    return bpy.props.BoolProperty(
+        options=set(),
+        name=american(item.label),
+        description=american(f"Render and write {item.spoken}"),
+        default=item.name in COLOUR_AND_DEPTH,
+        update=tell(f"use_{item.name}"),
+    )

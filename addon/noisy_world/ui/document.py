@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS
 from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
@@ -60,7 +61,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """
     perturb = perturb_of(panel)
     given = given_of(panel)
-    modalities = [name for name in ("rgb", "depth") if getattr(panel, f"use_{name}")]
+    modalities = [name for name in CHANNELS if getattr(panel, f"use_{name}")]
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ..blender.typed import layout_of
+from ..core.channels import CHANNELS
 from ..core.errors import InputError
 from ..core.labels import american
 from . import left_out
@@ -52,8 +53,8 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             cls.poll_message_set(BUSY)
             return False
         panel = panel_of(context.scene)
-        if not (panel.use_rgb or panel.use_depth):
-            cls.poll_message_set("Neither color nor depth is to be written")
+        if not any(getattr(panel, f"use_{name}") for name in CHANNELS):
+            cls.poll_message_set("Nothing is to be written: choose color or depth")
             return False
         return True
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ..blender.typed import layout_of
+from ..core.channels import CHANNELS
 from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
@@ -309,7 +310,7 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column.prop(panel, "depth_scale_per_m")
         column.prop(panel, "depth_beyond")
         column = layout.column(heading="Write", align=True)
-        for name in ("use_rgb", "use_depth", "overview"):
+        for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
             column.prop(panel, name)
         layout.prop(panel, "setting_name", text="Setting")
         layout.prop(panel, "output_folder")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
+from ..core.channels import CHANNELS
 from ..core.errors import NoisyWorldError
 from ..core.labels import parameter_label, title
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
@@ -24,7 +25,7 @@ from ..core.scenes.embedded import ROOMS
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, described, tell, told_once
+from .described import LARGEST_INT, LISTENERS, channel_flag, described, tell, told_once
 from .recorded_fields import SOURCES, recorded_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
@@ -334,8 +335,7 @@ def _panel_members() -> dict[str, Any]:
         ),
         "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
-        "use_rgb": _flag(name="Color", description="Render and write color", default=True, update=tell("use_rgb")),
-        "use_depth": _flag(name="Depth", description="Render and write depth", default=True, update=tell("use_depth")),
+        **{f"use_{name}": channel_flag(item) for name, item in CHANNELS.items()},
         "output_folder": _text(
             name="Output",
             description="Folder of the dataset",

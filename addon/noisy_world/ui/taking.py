@@ -7,6 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 import bpy
 
+from ..core.channels import CHANNELS
 from ..core.errors import InputError
 from ..core.home import path_in
 from ..core.perturbing.reading import parse_settings
@@ -273,8 +274,8 @@ def _take_output(panel: Any, preset: Preset) -> None:
     panel.image, panel.colour = output.image, output.colour
     set_value(panel, "depth_scale_per_m", output.depth_scale_per_m)
     panel.depth_beyond = output.depth_beyond
-    panel.use_rgb = "rgb" in spec.output.modalities
-    panel.use_depth = "depth" in spec.output.modalities
+    for name in CHANNELS:
+        setattr(panel, f"use_{name}", name in spec.output.modalities)
     panel.overview = spec.output.overview
 
 

@@ -63,7 +63,7 @@ def test_defaults(write):
             MINIMAL + "rig: {rgb: {quat_wxyz: [1, 0, 0, 0], rotation_euler_deg: [0, 0, 0]}}\n",
             ["rig.rgb", "more than one rotation"],
         ),
-        (MINIMAL + "output: {modalities: []}\n", ["output.modalities", "rgb, depth or both"]),
+        (MINIMAL + "output: {modalities: []}\n", ["output.modalities", "each once: rgb, depth"]),
         (MINIMAL + "output: {modalities: [rgb, rgb]}\n", ["output.modalities", "each once"]),
         (MINIMAL + "output: {modalities: [rgbd]}\n", ["output.modalities.0", "did you mean 'rgb'"]),
         (MINIMAL + "output: {modalities: rgb}\n", ["output.modalities", "a list"]),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import COLOUR_AND_DEPTH, in_order
 from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.sequence import Sequence, lay_out
@@ -18,7 +19,7 @@ from ..planning.source_paths import source_paths
 from ..presets.names import told_one_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import BETWEEN, KEYS, path_sha256
+from .provenance import BETWEEN, CHANNELS, KEYS, path_sha256
 
 ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
 ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
@@ -170,6 +171,8 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
     if problem := _keys(there, here, place):
         return f"{problem}; {ANOTHER_NAME}"
+    if there.get(CHANNELS) != here.get(CHANNELS):
+        return f"{place}: the file of its objects' names is not what the dataset was made from; {ANOTHER_NAME}"
     if there["camera"] != here["camera"]:
         return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
     return None
@@ -240,7 +243,7 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
     for frame in shorter.frames:
         if sequence.leaves_out(frame) or shorter.shown(frame) != sequence.shown(frame):
             return False
-    rows = array_of(shorter.sources(("rgb", "depth")))
+    rows = array_of(shorter.sources(in_order(COLOUR_AND_DEPTH)))
     return all(
         np.array_equal(left.c2w[rows], right.c2w[rows])
         for left, right in zip(before.named().values(), after.named().values(), strict=True)

@@ -110,6 +110,11 @@ def encode_depth(steps: NDArray[np.uint16]) -> bytes:
     return _encode(".png", steps, _png_options())
 
 
+def encode_steps(steps: NDArray[np.uint16]) -> bytes:
+    """Encode (H, W), or (H, W, 3) as R, G, B, uint16 as PNG."""
+    return _encode(".png", steps[..., ::-1] if steps.ndim == 3 else steps, _png_options())
+
+
 def _png_options() -> list[int]:
     """One filter for all rows, the difference to the row above: half the time of trying all, for files as small."""
     import cv2

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A contact sheet of a dataset: a few frames of each sequence, colour above depth, without repeating what is equal."""
+"""A contact sheet of a dataset: a few frames of each sequence, colour above depth, without repeating what is equal.
+
+Other channels are not on it.
+"""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import COLOUR_AND_DEPTH, in_order
 from ..regular_files import read_bytes
 from .image_reading import read_pixels
 from .layouts import OutputFormat
@@ -46,7 +50,7 @@ def draw_overview(
             for name in map(names[folder][modality], numbers)
         )
         for folder, numbers in shown
-        for modality in output.modalities
+        for modality in in_order(COLOUR_AND_DEPTH.intersection(output.modalities))
     }
     depths_m = {
         folder: [_read_depth(out / folder / named[folder].depth(frame), output) for frame in numbers]

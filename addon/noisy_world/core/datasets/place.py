@@ -68,7 +68,7 @@ def _links_below(folder: Path | str) -> Iterator[Path]:
 def _is_ours(name: Path) -> bool:
     """Tell whether a sequence may have a file or a folder of this name, in any layout."""
     inside = PurePosixPath(name.as_posix())
-    patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.patterns)]
+    patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.all_patterns)]
     return any(
         _matches(inside.parts, PurePosixPath(pattern).parts) or inside in PurePosixPath(pattern).parents
         for pattern in patterns

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import CHANNELS as REGISTERED
+from ..channels import COLOUR_AND_DEPTH, surface_channels
 from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..optics import OPTICS_KEYS
@@ -33,17 +35,18 @@ from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
 from .layouts import EVERY, OutputFormat
 from .records import OUT_OF_RANGE
+from .storage import sha256_of_file
 
 FORMAT = 2  # version of the identity and the manifest; raised when their keys change
 
 CONVENTIONS = {
     "pose": "camera-to-world; camera axes x right, y down, z forward (OpenCV); metres; world z up",
-    "depth": "planar depth z of the pixel's centre; uint16 = round(metres * depth_scale_per_m); 0 is void",
-    "rgb": "RGB, 8 bits, sRGB-encoded; void is black",
+    **{name: REGISTERED[name].convention for name in COLOUR_AND_DEPTH},
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
 KEYS = "keys"  # those of a preset that decide bytes by their own values
+CHANNELS = "channels"  # of a scene: the files that say what the values of its channels mean
 BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
@@ -138,11 +141,22 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     return {
         "entry": entry,
         "inputs": plain_values(scene.source.hashes()),
+        **_channels(plan, scene),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
         **_keys(deciding_values(plan.preset.spec.scenes[entry_number(scene)])),
     }
+
+
+def _channels(plan: Plan, scene: Scene) -> dict[str, dict[str, str]]:
+    """Return the hashes of files that say what the values of channels mean; nothing where there is none."""
+    found = {
+        f"{item.name}_sha256": hashlib.sha256("".join(map(str, map(sha256_of_file, files))).encode()).hexdigest()
+        for item in surface_channels(plan.format.modalities)
+        if (files := item.files(scene.source.location))
+    }
+    return {CHANNELS: found} if found else {}
 
 
 def told_entry(spec: SceneSpec) -> dict[str, Any]:
@@ -239,9 +253,10 @@ def processor() -> dict[str, Any]:
 
 
 def _packages(plan: Plan) -> dict[str, str]:
-    """Return the versions of the installed packages whose perturbations or layout the preset uses, by name."""
+    """Return the versions of the installed packages whose perturbations, layout or channels a preset uses, by name."""
     used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
     used.append(EVERY.distribution(plan.format.layout.name))
+    used += [REGISTERED.distribution(name) for name in plan.format.modalities]
     return {item.name: item.version for item in used if item is not None}
 
 
@@ -279,10 +294,16 @@ def manifest(
         "depth_beyond": plan.format.depth_beyond,
         OUT_OF_RANGE: {folder: loss.content() for folder, loss in losses.items()},
         "colour": plan.format.colour,
-        "conventions": CONVENTIONS | (GREY if plan.format.colour == "grey" else {}) | plan.format.layout.conventions,
+        "conventions": conventions(plan.format),
         "frames": frames,
         "files": files,
     }
+
+
+def conventions(format_: OutputFormat) -> dict[str, str]:
+    """Return what the values in a dataset's files mean; colour and depth are told where they are left out, too."""
+    channels = {name: REGISTERED[name].convention for name in format_.modalities}
+    return CONVENTIONS | channels | (GREY if format_.colour == "grey" else {}) | format_.layout.conventions
 
 
 def cameras_of(identity_: dict[str, Any]) -> dict[str, Intrinsics]:

@@ -33,11 +33,11 @@ def _remove_sequence(out: Path, folder: Path, layout: Layout) -> None:
 
     A link that stands for a folder is not followed.
     """
-    files = [path for pattern in (*layout.patterns, FRAMES) for path in folder.glob(pattern)]
+    files = [path for pattern in (*layout.all_patterns, FRAMES) for path in folder.glob(pattern)]
     for path in (*files, *(folder.parent / name for name in layout.setting_files)):
         if not link_on_the_way(out, path.parent):
             path.unlink(missing_ok=True)
-    inside = {parent for pattern in layout.patterns for parent in PurePosixPath(pattern).parents}
+    inside = {parent for pattern in layout.all_patterns for parent in PurePosixPath(pattern).parents}
     for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
         if name.parts:
             with contextlib.suppress(OSError):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +78,8 @@ class StoredFrame:
         header = self.rgb_header or read_header(self.rgb_file)
         return header.kind, header.plainly
 
-    def whole_file(self, modality: Literal["rgb", "depth"]) -> WholeFile:
-        """Return the file of an image that is used as it is. Raises InputError where it is damaged."""
+    def whole_file(self, modality: str) -> WholeFile:
+        """Return the file of "rgb" or "depth" that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
         header, digest = check_whole(file, sha256)
         own_size_px = None if modality == "rgb" else self.depth_size_px

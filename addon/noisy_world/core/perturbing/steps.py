@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
+from ..channels import CHANNELS
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
@@ -146,6 +147,16 @@ class Setting:
     def depth(self) -> tuple[Step[DepthPerturbation], ...]:
         """The steps that act on depth."""
         return steps_of_kind(self.steps, DepthPerturbation)
+
+    def on(self, modality: str) -> tuple[Step[ColourPerturbation], ...] | tuple[Step[DepthPerturbation], ...]:
+        """Return the steps that act on the images of a channel; none where nothing does."""
+        match CHANNELS[modality].steps:
+            case "rgb":
+                return self.rgb
+            case "depth":
+                return self.depth
+            case None:
+                return ()
 
     @property
     def pairing(self) -> tuple[Step[PairingPerturbation], ...]:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import CHANNELS
+from ..channels.channel import PixelBytes
 from ..datasets.layouts import Modality
 from ..perturbing.steps import Setting
 from .numbers import Numbers, array_of
@@ -21,14 +23,6 @@ SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.8e-8  # perturbing, encoding and writing an image: 0.015 s, the mean of the benchmark's
 SECONDS_PER_COMPOSITED_PIXEL = 1.4e-7  # in Blender's compositor, in addition: 0.11 s an image
-BYTES_PER_PIXEL = {"jpg": 0.85, "png": 1.5, "depth": 0.5}
-PERTURBED_BYTES_PER_PIXEL = {"jpg": 1.2, "png": 1.6, "depth": 0.5}  # the mean of the benchmark's: noise is large
-
-# Between which figures they lie, by what is on the images: measured in two rooms with every perturbation of the
-# benchmark, and widened to what the shipped presets' files and recordings have.
-CLEAN = {"jpg": (0.5, 1.3), "png": (0.9, 2.2), "depth": (0.2, 0.9)}
-PERTURBED = {"jpg": (0.2, 1.6), "png": (0.4, 2.4), "depth": (0.2, 0.9)}
-GRAINY = {"jpg": (2.0, 3.4), "png": (1.8, 3.1), "depth": (1.5, 2.1)}  # each pixel has noise of its own
 
 
 @dataclass(frozen=True)
@@ -46,9 +40,12 @@ class CostEstimate:
 
 def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
     """Estimate the bytes of an image of a render."""
-    kind = plan.format.image if modality == "rgb" else "depth"
-    camera = render.camera if modality == "rgb" else render.depth_camera
-    return int(camera.width_px * camera.height_px * BYTES_PER_PIXEL[kind])
+    return int(_pixels(render, modality) * CHANNELS[modality].pixel_bytes(plan.format).usual)
+
+
+def _pixels(render: Render, modality: Modality) -> int:
+    camera = render.depth_camera if CHANNELS[modality].paired else render.camera
+    return camera.width_px * camera.height_px
 
 
 def size_text(count: int) -> str:
@@ -80,7 +77,7 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         made = parts_made(render.sequences, modality)
         for sequence in render.sequences:
             pixel_s = SECONDS_PER_PERTURBED_PIXEL
-            if modality == "rgb" and plan.composites and sequence.setting.composited:
+            if CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
                 pixel_s += SECONDS_PER_COMPOSITED_PIXEL
             image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
             sources = sequence.sources_shown(modality)
@@ -102,15 +99,13 @@ def _seconds_of(plan: Plan, render: Render) -> float:
 def _bytes_of(plan: Plan, render: Render) -> float:
     pixels = render.camera.width_px * render.camera.height_px
     format_ = plan.format
-    kinds: dict[Modality, str] = {
-        modality: format_.image if modality == "rgb" else "depth" for modality in format_.modalities
-    }
-    clean = len(render.frames) * sum(BYTES_PER_PIXEL[kind] for kind in kinds.values())
+    sizes = {modality: CHANNELS[modality].pixel_bytes(format_) for modality in format_.modalities}
+    clean = len(render.frames) * sum(size.usual for size in sizes.values())
     perturbed = 0.0
-    for modality, kind in kinds.items():
+    for modality, size in sizes.items():
         made = parts_made(render.sequences, modality)
         images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
-        perturbed += PERTURBED_BYTES_PER_PIXEL[kind] * images
+        perturbed += size.perturbed * images
     return pixels * (clean + perturbed)
 
 
@@ -118,21 +113,19 @@ def _byte_bounds(plan: Plan, render: Render) -> NDArray[np.float64]:
     """Return (2,): the least and the most bytes that the images of a render are likely to take."""
     bounds = np.zeros(2)
     for modality in plan.format.modalities:
-        kind = plan.format.image if modality == "rgb" else "depth"
-        camera = render.camera if modality == "rgb" else render.depth_camera
-        pixels = camera.width_px * camera.height_px
-        bounds += pixels * len(render.frames) * np.array(CLEAN[kind])
+        size, pixels = CHANNELS[modality].pixel_bytes(plan.format), _pixels(render, modality)
+        bounds += pixels * len(render.frames) * np.array(size.clean)
         made = parts_made(render.sequences, modality)
         for sequence in render.sequences:
             images = made.get(sequence.folder, 0.0) * len(sequence.frames)
-            bounds += pixels * images * np.array(_bytes_per_pixel(sequence.setting, modality, kind))
+            bounds += pixels * images * np.array(_bytes_per_pixel(sequence.setting, modality, size))
     return bounds
 
 
-def _bytes_per_pixel(setting: Setting, modality: Modality, kind: str) -> tuple[float, float]:
+def _bytes_per_pixel(setting: Setting, modality: Modality, size: PixelBytes) -> tuple[float, float]:
     """Return between which figures the bytes of a pixel lie after a setting's steps."""
-    grain = [step.perturbation.grain for step in getattr(setting, modality)]
+    grain = [step.perturbation.grain for step in setting.on(modality)]
     if not any(grain):
-        return PERTURBED[kind]
-    least = GRAINY if grain[-1] else PERTURBED  # a step after it, such as JPEG's, may take the noise away
-    return least[kind][0], GRAINY[kind][1]
+        return size.changed
+    least = size.grainy if grain[-1] else size.changed  # a step after it, such as JPEG's, may take the noise away
+    return least[0], size.grainy[1]

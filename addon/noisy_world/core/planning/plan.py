@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..channels import surface_channels
 from ..datasets.layouts import Modality, OutputFormat
 from ..datasets.registration import Registration
 from ..errors import InputError
@@ -27,6 +28,7 @@ from ..trajectories.trajectory import Axes
 from .numbers import Numbers, union
 from .sequence import Sequence, lay_out
 from .source import Scene
+from .surface_checks import check_surface
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,12 @@ class Render:
     def needs_rgb(self) -> bool:
         """Whether a step of depth depends on colour."""
         return any(sequence.setting.needs_rgb for sequence in self.sequences)
+
+    @property
+    def needed_besides(self) -> frozenset[Modality]:
+        """The channels that steps need, whether they are written or not."""
+        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth))
+        return frozenset(name for name, wanted in needed if wanted)
 
 
 @dataclass(frozen=True)
@@ -253,6 +261,9 @@ def _check_exposure(
     if not setting.exposure:
         return
     exposing = setting.exposure[0].perturbation.name
+    if asked := surface_channels(preset.spec.output.modalities):
+        problem = f"{setting.name}: {exposing} makes colour and depth of several moments, and no {asked[0].name}"
+        raise preset.place("output.modalities").error(problem, "take one of them out")
     if why := scene.source.gives.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
         raise _place_of(scene).error(problem, "take that setting out, or render a mesh")
@@ -305,6 +316,7 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
             problem = f"a {scene.source.gives.key} has no depth, but output.modalities asks for it"
             remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
             raise _place_of(scene).error(problem, remedy)
+        check_surface(scene, preset)
 
 
 def _place_of(scene: Scene) -> Place:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import CHANNELS
 from ..datasets.layouts import Modality
 from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
 from ..perturbing.kinds import Identifiers
@@ -88,29 +89,38 @@ class Sequence:
         return Shown(self.source_frames[frame], self.source_frames[depth_frame], depth_frame)
 
     def sources_shown(self, modality: Modality) -> Numbers:
-        """Return the source frame (N,) whose colour, or whose depth, each of its frames to be made shows."""
+        """Return the source frame (N,) whose image of a channel each of its frames to be made shows."""
         frames = self.frames
-        if modality == "depth" and self.depth_frames is not None:
+        if CHANNELS[modality].paired and self.depth_frames is not None:
             frames = taken(self.depth_frames, frames)
         return taken(self.source_frames, frames)
 
+    def source_of(self, modality: Modality, frame: int) -> int:
+        """Return the source frame whose image of a channel a frame shows. Raises ValueError where it is left out."""
+        shown = self.shown(frame)
+        return shown.depth_source if CHANNELS[modality].paired else shown.rgb_source
+
     @cached_property
-    def _shown(self) -> dict[Modality, tuple[Numbers, Numbers]]:
-        """The source frames whose colour, and depth, is shown, sorted, and the frames that show them, in order."""
-        found: dict[Modality, tuple[Numbers, Numbers]] = {}
-        modalities: tuple[Modality, ...] = ("rgb", "depth")
-        for modality in modalities:
+    def _shown(self) -> dict[bool, tuple[Numbers, Numbers]]:
+        """The source frames whose images are shown, sorted, and the frames that show them, in order.
+
+        By whether the channel is paired: all of one sensor show the same.
+        """
+        found: dict[bool, tuple[Numbers, Numbers]] = {}
+        for modality, channel in CHANNELS.items():
+            if channel.paired in found:
+                continue
             sources = self.sources_shown(modality)
             if isinstance(sources, range):
-                found[modality] = sources, self.frames
+                found[channel.paired] = sources, self.frames
                 continue
             order = np.argsort(sources.values, kind="stable")
-            found[modality] = ListedNumbers(sources.values[order]), ListedNumbers(array_of(self.frames)[order])
+            found[channel.paired] = ListedNumbers(sources.values[order]), ListedNumbers(array_of(self.frames)[order])
         return found
 
     def showing(self, modality: Modality, source: int) -> list[int]:
-        """Return the frames to be made that show the colour, or the depth, of a source frame."""
-        sources, frames = self._shown[modality]
+        """Return the frames to be made that show a source frame's image of a channel."""
+        sources, frames = self._shown[CHANNELS[modality].paired]
         if isinstance(sources, range):
             return [frames[sources.index(source)]] if source in sources else []
         first, last = np.searchsorted(sources.values, (source, source + 1))

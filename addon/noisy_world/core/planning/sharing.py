@@ -6,6 +6,7 @@ from collections.abc import Hashable, Iterable, Iterator
 from itertools import product
 from math import prod
 
+from ..channels import CHANNELS
 from ..datasets.layouts import Modality
 from ..perturbing.execution import work_key
 from ..perturbing.kinds import FrameContext
@@ -25,7 +26,7 @@ def parts_made(sequences: Iterable[Sequence], modality: Modality) -> dict[str, f
     not_yet: dict[Hashable, float] = {}  # the probability that no sequence so far does this to a frame
     orders: dict[Hashable, int] = {}
     for sequence in sequences:
-        if not getattr(sequence.setting, modality):
+        if not sequence.setting.on(modality):
             continue
         order = orders.setdefault((sequence.source_frames, sequence.depth_frames), len(orders))
         made = 0.0
@@ -40,12 +41,12 @@ def parts_made(sequences: Iterable[Sequence], modality: Modality) -> dict[str, f
 def _works(sequence: Sequence, modality: Modality) -> Iterator[tuple[Hashable, float]]:
     """Yield what a sequence does to a frame, but for nothing at all, and how probable that is."""
     setting = sequence.setting
-    steps = getattr(setting, modality)
+    steps = setting.on(modality)
     drawn = [Counter((step.severity,) if step.levels is None else step.levels) for step in steps]
     if prod(map(len, drawn)) > MOST_COMBINATIONS:
         yield setting.name, 1.0
         return
-    backend = setting.backend if modality == "rgb" else ""
+    backend = setting.backend if CHANNELS[modality].steps == "rgb" else ""
     contexts = [step.context(FrameContext(0, sequence.identifiers)) for step in steps]
     for severities in product(*drawn):
         active = zip(steps, contexts, severities, strict=True)

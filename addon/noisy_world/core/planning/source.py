@@ -4,14 +4,15 @@
 All other code uses a source by this protocol alone and never asks which one it is. `noisy_world.sources` holds them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import COLOUR_AND_DEPTH
 from ..datasets.image_files import WholeFile
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
@@ -38,6 +39,10 @@ class SourceFrame(Protocol):
         """Planar depth (H, W) in metres; 0 = void."""
         ...
 
+    def image(self, modality: Modality) -> NDArray[Any] | None:
+        """Return the image of a channel, as the channel describes it; colour and depth as above."""
+        ...
+
     def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
         """Return an existing file that holds an image exactly as a dataset would write it, or None.
 
@@ -46,16 +51,39 @@ class SourceFrame(Protocol):
         ...
 
 
+class ColourAndDepth:
+    """The images of a frame that has no other channels than colour and depth."""
+
+    rgb: Any
+    depth_m: Any
+
+    def image(self, modality: Modality) -> NDArray[Any] | None:
+        """Return the image of a channel; None for what it has not."""
+        match modality:
+            case "rgb":
+                return self.rgb
+            case "depth":
+                return self.depth_m
+            case _:
+                return None
+
+
 @dataclass(frozen=True)
-class RenderedFrame:
+class RenderedFrame(ColourAndDepth):
     """One rendered frame.
 
     rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
     depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
+    others: those of other channels that were asked for, by name, as the channels describe them.
     """
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
+    others: Mapping[Modality, NDArray[Any]] = field(default_factory=dict)
+
+    def image(self, modality: Modality) -> NDArray[Any] | None:
+        """Return the image of a channel; None if it was not asked for."""
+        return self.others[modality] if modality in self.others else super().image(modality)
 
     def file_as(self, modality: Modality, written: OutputFormat) -> None:
         """Return None: a rendered image is in no file yet."""
@@ -80,9 +108,10 @@ class Gives:
 
     rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
     not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
-    importers read it, whatever renders it. depth: whether it has any. instants_only: why it has nothing between its
-    frames; "" where it answers requests for any time. key: of a scene in a preset, that names its file or folder; all
-    messages about the source name it.
+    importers read it, whatever renders it. depth: whether it has any. surface: whether the surface that each pixel sees
+    is known, for normals and the like. instants_only: why it has nothing between its frames; "" where it answers
+    requests for any time. key: of a scene in a preset, that names its file or folder; all messages about the source
+    name it.
     """
 
     rendered: bool
@@ -90,6 +119,7 @@ class Gives:
     own: OwnRendering | None = None
     imported: bool = False
     depth: bool = True
+    surface: bool = False
     instants_only: str = ""
     key: str = "mesh"
 
@@ -98,8 +128,8 @@ class Gives:
 class RenderOptions:
     """How sources that render make their frames.
 
-    threads: 0 for as many as the machine has. first_frames: the first frames of the path; a source refuses a path where
-    all of them see nothing, unless there are none here.
+    channels: what they give, by name. threads: 0 for as many as the machine has. first_frames: the first frames of the
+    path; a source refuses a path where all of them see nothing, unless there are none here.
     """
 
     near_m: float
@@ -108,10 +138,19 @@ class RenderOptions:
     seed: int
     engine: EngineName = "cycles"
     device: Literal["cpu", "gpu"] = "cpu"
-    rgb: bool = True
-    depth: bool = True
+    channels: frozenset[Modality] = COLOUR_AND_DEPTH
     threads: int = 0
     first_frames: tuple[int, ...] = ()
+
+    @property
+    def rgb(self) -> bool:
+        """Whether they give colour."""
+        return "rgb" in self.channels
+
+    @property
+    def depth(self) -> bool:
+        """Whether they give depth."""
+        return "depth" in self.channels
 
 
 class OpenSource(Protocol):

@@ -3,8 +3,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
+from ..channels import CHANNELS
 from ..datasets.layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from ..schema import Choice, Place, key
 
@@ -51,8 +51,11 @@ class OutputSpec:
         default="void",
         identity="meaning",
     )
-    modalities: tuple[Literal["rgb", "depth"], ...] = key(
-        "what is rendered and written: colour, depth or both", default=("rgb", "depth"), identity="meaning"
+    modalities: tuple[str, ...] = key(
+        "the channels that are rendered and written; see --list channels",
+        default=("rgb", "depth"),
+        choices={name: Choice(item.label, item.meaning) for name, item in CHANNELS.items()},
+        identity="meaning",
     )
     overview: bool = key(
         "whether to draw overview.png, a contact sheet of the dataset", default=False, identity="nothing"
@@ -89,4 +92,4 @@ def check_output(spec: OutputSpec, place: Place) -> None:
     if spec.licence is not None and not (spec.licence.strip() and spec.licence.isprintable()):
         raise place.at("licence").error("has to be one line of text", "name the licence, or leave the key out")
     if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):
-        raise place.at("modalities").error("has to name rgb, depth or both, each once")
+        raise place.at("modalities").error(f"has to name channels, each once: {', '.join(CHANNELS)}")

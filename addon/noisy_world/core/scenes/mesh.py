@@ -35,6 +35,7 @@ class Mesh:
     notes: what a user should know about how the file was read, one sentence each.
     corner_rgb: (C, 3) float32 as rgb, instead of it: equal at all corners of a face that has one colour.
     texture: what is shown instead of other colours, where a face has a picture.
+    object_ids: (F,) int64, the object that each face belongs to, as the file numbers them; None where it does not.
     """
 
     vertices_m: NDArray[np.float64]
@@ -44,6 +45,7 @@ class Mesh:
     notes: tuple[str, ...] = ()
     corner_rgb: NDArray[np.float32] | None = None
     texture: Texture | None = None
+    object_ids: NDArray[np.int64] | None = None
 
     @property
     def face_sizes(self) -> NDArray[np.int32]:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .mesh import Mesh
 from .ply_colours import check_textures, read_colours, used_textures
-from .ply_faces import INDEX_NAMES, read_faces
+from .ply_faces import INDEX_NAMES, Faces, read_faces
 from .ply_file import DAMAGED, Element, Rows, check_finite, read_elements, read_header
 
+OBJECT_ID = "object_id"  # of each face, in Replica's mesh_semantic.ply
 _COARSE_M = 1e-4  # float32 coordinates whose resolution is coarser than this are worth a note; chosen
 
 
@@ -34,8 +35,17 @@ def read_ply(path: Path) -> Mesh:
         vertices_m = _vertices(tables["vertex"], notes)
         faces = read_faces(tables["face"], len(vertices_m), face_notes)
         colours = read_colours(path, header, tables, faces, notes)
+        objects = _object_ids(tables["face"], faces)
     told = tuple(notes + face_notes)
-    return Mesh(vertices_m, colours.rgb, faces.corners, faces.starts, told, colours.corner_rgb, colours.texture)
+    return Mesh(
+        vertices_m, colours.rgb, faces.corners, faces.starts, told, colours.corner_rgb, colours.texture, objects
+    )
+
+
+def face_properties(path: Path) -> frozenset[str]:
+    """Return the names of the numbers that each face has. Raises InputError where the file is no PLY."""
+    face = read_header(path).elements.get("face")
+    return frozenset() if face is None else frozenset(face.scalars)
 
 
 def check_ply(path: Path) -> None:
@@ -50,6 +60,13 @@ def texture_files(path: Path) -> list[Path]:
     header = read_header(path)
     _check_is_mesh(path, header.elements)
     return [file.path for file in used_textures(path, header) if file.found]
+
+
+def _object_ids(rows: Rows, faces: Faces) -> NDArray[np.int64] | None:
+    """Return the object of each kept face; None where the file tells none, or not by whole numbers."""
+    if OBJECT_ID not in rows.element.scalars or rows.element.kinds[OBJECT_ID].kind not in "iu":
+        return None
+    return faces.of_faces(rows.values(OBJECT_ID)).astype(np.int64)
 
 
 def _check_is_mesh(path: Path, elements: dict[str, Element]) -> None:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.channels import COLOUR_AND_DEPTH
 from ...core.datasets.images import rgb_bytes
 from ...core.extras import need
 from ...core.geometry import Intrinsics
@@ -77,7 +78,8 @@ class RenderedViews:
         self.c2w = np.asarray(c2w, dtype=np.float64)
         self.coloured = mesh.rgb is not None or mesh.corner_rgb is not None or mesh.texture is not None
         self._paths = SensorPaths(evenly_stamped(self.c2w))
-        options = RenderOptions(NEAR_M, FAR_M, samples=1, seed=0, engine="embree", rgb=self.coloured)
+        channels = COLOUR_AND_DEPTH if self.coloured else frozenset({"depth"})
+        options = RenderOptions(NEAR_M, FAR_M, samples=1, seed=0, engine="embree", channels=channels)
         self._session = RaySession(mesh, self._paths, camera, options)
 
     def view(self, index: int) -> MapView:

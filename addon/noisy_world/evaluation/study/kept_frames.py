@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.channels import in_order
 from ...core.datasets.layouts import Modality
 from ...core.datasets.storage import storage_errors, write_atomic
 from ...core.geometry import Intrinsics
@@ -25,8 +26,6 @@ from ...core.regular_files import read_array
 from ...core.trajectories.frame_request import FrameRequest
 from ...core.trajectories.sensor_paths import SensorPaths
 from .scene_cache import SourceInside
-
-MODALITIES: tuple[Modality, ...] = ("rgb", "depth")
 
 
 def frames_bytes(camera: Intrinsics, frames: int) -> int:
@@ -49,13 +48,14 @@ class KeptFrames:
             images = {name: read_array(self._path(name, number)) for name in wanted}
         except FileNotFoundError:
             return None
-        return RenderedFrame(images.get("rgb"), images.get("depth"))
+        rgb, depth_m = images.pop("rgb", None), images.pop("depth", None)
+        return RenderedFrame(rgb, depth_m, images)
 
-    def keep(self, number: int, frame: SourceFrame) -> None:
-        """Write the images of a frame. Raises StorageError."""
+    def keep(self, number: int, frame: SourceFrame, wanted: tuple[Modality, ...]) -> None:
+        """Write the images of a frame that are wanted. Raises StorageError."""
         scratch = own_scratch(self.folder)
-        for name, pixels in (("rgb", frame.rgb), ("depth", frame.depth_m)):
-            if pixels is not None:
+        for name in wanted:
+            if (pixels := frame.image(name)) is not None:
                 path = self._path(name, number)
                 path.parent.mkdir(exist_ok=True)
                 write_atomic(path, _npy(pixels), scratch)
@@ -107,9 +107,7 @@ class _Prepared:
                 self._prepared = self._prepare()
             return self._prepared.open(paths, options, note)
 
-        asked: dict[Modality, bool] = {"rgb": options.rgb, "depth": options.depth}
-        wanted: tuple[Modality, ...] = tuple(name for name in MODALITIES if asked[name])
-        return _Open(self._kept, wanted, opened)
+        return _Open(self._kept, in_order(options.channels), opened)
 
 
 class _Open:
@@ -130,5 +128,5 @@ class _Open:
             self._opened = self._open()
         frame = self._opened.frame(request)
         if index is not None:  # what is between frames is asked for once
-            self._kept.keep(index, frame)
+            self._kept.keep(index, frame, self._wanted)
         return frame

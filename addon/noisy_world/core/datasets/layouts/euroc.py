@@ -81,6 +81,14 @@ class EurocLayout(Layout):
         del frame
         return f"{DEPTH}/data/{stamp_text(stamp_ns)}.png"
 
+    def channel_name(self, channel: str, frame: int, stamps: FrameStamps, suffix: str) -> str:
+        """Return the name of an image of another channel: beside the cameras, with colour's stamp."""
+        return f"{MAV}/{channel}0/data/{stamp_text(stamps.rgb.ns[frame])}.{suffix}"
+
+    def channel_patterns(self, channel: str) -> tuple[str, ...]:
+        """Return glob patterns of all files of another channel."""
+        return (f"{MAV}/{channel}0/data/{'[0-9]' * STAMP_DIGITS}.*", f"{channel}.json")
+
     def stamps_problem(self, stamps: StampsLike) -> str:
         """Return which stamp cannot name a file, or ""."""
         found = FrameStamps.of(stamps)

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...channels import CHANNELS, COLOUR_AND_DEPTH
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import PINHOLE, Optics
@@ -24,7 +25,9 @@ from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_byt
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
-Modality: TypeAlias = Literal["rgb", "depth"]
+Modality: TypeAlias = str
+"""The name of a channel, as in `output.modalities`."""
+
 Image = Literal["jpg", "png"]
 Colour = Literal["rgb", "grey"]
 StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
@@ -71,6 +74,21 @@ class Layout(ABC):
     def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image; stamp_ns: when it was taken, nanoseconds."""
 
+    def channel_name(self, channel: str, frame: int, stamps: FrameStamps, suffix: str) -> str:
+        """Return the name of an image of a channel that the layout knows nothing of: a folder of the channel's name."""
+        del stamps
+        return f"{channel}/{frame:06d}.{suffix}"
+
+    def channel_patterns(self, channel: str) -> tuple[str, ...]:
+        """Return glob patterns of all files of such a channel."""
+        return (*numbered(f"{channel}/{{}}.*"), f"{channel}.json")
+
+    @property
+    def all_patterns(self) -> tuple[str, ...]:
+        """Glob patterns of all files that a sequence's folder may hold, those of other channels too."""
+        others = [name for name in CHANNELS if name not in COLOUR_AND_DEPTH]
+        return (*self.patterns, *(pattern for name in others for pattern in self.channel_patterns(name)))
+
     def image_note(self, image: Image) -> str:
         """Return a sentence on who does not find colour images of this kind, or ""."""
         del image
@@ -113,8 +131,8 @@ class Layout(ABC):
 class OutputFormat:
     """The format that a dataset is written in: its layout and what a preset may choose besides.
 
-    modalities: "rgb", "depth" or both. depth_scale_per_m: steps of the 16-bit depth images per metre. depth_beyond:
-    what depth becomes that 16 bits cannot hold: void (0), or the farthest depth that they hold.
+    modalities: the channels that are written, by name. depth_scale_per_m: steps of the 16-bit depth images per metre.
+    depth_beyond: what depth becomes that 16 bits cannot hold: void (0), or the farthest depth that they hold.
     """
 
     layout: Layout
@@ -191,10 +209,14 @@ class FrameNames:
         """Return the name of a frame's depth image."""
         return self.format.layout.depth_name(frame, self.stamps.depth.ns[frame])
 
+    def image(self, modality: Modality, frame: int) -> str:
+        """Return the name of a frame's image of a channel."""
+        found = CHANNELS[modality]
+        return found.name_in(self.format.layout, frame, self.stamps, found.suffix(self.format))
+
     def of(self, frame: int) -> set[str]:
         """Return the names of a frame's images, one for each modality of the dataset."""
-        found = {"rgb": self.rgb, "depth": self.depth}
-        return {found[modality](frame) for modality in self.format.modalities}
+        return {self.image(modality, frame) for modality in self.format.modalities}
 
 
 @dataclass(frozen=True, eq=False)

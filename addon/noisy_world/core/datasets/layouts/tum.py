@@ -72,7 +72,7 @@ class TumLayout(Layout):
         return f"depth/{frame:06d}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
-        """Return a file of poses for each path, a list for each modality, and the pairs if there are two modalities.
+        """Return a file of poses for each path, a list of colour and of depth, and the pairs if there are both.
 
         Colour, depth and poses have their own stamps, and each list is in the order of its stamps.
         """
@@ -88,7 +88,7 @@ class TumLayout(Layout):
         if "depth" in modalities:
             order = np.argsort(taken.depth.seconds, kind="stable").tolist()
             texts["depth.txt"] = lines(["# depth maps", _NO_BAG, _LISTED, *(depth[row] for row in order)])
-        if len(modalities) == 2:  # without comments: ORB-SLAM's rgbd_tum reads every line as a pair
+        if {"rgb", "depth"} <= set(modalities):  # without comments: ORB-SLAM's rgbd_tum reads every line as a pair
             texts["associations.txt"] = lines([f"{left} {right}" for left, right in zip(rgb, depth, strict=True)])
         return texts
 

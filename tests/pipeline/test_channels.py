@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datasets with channels beside colour and depth: what is written, kept, packed and refused."""
+
+import json
+import sys
+import threading
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+
+from cases import cases
+from worlds import path_poses, write_world
+
+from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.core.errors import InputError, NoisyWorldError, StorageError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+from noisy_world.recipes.opening import open_path
+
+RAYS = {"engine": "embree", "samples": 1, "backend": "reference"}
+SETTINGS = [
+    {"name": "clean"},
+    {"name": "fog", "perturb": [{"fog": {"severity": 3}}]},
+    {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]},
+    {"name": "late", "perturb": [{"desync": {"offset": 1}}]},
+]
+ALL = ["rgb", "depth", "normal"]
+
+
+def run(preset, out, **options):
+    return Run(
+        make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **options
+    )
+
+
+def images(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*.png"))}
+
+
+def walls(c2w, size):
+    """The normals (H, W, 3) of the box room's walls in camera axes, by which wall a ray meets first."""
+    width, height = size
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    ray = (
+        np.stack([(u - (width - 1) / 2), (v - (height - 1) / 2), np.full(u.shape, width / 2)], axis=-1) @ c2w[:3, :3].T
+    )
+    to_wall = np.where(ray > 0, np.array([2.0, 1.5, 2.5]) - c2w[:3, 3], np.array([-2.0, -1.5, 0.0]) - c2w[:3, 3])
+    axis = (to_wall / ray).argmin(axis=-1)
+    world = -np.sign(np.take_along_axis(ray, axis[..., None], -1)) * np.eye(3)[axis]
+    return world @ c2w[:3, :3]
+
+
+@cases("layout", LAYOUTS)
+def test_normals_lie_beside_what_was_there_without_them(layout, tmp_path):
+    keys = {"render": RAYS, "settings": SETTINGS}
+    tmp_path /= layout
+    output = {"layout": layout, "image": "png"}
+    plain = write_world(tmp_path / "plain", output=output, **keys)
+    more = write_world(tmp_path / "more", output={**output, "modalities": ALL}, **keys)
+    run(plain, tmp_path / "a").make_dataset()
+    run(more, tmp_path / "b").make_dataset()
+    before, after = images(tmp_path / "a"), images(tmp_path / "b")
+    beside = {path: data for path, data in after.items() if path not in before}
+    assert {path: after[path] for path in before} == before
+    assert len(beside) == 6 + 6 + 3 + 6
+    assert all("normal" in str(path.parent) for path in beside)
+
+    poses = path_poses(6)
+    for setting, sources in (("clean", range(6)), ("fog", range(6)), ("fast", (0, 2, 4)), ("late", range(6))):
+        here = [data for path, data in sorted(beside.items()) if path.parts[0] == setting]
+        for data, source in zip(here, sources, strict=True):
+            steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)[..., ::-1]
+            assert steps.dtype == np.uint16
+            expected = walls(poses[source], (64, 48))
+            wrong = np.abs(steps / 65535 * 2 - 1 - expected).max(axis=-1) > 2e-5
+            edges = np.abs(cv2.Laplacian(expected, cv2.CV_64F)).max(axis=-1) > 1e-6
+            assert not (wrong & ~cv2.dilate(edges.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
+
+    manifest = json.loads((tmp_path / "b/manifest.json").read_text())
+    assert "camera's axes" in manifest["conventions"]["normal"]
+    assert "normal" not in json.loads((tmp_path / "a/manifest.json").read_text())["conventions"]
+    again = run(more, tmp_path / "b")
+    again.make_dataset()
+    assert again.report.frames_rendered == 0
+
+
+def test_a_lost_normal_is_made_again_and_overwriting_leaves_none(tmp_path):
+    output = {"layout": "replica", "image": "png"}
+    keys = {"render": RAYS, "settings": SETTINGS[:2]}
+    preset = write_world(tmp_path / "world", output={**output, "modalities": ["normal"]}, **keys)
+    out = tmp_path / "out"
+    run(preset, out).make_dataset()
+    before = images(out)
+    assert {path.parent.name for path in before} == {"normal"}
+    (out / "fog/box/normal/000003.png").unlink()
+    (out / "clean/box/normal/000004.png").write_bytes(b"no image")
+    again = run(preset, out)
+    again.make_dataset()
+    assert again.report.frames_rendered == 2
+    assert images(out) == before
+    run(write_world(tmp_path / "world", output=output, **keys), out, overwrite=True).make_dataset()
+    assert not list(out.rglob("normal"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"output": {"modalities": ["rgb", "normals"]}}, ["output.modalities", "'normals'", "did you mean 'normal'"]),
+        (
+            {"output": {"modalities": ALL}, "render": {**RAYS, "engine": "eevee"}},
+            ["normal", "eevee", "cycles or embree"],
+        ),
+        ({"output": {"modalities": ["normal", "normal"]}}, ["output.modalities", "each once"]),
+    ],
+)
+def test_what_cannot_be_given_is_refused_in_a_line(keys, words, tmp_path):
+    preset = write_world(tmp_path, **{"render": RAYS, **keys})
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(preset))
+    assert "\n" not in str(error.value)
+    for word in (str(preset), *words):
+        assert word in str(error.value)
+
+
+def test_a_recording_has_no_normals(tmp_path):
+    preset = write_world(tmp_path / "world", frames=2, render=RAYS)
+    run(preset, tmp_path / "out").make_dataset()
+    document = {
+        "scenes": [{"name": "again", "sequence": str(tmp_path / "out/clean/box")}],
+        "settings": [{"name": "clean"}],
+        "output": {"modalities": ALL},
+    }
+    recorded = tmp_path / "recorded.yaml"
+    recorded.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match=r"output\.modalities: normal: again has none"):
+        make_plan(read_preset(recorded))
+    assert np.array_equal(open_path(tmp_path / "out")["clean/box"][1].rgb.shape, (48, 64, 3))
+
+
+def with_objects(folder, ids):
+    """Give the walls of a world's mesh object ids."""
+    path = folder / "mesh.ply"
+    *lines, last = path.read_text().rstrip("\n").split("end_header\n")[1].split("\n")
+    head = path.read_text().split("end_header\n")[0] + "property int object_id\nend_header\n"
+    rows = [*lines, last]
+    faces = [f"{row} {number}" for row, number in zip(rows[-6:], ids, strict=True)]
+    path.write_text(head + "\n".join([*rows[:-6], *faces]) + "\n")
+
+
+def test_instances_have_a_file_of_ids_and_names(tmp_path):
+    keys = {"render": RAYS, "output": {"layout": "tum", "modalities": ["rgb", "instance"]}}
+    preset, out = write_world(tmp_path / "world", frames=2, **keys), tmp_path / "out"
+    with pytest.raises(InputError, match=r"scenes\.0\.mesh: has no instance: its faces have no property object_id"):
+        make_plan(read_preset(preset))
+    with_objects(tmp_path / "world", [300, 7, 7, 65535, -1, 12])
+    names = tmp_path / "world/info_semantic.json"
+    run(preset, out).make_dataset()
+    objects = json.loads((out / "clean/box/instance.json").read_text())
+    assert objects == {"void": 0, "objects": [{"id": number, "name": None} for number in (7, 12, 300, 65535)]}
+    for path in (out / "clean/box/instance").iterdir():
+        ids = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        assert ids.dtype == np.uint16
+        assert set(np.unique(ids)) <= {0, 7, 12, 300, 65535}
+        assert len(np.unique(ids)) > 2
+
+    names.write_text(json.dumps({"objects": [{"id": 7, "class_name": "wall"}, {"id": 9, "class_name": "door"}]}))
+    with pytest.raises(StorageError, match="the file of its objects' names is not"):
+        run(preset, out).make_dataset()
+    run(preset, out, overwrite=True).make_dataset()
+    assert json.loads((out / "clean/box/instance.json").read_text())["objects"][0] == {"id": 7, "name": "wall"}
+    names.write_text('{"objects": [3]}')
+    with pytest.raises(InputError, match=r"info_semantic\.json: has no list of objects"):
+        run(preset, tmp_path / "other").make_dataset()
+    large = tmp_path / "large"
+    preset = write_world(large, frames=2, **keys)
+    with_objects(large, [1, 2, 3, 4, 5, 65536])
+    with pytest.raises(NoisyWorldError, match="object_id 65536 does not fit into the 16 bits"):
+        run(preset, tmp_path / "third").make_dataset()

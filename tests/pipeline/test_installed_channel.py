@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The channel of docs/layouts.md, as it stands there, of an installed package: listed, written and identified."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import cv2
+import installed_package
+import numpy as np
+import pytest
+from worlds import ROOT, write_world
+
+pytest.importorskip("embreex", reason="embreex comes with an extra")
+
+(FACING,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/layouts.md").read_text(encoding="utf-8"), re.DOTALL)
+PROGRAM = """
+import sys
+from noisy_world.cli import command
+for words in (["list", "channels"], ["generate", "world/preset.yaml", "--out", "out"]):
+    if command.main(words):
+        sys.exit(f"{words} ended with an error")
+"""
+
+
+def run(folder, site):
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(site), str(ROOT / "addon")])},
+        check=False,
+    )
+
+
+def test_the_channel_of_a_package(tmp_path):
+    entries = {"channels": {"facing": "my_channel.facing:CHANNEL"}}
+    modules = {"__init__.py": "", "facing.py": FACING}
+    site = installed_package.install(tmp_path / "site", "my-channel", "1.0", entries, modules, kind=None)
+    output = {"layout": "euroc", "modalities": ["depth", "normal", "facing"]}
+    write_world(tmp_path / "world", frames=2, render={"engine": "embree", "backend": "reference"}, output=output)
+    result = run(tmp_path, site)
+    assert result.returncode == 0, result.stderr
+    assert re.search(
+        r"facing +how far the surface faces the camera: uint16 = .*; from my-channel 1\.0\n", result.stdout
+    )
+    sequence = tmp_path / "out/clean/box/mav0"
+    files = sorted((sequence / "facing0/data").iterdir())
+    assert len(files) == 2
+    for file in files:
+        facing = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        normal = cv2.imread(str(sequence / "normal0/data" / file.name), cv2.IMREAD_UNCHANGED)
+        assert facing is not None
+        assert normal is not None
+        towards = np.maximum(1 - 2 * (normal[..., 0] / 65535), 0)  # OpenCV gives z first
+        assert np.abs(facing / 65535 - towards).max() < 3e-5
+    manifest = json.loads((tmp_path / "out/manifest.json").read_text())
+    assert manifest["identity"]["versions"]["my-channel"] == "1.0"
+    assert manifest["conventions"]["facing"].startswith("uint16")
+
+    (site / "my_channel/facing.py").write_text(FACING.replace('    unit = "1"\n', ""))
+    refused = run(tmp_path, site)
+    assert refused.returncode
+    assert "lacks unit" in refused.stdout + refused.stderr
