@@ -104,7 +104,7 @@ test-above: $(VENV)/.extras
 
 # What the library does without Blender, under the oldest Python that it works with.
 test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11
-	.venv-python311/bin/python -m pytest $(BELOW_BLENDER311)
+	.venv-python311/bin/python -m pytest -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
 
 .venv-python311/.installed: requirements-library.lock
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }
@@ -168,4 +168,4 @@ lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-python311 .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-python311 .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .pytest_cache_python311 .ruff_cache

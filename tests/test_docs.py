@@ -131,13 +131,13 @@ def test_commands_and_files_on_the_pages_exist():
         page: page.read_text(encoding="utf-8") for page in PAGES if page.name not in ("CHANGELOG.md", "changelog.md")
     }
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z-]+):", makefile, re.MULTILINE))
+    targets = set(re.findall(r"^([a-z0-9-]+):", makefile, re.MULTILINE))
     commands, makes, files = ([], [], [])
     for page, text in pages.items():
         name = page.relative_to(ROOT).as_posix()
         code = "\n".join(re.findall(r"^    .*$|^```.*?^```|`[^`\n]+`", text, re.MULTILINE | re.DOTALL))
         commands += [(name, word) for word in re.findall(r"\bnoisy-world ([a-z][a-z-]+)", code)]
-        makes += [(name, word) for word in re.findall(r"(?:^ *|`|; |: )make ([a-z][a-z-]+)", code, re.MULTILINE)]
+        makes += [(name, word) for word in re.findall(r"(?:^ *|`|; |: )make ([a-z][a-z0-9-]+)", code, re.MULTILINE)]
         files += [
             (name, file)
             for file in re.findall(r"(?<![\w/.~-])((?:headless|presets|addon|docs|tests)/[\w/.-]*\w)", code)

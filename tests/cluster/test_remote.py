@@ -120,8 +120,8 @@ def test_what_keeps_a_node_from_taking_part(tmp_path):
 def test_a_command_ends_with_the_process_that_runs_it(tmp_path):
     program = f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     driver = f"""
-        from noisy_world.cluster.remote import Order, carry_out
-        carry_out(Order("shard", ("-c", {program!r})), print)
+        from noisy_world.cluster.remote import Task, carry_out
+        carry_out(Task("shard", ("-c", {program!r})), print)
         """
     process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(driver)], env=os.environ | {"PYTHONPATH": ADDON})
     end_s = time.monotonic() + 20

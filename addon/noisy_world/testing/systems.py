@@ -8,6 +8,7 @@ import numpy as np
 from ..core.datasets.layouts import LAYOUTS, find_sequence
 from ..core.datasets.layouts.layout import OutputFormat
 from ..core.errors import NoisyWorldError
+from ..core.regular_files import read_bytes
 from ..evaluation.metrics.association import associate_poses
 from ..evaluation.outcome import Outcome
 from ..evaluation.systems.definition import System, read_system
@@ -61,4 +62,4 @@ def _estimate(system: System, sequence: Path, folder: Path) -> bytes:
     matched = len(associate_poses(estimate.stamps_s, np.asarray(stamps_s))[0])
     told = f"{matched} of its {len(estimate)} poses have the stamp of a frame; {LEAST_MATCHED} or more have to"
     require(matched >= LEAST_MATCHED, system.name, f"{told}: see writes.stamps")
-    return (folder / ESTIMATE).read_bytes()
+    return read_bytes(folder / ESTIMATE)

@@ -26,12 +26,16 @@ FIELDS = (
 )
 """Every text of a results folder that is not this program's own: names, what systems say, what others wrote."""
 
+FOLDERS = ("scene", "setting", "system")
+"""Fields that name folders, whose texts are printable: tables with others are refused."""
+
 
 def marked(field, lead="="):
     """Return a text that each of the report's formats would take for something else; it may be a folder's name."""
     name = field.replace(" ", "_")
     element = "\"'><img src=x onerror=alert(1)><script>alert(1)"
-    return f"{lead}{name}X{element}\n\n# M\n    $(touch x)`x`\\input{{x}}|[l](javascript:x)"
+    told = f"{lead}{name}X{element}\n\n# M\n    $(touch x)`x`\\input{{x}}|[l](javascript:x)"
+    return " ".join(told.split()) if field in FOLDERS else told
 
 
 class Page(html.parser.HTMLParser):

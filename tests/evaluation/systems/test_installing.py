@@ -10,6 +10,7 @@ from noisy_world.cli import command
 from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
 from noisy_world.core.shipped import shipped
 from noisy_world.evaluation.systems import environments, installing
+from noisy_world.evaluation.systems.checking import system_versions
 
 TEXT = "10 6 0 0\n"
 
@@ -116,6 +117,15 @@ def test_environments_lie_where_they_are_found_again(tmp_path, monkeypatch):
     assert environments.environment_folder("slam") == tmp_path / "named/.venv-slam"
 
 
+@pytest.fixture
+def asked_anew():
+    """What systems say of their versions is remembered: not here, and nothing of here afterwards."""
+    system_versions.cache_clear()
+    yield
+    system_versions.cache_clear()
+
+
+@pytest.mark.usefixtures("asked_anew")
 def test_the_command_lists_and_installs(tmp_path, python, monkeypatch, capfd):
     monkeypatch.setenv("NOISY_WORLD_ENVIRONMENTS", str(tmp_path / "named"))
     monkeypatch.setattr("noisy_world.cli.missing.blender_problem", lambda entry: "")

@@ -57,8 +57,8 @@ def described_sequences(
 ) -> tuple[Described, ...]:
     """Return every sequence of an identity, in its order.
 
-    identity: one that `read_standing` has accepted. registry: the perturbations that there are. chosen: the frames of
-    each sequence that are asked for, start and stop only.
+    identity: one that `read_dataset_state` has accepted. registry: the perturbations that there are. chosen: the frames
+    of each sequence that are asked for, start and stop only.
     """
     ways = {name: _way(name, content, registry) for name, content in identity["settings"].items()}
     pairs = [folder.split("/") for folder in identity["sequences"]]
