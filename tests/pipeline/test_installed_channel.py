@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 from worlds import ROOT, write_world
 
+from noisy_world.core.channels import in_order
+from noisy_world.core.errors import NoisyWorldError
+
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
 (FACING,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/layouts.md").read_text(encoding="utf-8"), re.DOTALL)
@@ -65,3 +68,8 @@ def test_the_channel_of_a_package(tmp_path):
     refused = run(tmp_path, site)
     assert refused.returncode
     assert "lacks unit" in refused.stdout + refused.stderr
+
+
+def test_a_channel_whose_package_is_not_installed_is_never_left_out():
+    with pytest.raises(NoisyWorldError, match=r"there is no channel facing here: install the package that brings it"):
+        in_order(["depth", "facing"])

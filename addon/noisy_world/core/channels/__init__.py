@@ -4,6 +4,7 @@
 import re
 from collections.abc import Iterable
 
+from ..errors import NoisyWorldError
 from ..installed import Door, Registry
 from . import depth, instance, normal, rgb
 from .channel import Channel
@@ -34,8 +35,14 @@ COLOUR_AND_DEPTH = frozenset({rgb.CHANNEL.name, depth.CHANNEL.name})
 
 
 def in_order(names: Iterable[str]) -> tuple[str, ...]:
-    """Return names of channels in the registry's order, each once."""
+    """Return names of channels in the registry's order, each once.
+
+    Raises NoisyWorldError for a channel of a package that is not installed here.
+    """
     wanted = set(names)
+    if unknown := sorted(wanted.difference(CHANNELS)):
+        told = f"there is no channel {', '.join(unknown)} here"
+        raise NoisyWorldError(f"{told}: install the package that brings it; known are {', '.join(CHANNELS)}")
     return tuple(name for name in CHANNELS if name in wanted)
 
 
