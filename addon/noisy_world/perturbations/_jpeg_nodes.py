@@ -58,7 +58,7 @@ def compressed(canvas: Canvas, quality: Socket) -> Socket:
 
 
 @dataclass(frozen=True)
-class _Frame:
+class _JpegFrame:
     """The sizes that the compression works with: (width, height, 1) in pixels.
 
     scale: pixels of the image per pixel of the frame, 1 at most. frame: the image that is compressed. planes: one of
@@ -71,14 +71,14 @@ class _Frame:
     chroma: Socket
 
 
-def _frame(canvas: Canvas) -> _Frame:
+def _frame(canvas: Canvas) -> _JpegFrame:
     graph = canvas.graph
     scale = graph.math("MINIMUM", canvas.scale, 1.0, label="No block larger than 8 pixels")
     size = graph.math("ROUND", graph.vector(canvas.width_px, canvas.height_px) / scale)
     blocks, pairs = graph.math("CEIL", size / 16.0), graph.math("CEIL", size / 2.0)
     frame = graph.math("ADD", size, (0.0, 0.0, 1.0), label="Frame")
     planes = graph.math("MULTIPLY_ADD", blocks, (16.0, 8.0, 0.0), (0.0, 0.0, 1.0), label="Planes")
-    return _Frame(scale, frame, planes, graph.math("ADD", pairs, (0.0, 0.0, 1.0), label="Chroma"))
+    return _JpegFrame(scale, frame, planes, graph.math("ADD", pairs, (0.0, 0.0, 1.0), label="Chroma"))
 
 
 def _positions(size: Socket, label: str) -> Socket:
@@ -104,7 +104,7 @@ def _fixed(*values: float) -> tuple[float, ...]:
     return tuple(round(value * 65536) / 65536 for value in values)
 
 
-def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
+def _planes(frame: _JpegFrame, ycc: Socket, position: Socket) -> Socket:
     """Return the three planes minus CENTRE. The frame's border is replicated, as libjpeg does."""
     graph = ycc.graph
     per_pixel = graph.math("DIVIDE", (1.0, -1.0, 1.0), frame.frame)
@@ -124,7 +124,7 @@ def _planes(frame: _Frame, ycc: Socket, position: Socket) -> Socket:
     return graph.math("FLOOR", graph.vector(upper_luma, lower_luma, chroma)) - CENTRE
 
 
-def _decoded(frame: _Frame, planes: Socket, position: Socket, quality: Socket, white: Socket | float) -> Socket:
+def _decoded(frame: _JpegFrame, planes: Socket, position: Socket, quality: Socket, white: Socket | float) -> Socket:
     """Transform the planes, quantise the coefficients, transform back; return the planes as whole numbers 0 to 255.
 
     Where `white` is above 1, they go as far beyond both ends: the code is that of T.81 for samples of more bits.
@@ -218,7 +218,7 @@ def _quantise() -> Graph:
     return graph
 
 
-def _rgb(canvas: Canvas, frame: _Frame, decoded: Socket) -> Socket:
+def _rgb(canvas: Canvas, frame: _JpegFrame, decoded: Socket) -> Socket:
     """Unpack the planes, enlarge the chroma as libjpeg does, and convert (JFIF)."""
     graph = canvas.graph
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")

@@ -27,7 +27,7 @@ def to_points(points_m: Points, tree: Any, *, largest_m: float = np.inf) -> tupl
     return tree.query(points_m, distance_upper_bound=largest_m, workers=available_threads())
 
 
-class Surface:
+class MapSurface:
     """Triangles, to which distances are asked for.
 
     Candidates are the triangles of the points nearest to each asked point: so points have to lie on each triangle

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.geometry import Intrinsics
 from ...core.scenes.mesh import Mesh
 from .culling import TRUTH_MARGIN_M, Culling, Seen
-from .distances import Surface
+from .distances import MapSurface
 from .fusing import fuse
 from .samples import Points, Samples, areas_m2, corners_of, draw
 from .views import RecordedViews, RenderedViews, Views
@@ -27,7 +27,7 @@ Origin: TypeAlias = Literal["mesh", "fused"]
 class SeenSurface:
     """The part of a mesh that counts. samples: as many as were asked for. share: of the mesh's area."""
 
-    surface: Surface
+    surface: MapSurface
     samples: Samples
     share: float
 
@@ -56,7 +56,9 @@ def seen_surface(mesh: Mesh, seen: Seen, margin_m: float, count: int, *names: st
     centres_m = corners_m[small].mean(axis=1)
     told = seen.tell(centres_m, margin_m)
     points_m = np.concatenate([samples.points_m, centres_m[told]])
-    return SeenSurface(Surface(corners_m, points_m, np.concatenate([samples.triangles, small[told]])), samples, share)
+    return SeenSurface(
+        MapSurface(corners_m, points_m, np.concatenate([samples.triangles, small[told]])), samples, share
+    )
 
 
 class TrueMap(AbstractContextManager["TrueMap"]):
