@@ -71,6 +71,7 @@ def test_what_another_session_is_needed_for(tmp_path):
         assert served(source_paths(plan, moved), render_options(plan, moved))
         assert served(paths, replace(options, first_frames=()))
         assert not served(replace(paths, depth=paths.rgb), options)
-        for changed in ({"rgb": False}, {"depth": False}, {"samples": 2}, {"seed": 1}, {"near_m": 0.5}, {"threads": 1}):
+        others = ({"channels": frozenset({"rgb"})}, {"channels": frozenset({"depth"})})
+        for changed in (*others, {"samples": 2}, {"seed": 1}, {"near_m": 0.5}, {"threads": 1}):
             assert not served(paths, replace(options, **changed))
     assert told == []
