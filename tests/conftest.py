@@ -2,6 +2,7 @@
 """What stands below Blender is tested as it has to work: without Blender."""
 
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sour
 # Files with the longest tests: they begin first, so that no process still has one when the others have ended.
 FIRST = (
     "ui/window/test_add_on.py",
-    "cluster/test_ray.py",
+    "executors/test_ray.py",
     "storage/test_killed_runs.py",
 )
 
@@ -37,7 +38,7 @@ def kept_rooms(pytestconfig):
 
     kept = KeptRooms(pytestconfig.cache.mkdir(KEPT))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("noisy_world.sources.mesh.build_room", kept.room)
+        patched.setattr("noisy_world.sources.mesh_source._room", lru_cache(maxsize=1)(kept.room))
         yield kept
 
 

@@ -8,9 +8,11 @@ import pytest
 from recorded_layouts import WRITERS
 
 from noisy_world import testing
+from noisy_world.core.channels import CHANNELS, COLOUR_AND_DEPTH
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
 from noisy_world.core.datasets.layouts.replica import ReplicaLayout
 from noisy_world.core.datasets.layouts.tum import TumLayout
+from noisy_world.evaluation.maps.names import MAP_METRICS, MapMetric
 from noisy_world.evaluation.metrics import METRICS
 from noisy_world.evaluation.systems.registry import SHIPPED
 from noisy_world.extend import (
@@ -36,6 +38,12 @@ def test_metrics_keep_theirs(name):
     testing.check_metric(METRICS[name])
 
 
+@pytest.mark.parametrize("name", list(MAP_METRICS))
+def test_map_metrics_keep_theirs(name):
+    pytest.importorskip("embreex", reason="embreex comes with the extra evaluate")
+    testing.check_map_metric(MAP_METRICS[name])
+
+
 @pytest.mark.parametrize("name", list(LAYOUTS))
 def test_layouts_keep_theirs(name, tmp_path):
     testing.check_layout(LAYOUTS[name], tmp_path)
@@ -47,6 +55,11 @@ def test_layouts_of_recordings_keep_theirs(name, tmp_path):
     folder.mkdir()
     WRITERS[name](folder)
     testing.check_layout(RECORDED[name], folder)
+
+
+@pytest.mark.parametrize("name", [name for name in CHANNELS if name not in COLOUR_AND_DEPTH])
+def test_channels_keep_theirs(name):
+    testing.check_channel(CHANNELS[name])
 
 
 def test_a_system_keeps_its(tmp_path):
@@ -117,6 +130,7 @@ FEWER = {"amount": (0.1, 0.2, 0.4, 0.5, 0.6)}
         (colour(unseeded), "gives another colour for the same frame; draw from the context only"),
         (colour(noisy, repeatable=True), "says repeatable, but frames 4 and 5 differ for equal images"),
         (colour(lambda rgb, *_: rgb), "returns the array that it is given; return a new one"),
+        (colour(noisy, apply_bytes=lambda rgb, *_: rgb + np.uint8(1)), "apply_bytes gives other bytes than apply, r"),
         (colour(lambda rgb, *_: rgb / np.float32(0) * 0), "gives colour that is not finite"),
         (colour(lambda rgb, *_: rgb[::2]), "apply has to return a float32 array of shape (36, 48, 3)"),
         (depth(lambda depth_m, *_: depth_m + np.float32(0.1)), "gives depth where there was none; void (0) has"),
@@ -167,6 +181,34 @@ def test_a_broken_metric_is_told_its_rule(broken, told):
     assert told in str(raised.value)
 
 
+def of_map(compute, name="broken_m", better="lower", meaning="A number."):
+    return MapMetric(name, "broken", "m", better, meaning, compute)
+
+
+@pytest.mark.parametrize(
+    ("broken", "told"),
+    [
+        (of_map(lambda compared: 0.0, name="broken"), "is in m, so its name has to end with _m"),
+        (of_map(lambda compared: 0.0, meaning="a number"), "its meaning has to be a sentence"),
+        (of_map(lambda compared: float("nan")), "the metric broken_m gave nan"),
+        (of_map(lambda compared: float(np.random.default_rng().random())), "for the same map"),
+        (
+            of_map(lambda compared: float(compared.map is not None)),
+            "is 0 for no map, better than 1 for the truth",
+        ),
+        (
+            of_map(lambda compared: None if compared.accuracy_m is None else -float(compared.accuracy_m.mean())),
+            "for half of the truth, better than -0 for the truth itself: lower is better",
+        ),
+    ],
+)
+def test_a_broken_metric_of_maps_is_told_its_rule(broken, told):
+    pytest.importorskip("embreex", reason="embreex comes with the extra evaluate")
+    with pytest.raises(AssertionError) as raised:
+        testing.check_map_metric(broken)
+    assert told in str(raised.value)
+
+
 class Counting(ReplicaLayout):
     """Finds no frames.jsonl."""
 
@@ -211,6 +253,57 @@ class Scaled(TumLayout):
 def test_a_broken_layout_is_told_its_rule(broken, told, tmp_path):
     with pytest.raises(AssertionError) as raised:
         testing.check_layout(broken(), tmp_path)
+    assert told in str(raised.value)
+
+
+class Steps(type(CHANNELS["normal"])):
+    def steps_of(self, pixels):
+        return super().steps_of(pixels).astype(np.int32)
+
+
+class Void(type(CHANNELS["normal"])):
+    def of_mesh(self, mesh):
+        made = super().of_mesh(mesh)
+        return lambda surface: made(surface) + np.linspace(0, 1, 48, dtype=np.float32)[:, None]
+
+
+class Numbers(type(CHANNELS["instance"])):
+    kinds = ("png", "exr")
+
+
+class Wide(type(CHANNELS["instance"])):
+    components = 3
+
+
+class Changing(type(CHANNELS["normal"])):
+    def of_mesh(self, mesh):
+        return lambda surface: np.negative(surface.normals, out=surface.normals)
+
+
+class Lost(type(CHANNELS["flow"])):
+    def stored(self, pixels, kind):
+        return np.rint(pixels)
+
+
+class Nameless(type(CHANNELS["flow"])):
+    parts = ("dx", "dy")
+
+
+@pytest.mark.parametrize(
+    ("broken", "told"),
+    [
+        (Steps, "normal: its steps are int32 (36, 48, 3), not uint16 (36, 48, 3)"),
+        (Void, "normal: has several values for what is void, of a surface"),
+        (Numbers, "instance: is uint16, and an EXR holds float32: leave exr out of kinds"),
+        (Wide, "instance: its image of a surface is uint16 (36, 48), but it says uint16 (36, 48, 3)"),
+        (Changing, "normal: changes what it is given; copy it"),
+        (Lost, "flow: reads another image from its exr file than `stored` says, of two frames"),
+        (Nameless, "flow: names 2 parts of 3 components"),
+    ],
+)
+def test_a_broken_channel_is_told_its_rule(broken, told):
+    with pytest.raises(AssertionError) as raised:
+        testing.check_channel(broken())
     assert told in str(raised.value)
 
 

@@ -125,6 +125,14 @@ def test_the_readme_is_short_and_its_lines_even():
     assert [line for line in lines if len(line) > 120 and not line.startswith("|")] == []
 
 
+def test_the_architecture_is_read_in_ten_minutes():
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    words, changes = text.split("## Words that are ours")[1].split("## The eight changes")
+    assert len(re.findall(r"^\| (?!word|---)", words, re.MULTILINE)) <= 30
+    assert len(re.findall(r"^\| (?!to add|---)", changes, re.MULTILINE)) == 8
+    assert len(text.split()) < 1600
+
+
 def test_commands_and_files_on_the_pages_exist():
     """What a reader types: subcommands, targets of Make, files of the repository. The changelog tells of older ones."""
     pages = {

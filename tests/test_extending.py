@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The package of docs/extend.md, as it stands there: two layouts, a metric and a system, all by entry points."""
+"""The package of docs/extend.md, as it stands there: a source, two layouts, a metric and more, all by entry points."""
 
 import csv
 import json
@@ -23,12 +23,15 @@ for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-FLAT, PHONE, UPWARD, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+CORRIDOR, FLAT, PHONE, FACING, UPWARD, STRAYS, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
+    "corridor.py": CORRIDOR,
     "flat.py": FLAT,
     "phone.py": PHONE,
+    "facing.py": FACING,
+    "strays.py": STRAYS,
     "upward.py": UPWARD,
     "systems/__init__.py": "",
     "systems/still.yaml": re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1],
@@ -43,6 +46,11 @@ from noisy_world.cli import command
 from noisy_world.core.datasets.layouts import find_sequence
 for words in (
     ["list", "layouts"],
+    ["list", "sources"],
+    ["list", "metrics"],
+    ["list", "keys"],
+    ["generate", "hall/preset.yaml", "--out", "hall_out"],
+    ["generate", "hall/preset.yaml", "--out", "hall_out"],
     ["systems"],
     ["generate", "made/preset.yaml", "--out", "flat"],
     ["generate", "made/preset.yaml", "--out", "flat"],
@@ -52,13 +60,20 @@ for words in (
     print(">", *words, flush=True)
     if command.main(words):
         sys.exit(f"{words} ended with an error")
+for change in ("width_m=5", "widht_m=5"):
+    words = ["generate", "hall/preset.yaml", "--out", "hall_out", "--set", f"scenes.0.corridor.{change}"]
+    if command.main(words) != 1:
+        sys.exit(f"{words} was not refused")
 import os, pathlib, my_lab_tests
 os.chdir("tested")
-for name in ("flat", "upward", "still"):
+for name in ("corridor", "flat", "upward", "still"):
     pathlib.Path("..", name + "_works").mkdir()
+my_lab_tests.test_corridor(pathlib.Path("../corridor_works"))
 my_lab_tests.test_flat(pathlib.Path("../flat_works"))
 my_lab_tests.test_phone()
+my_lab_tests.test_facing()
 my_lab_tests.test_upward()
+my_lab_tests.test_strays()
 my_lab_tests.test_still(pathlib.Path("../still_works"))
 """
 
@@ -82,6 +97,9 @@ def worked(tmp_path_factory):
     output = {"layout": "flat", "depth_scale_per_m": 2000}
     write_world(folder / "made", frames=FRAMES, size=(32, 24), settings=noise, render=RENDER, output=output)
     write_phone(folder / "phone")
+    hall = [{"name": "hall", "corridor": {"width_m": 3, "frames": FRAMES}}]
+    away = {"name": "away", "perturb": [{"motion_deviation": {"rotation_deg": 0, "translation_m": 0.05}}]}
+    write_world(folder / "hall", size=(32, 24), scenes=hall, settings=[{"name": "clean"}, away], render=RENDER)
     (site / "my_lab_tests.py").write_text(TESTS)  # which are run from the package's own folder
     (folder / "tested").mkdir()
     (folder / "tested/my_lab").symlink_to(site / "my_lab")
@@ -103,7 +121,8 @@ def worked(tmp_path_factory):
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    return folder, dict(re.findall(r"^> (.+)\n((?:(?!> ).*\n)*)", result.stdout, re.MULTILINE))
+    said = dict(re.findall(r"^> (.+)\n((?:(?!> ).*\n)*)", result.stdout, re.MULTILINE))
+    return folder, said | {"refused": result.stderr}
 
 
 def depth_steps(file):
@@ -117,7 +136,41 @@ def test_lists_have_them(worked):
     written, alone = said["list layouts"].split("read alone, as sequence")
     assert "flat  Flat, all images in one folder, each pose in a file; from my-lab 1.0\n" in written
     assert "phone  Our phone: what our phone records; depth in mm; from my-lab 1.0\n" in alone
+    assert "map.accuracy_max_m  accuracy, max [m], lower is better; from my-lab 1.0\n" in said["list metrics"]
     assert "still (from my-lab 1.0): can be run here\n" in said["systems"]
+
+
+def corridor_depth_m(c2w, half_m=1.5):
+    """Planar depth at the centres of the pixels of write_world's camera, of walls around the world's z."""
+    x, y = (np.arange(32)[None, :] - 15.5) / 16, (np.arange(24)[:, None] - 11.5) / 16
+    sides = (np.sign(x) * half_m - c2w[0, 3]) / x
+    ceiling = (np.sign(y) * half_m - c2w[1, 3]) / y
+    return np.minimum(np.minimum(sides, ceiling), 100.0)
+
+
+def test_scenes_come_from_the_source(worked):
+    folder, said = worked
+    assert (
+        "corridor  Corridor: a corridor of striped walls, along which a camera sways; from my-lab 1.0\n"
+        in (said["list sources"])
+    )
+    assert re.search(
+        r"^scenes\[\]\.corridor\.width_m +from wall to wall, .*; default 4\.0$", said["list keys"], re.MULTILINE
+    )
+    identity = json.loads((folder / "hall_out/manifest.json").read_text())["identity"]
+    assert identity["versions"]["my-lab"] == "1.0"
+    assert identity["scenes"]["hall"]["keys"] == {"corridor.frames": FRAMES, "corridor.width_m": 3.0}
+    for setting in ("clean", "away"):
+        results = folder / "hall_out" / setting / "hall"
+        poses = np.loadtxt(results / "traj.txt").reshape(-1, 4, 4)
+        for k, c2w in enumerate(poses):
+            written = depth_steps(results / f"results/depth{k:06d}.png") / 6553.5
+            true = corridor_depth_m(c2w)
+            near = true < 9.9  # what 16 bits hold
+            assert np.abs(written - true)[near].max() < 1e-3
+    assert f"0 frames rendered, {2 * FRAMES} kept" in said["generate hall/preset.yaml --out hall_out"]
+    assert "scenes.0.corridor.width_m was 3, is 5; give it another name" in said["refused"]
+    assert "scenes.0.corridor.widht_m: unknown key 'widht_m'; did you mean 'width_m'" in said["refused"]
 
 
 def test_a_dataset_is_written_and_read_in_the_layout(worked):

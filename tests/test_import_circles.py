@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""No module imports itself by way of others, be it inside a function or for types alone."""
+"""No module imports itself by way of others, and packages import downwards, inside functions and for types too."""
 
 import ast
+import re
 
 from worlds import ROOT
 
@@ -90,3 +91,20 @@ def test_a_circle_would_be_found(tmp_path):
 def test_a_circle_through_a_package_would_be_found(tmp_path):
     modules = write_package(tmp_path, __init__="from .fog import FOG", fog="from . import ORDER\nFOG = 1")
     assert circles(modules) == [["house", "house.fog"]]
+
+
+def test_packages_import_those_alone_that_stand_lower_in_the_drawing():
+    drawing = (ROOT / "docs/architecture.svg").read_text(encoding="utf-8")
+    height = {name: float(y) for y, name in re.findall(r'class="package" x="[\d.]+" y="([\d.]+)"[^>]*>(\w+)<', drawing)}
+    modules = modules_of((ROOT / "addon",))
+    inside = {name: path for name, path in modules.items() if name.count(".") and "other_name" not in name}
+    packages = {name.split(".")[1] for name in inside} - {"__main__"}
+    assert set(height) == packages
+    seen = {
+        (name.split(".")[1], other.split(".")[1])
+        for name, path in inside.items()
+        for other in imports_of(name, path, modules)
+        if other in inside and "__main__" not in (name.split(".")[1], other.split(".")[1])
+    }
+    assert ("pipeline", "blender") in seen, "imports inside functions count"
+    assert [pair for pair in sorted(seen) if pair[0] != pair[1] and height[pair[0]] >= height[pair[1]]] == []

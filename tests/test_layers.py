@@ -15,7 +15,7 @@ MODULES = sorted(
 COMMAND = [
     f"noisy_world.cli.{name}"
     for name in (
-        *("command", "generate", "list_command", "export_mesh", "workers", "status"),
+        *("command", "generate", "list_command", "export_mesh", "shard_tasks", "study_tasks", "status"),
         *("plan_command", "shard_command", "merge_command"),
         *("recipe_command", "verify_command", "remake", "render_clean", "score_command", "run_odometry"),
     )
@@ -33,7 +33,7 @@ import sys
 sys.path.insert(0, {str(ADDON)!r})
 for module in {modules!r}:
     __import__(module)
-print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "yaml", "tqdm"}} & set(sys.modules)))
+print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "isal", "yaml", "tqdm"}} & set(sys.modules)))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
@@ -52,6 +52,9 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "addon/noisy_world/core/scenes/mesh.py": "import bpy\n",
         "addon/noisy_world/core/scenes/ply.py": "from ...blender import scene\n",
         "addon/noisy_world/core/datasets/images.py": "import cv2\n",
+        "addon/noisy_world/core/scenes/selfcheck.py": "from ...rooms import build_room\n",
+        "addon/noisy_world/rooms/shell.py": "from ..core.trajectories.handheld import handheld_path\n",
+        "addon/noisy_world/rooms/light.py": "from ..sources import find_scenes\n",
         "addon/noisy_world/blender/camera.py": "from ..pipeline.run import Run\n",
         "addon/noisy_world/pipeline/run.py": "from ..blender.session import Session\n",
         "addon/noisy_world/pipeline/colour.py": "from ..sources.mesh import MeshSource\n",

@@ -24,7 +24,7 @@ ELSEWHERE = {
     "blender/render.py": "a scratch file that Blender has just written",
     "blender/render_file.py": "a scratch file that Blender has just written",
     "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
-    "cluster/remote.py": "carried to nodes without this package; it asks whether a file is a regular one",
+    "executors/node.py": "carried to nodes without this package; it asks whether a file is a regular one",
     "evaluation/systems/guard.py": "/proc, and run without this package",
     "evaluation/systems/programs": "run in other Pythons, without this package",
 }
@@ -40,6 +40,8 @@ def is_read(call):
         case ast.Name("open"):
             return reads(call.args[1:2])
         case ast.Attribute(ast.Name("regular_files"), _):
+            return False
+        case ast.Attribute(ast.Name("OpenEXR"), "File") if len(call.args) == 2:  # made of a header and channels
             return False
         case ast.Attribute(ast.Name("os"), "open"):
             return "O_WRONLY" not in ast.unparse(call)

@@ -10,15 +10,19 @@ from typing import get_args
 import pytest
 from worlds import ROOT
 
+from noisy_world.core.channels import CHANNELS
+from noisy_world.core.channels.channel import FileKind
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
 from noisy_world.core.perturbing.kinds import KINDS, ColourPerturbation, DepthPerturbation
 from noisy_world.core.planning.estimate import estimate, size_text
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import EngineName, read_preset
 from noisy_world.core.scenes.embedded import ROOMS
+from noisy_world.evaluation.maps.names import MAP_METRICS
 from noisy_world.evaluation.metrics import METRICS
 from noisy_world.evaluation.systems.registry import find_system, shipped_names
 from noisy_world.perturbations import registry
+from noisy_world.sources import SOURCES
 from noisy_world.planning import make_plan
 
 sys.path.insert(0, str(ROOT / "headless"))
@@ -84,7 +88,7 @@ CLAIMS = [
     ("docs/results.md", r"Two embedded rooms x (\d+) settings", [settings("study")]),
     ("docs/report.md", r"two systems, two rooms, (\d+) settings", [settings("benchmark")]),
     ("docs/node_groups.md", r"all (\d+) groups of the shelf", [len([item for item in COLOUR if item.build])]),
-    ("docs/architecture.md", r"in (\w+) engines", [len(get_args(EngineName))]),
+    ("docs/decisions.md", r"in (\w+) engines", [len(get_args(EngineName))]),
     ("docs/your_perturbation.md", r"one of (\w+) kinds", [len(KINDS)]),
 ]  # fmt: skip
 BENCHMARK = (f"{8 * settings('noisy_replica'):,} sequences", f"{settings('noisy_replica')} settings")  # on many pages
@@ -102,7 +106,7 @@ OTHERS = {
     ("docs/noisy_replica.md", "768 sequences"): "a product beside it",
     ("docs/noisy_replica.md", "32 sequences"): "a product beside it",
     ("docs/recipes.md", "110 settings"): "without the 15 that move the path",
-    ("docs/architecture.md", "Sixteen settings"): "of one call to the compositor",
+    ("docs/decisions.md", "Sixteen settings"): "of one call to the compositor",
 }
 
 
@@ -160,6 +164,16 @@ def test_the_registries_are_named_on_their_pages():
     assert len(rows) - 2 == len(RECORDED)
 
 
+def test_the_table_of_channels_is_that_of_the_registry():
+    page = PAGES["docs/channels.md"].read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| .* \| \((.*)\) (\w+)[^|]* \| [^|]* \| (.*) \|$", page, re.MULTILINE)
+    assert [row[0] for row in rows] == list(CHANNELS)
+    for name, shape, dtype, files in rows:
+        channel = CHANNELS[name]
+        assert (shape, dtype) == ("H, W, 3" if channel.components == 3 else "H, W", channel.dtype)
+        assert [kind for kind in re.findall(r"`(\w+)`", files) if kind in get_args(FileKind)] == list(channel.kinds)
+
+
 def test_the_table_of_layouts_is_that_of_the_registry():
     page = PAGES["docs/layouts.md"].read_text(encoding="utf-8")
     (head,) = re.findall(r"^\| key of `output` \| what it does \| (.*) \|$", page, re.MULTILINE)
@@ -178,6 +192,19 @@ def test_the_table_of_metrics_is_that_of_the_registry():
     table = re.search(r"## The metrics\n.*?\n\|---\|---\|---\|\n(.*?)\n\n", page, re.S)[1]
     named = [name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])]
     assert sorted(named) == sorted(METRICS)
+
+
+def test_the_page_of_metrics_names_those_of_maps():
+    page = PAGES["docs/metrics.md"].read_text(encoding="utf-8")
+    *_, table = re.findall(r"\| name \| what it is \| when it misleads \|\n\|---\|---\|---\|\n(.*?)\n\n", page, re.S)
+    named = [name for row in table.splitlines() for name in re.findall(r"`(\w+)`", row.split("|")[1])]
+    assert named == [name for name, metric in MAP_METRICS.items() if metric.group != "paper"]
+
+
+def test_the_table_of_sources_is_that_of_the_registry():
+    page = PAGES["docs/generate.md"].read_text(encoding="utf-8")
+    table = re.search(r"\| key \| what it is \|\n\|---\|---\|\n(.*?)\n\n", page, re.S)[1]
+    assert re.findall(r"\| `(\w+)` \| (.*) \|", table) == [(name, kind.meaning) for name, kind in SOURCES.items()]
 
 
 # --- what the benchmark costs: one measurement, in docs/cost.md ---

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the author of a package imports that brings perturbations, layouts, channels or metrics.
+"""The public names for authors of packages that bring perturbations, layouts, channels, sources or metrics.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings it by an
-entry point of the group `noisy_world.perturbations`, `noisy_world.layouts`, `noisy_world.channels` or
-`noisy_world.metrics`. docs/extend.md and docs/layouts.md have an example of every kind, and `noisy_world.testing` tells
-whether a perturbation, a layout or a metric keeps its contract. Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings
+it by an entry point of the group `noisy_world.perturbations`, `noisy_world.sources`, `noisy_world.layouts`,
+`noisy_world.channels`, `noisy_world.metrics` or `noisy_world.map_metrics`. docs/extend.md has examples, and
+`noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
 """
 
+from .core.channels.pair import PairChannel, View
 from .core.channels.surface import Surface, SurfaceChannel
 from .core.datasets.frame_times import read_frame_times
 from .core.datasets.known_poses import PosePolicy, truth_file
@@ -31,11 +32,16 @@ from .core.perturbing.kinds import (
     PairingPerturbation,
     SequenceContext,
 )
+from .core.planning.scene import SceneEntry, SourceKind
+from .core.planning.simple_source import ComputedSource, SimpleSource
+from .core.planning.source import RenderedFrame, SourceCapabilities
+from .core.presets.scene_keys import SceneKeys
 from .core.schema import key
 from .core.trajectories.files import read_trajectory, tum_text
-from .core.trajectories.frame_request import Shutter
+from .core.trajectories.frame_request import FrameRequest, Shutter
 from .core.trajectories.stamps import FrameStamps
 from .core.trajectories.trajectory import Trajectory
+from .evaluation.maps.names import ComparedMap, MapMetric
 from .evaluation.metrics import Compared, TrajectoryMetric
 
 __all__ = [
@@ -44,29 +50,41 @@ __all__ = [
     "Canvas",
     "ColourPerturbation",
     "Compared",
+    "ComparedMap",
+    "ComputedSource",
     "DepthPerturbation",
     "ExposurePerturbation",
     "FrameContext",
+    "FrameRequest",
     "FrameStamps",
     "Graph",
     "InputError",
     "Intrinsics",
     "Layout",
+    "MapMetric",
     "MotionPerturbation",
     "NumberedPoses",
     "Optics",
+    "PairChannel",
     "PairingPerturbation",
     "PosePolicy",
     "RecordedLayout",
+    "RenderedFrame",
+    "SceneEntry",
+    "SceneKeys",
     "SequenceContext",
     "SequenceFacts",
     "Shutter",
+    "SimpleSource",
     "Socket",
+    "SourceCapabilities",
+    "SourceKind",
     "StoredSequence",
     "Surface",
     "SurfaceChannel",
     "Trajectory",
     "TrajectoryMetric",
+    "View",
     "cam_params_text",
     "folder_of_poses",
     "key",

@@ -14,16 +14,14 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
-from .core.datasets.registration import Registration
-from .core.datasets.stored import StoredSequence
 from .core.geometry import Intrinsics
-from .core.optics import Optics
+from .core.machine import keep_freed_memory
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.inputs import (
     LARGEST_FRAME,
@@ -41,15 +39,14 @@ from .core.perturbing.inputs import (
 from .core.perturbing.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext
 from .core.perturbing.reading import drawing_by, parse_steps
 from .core.perturbing.steps import Setting, Step
-from .core.planning.sequence import Sequence as PlannedSequence
-from .core.planning.sequence import lay_out, written_paths
-from .core.schema import Place, describe
-from .core.trajectories.sensor_paths import SensorPaths
-from .core.trajectories.trajectory import Trajectory
+from .core.schema import ConfigPath, describe
 from .perturbations import registry
-from .pipeline.clean_frame import Camera, CleanFrame
-from .pipeline.made_frame import SequenceMaker
-from .sources.recording import RecordedFrame, read_recording
+
+if TYPE_CHECKING:
+    from .core.datasets.stored import StoredSequence
+    from .core.optics import Optics
+    from .core.planning.sequence import Sequence as PlannedSequence
+    from .core.trajectories.trajectory import Trajectory
 
 __all__ = ["PerturbedFrame", "apply", "frames", "names"]
 
@@ -128,6 +125,8 @@ def apply(
     perturbations that ask for them; stamp_s in seconds.
     values: as in a preset: mode, levels, temporal, or single parameters.
 
+    From the first call on, the process keeps freed memory for the next images, where its C library is glibc.
+
         >>> import numpy as np
         >>> from noisy_world.perturb import apply
         >>> grey = np.full((4, 6, 3), 128, np.uint8)
@@ -141,8 +140,9 @@ def apply(
     depth in whole numbers or colour with an alpha channel; ValueError for values that it may not hold: colour outside
     [0, 1], negative depth, NaN and infinities, an image without pixels, sizes that differ.
     """
+    keep_freed_memory()
     name = checked_text("name", name)
-    place = Place("apply")
+    place = ConfigPath("apply")
     values = values if severity is None else {"severity": severity, **values}
     (step,) = parse_steps([{name: plain(values)}], place, registry())
     if isinstance(step.perturbation, SEQUENCE_KINDS):
@@ -222,44 +222,58 @@ def frames(
     and for intrinsics or a rate that the sequence's own files contradict; TypeError and ValueError for other arguments
     that are not as described.
     """
+    from .core.planning.sequence import lay_out, written_paths  # noqa: PLC0415 - an image needs none of these
+    from .core.trajectories.sensor_paths import SensorPaths  # noqa: PLC0415
+    from .sources.recording import read_recording  # noqa: PLC0415
+
     seed = checked_whole_number("seed", seed, LARGEST_SEED)
     setting = checked_text("setting", setting)
     name = Path(folder).name if scene is None else checked_text("scene", scene)
     if isinstance(perturb, (str, bytes)) or not isinstance(perturb, Sequence):
         raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
     check_intrinsics(intrinsics)
-    recording = read_recording(Path(folder), Place("frames"), checked_rate("rate_hz", rate_hz))
+    recording = read_recording(Path(folder), ConfigPath("frames"), checked_rate("rate_hz", rate_hz))
     stored = recording.stored
     for note in (*stored.notes, *stored.image_notes):
         warnings.warn(f"{folder}: {note}", stacklevel=2)
     check_intrinsics(intrinsics, stored.size_px)
     known = stored.known_camera if intrinsics is None else recording.camera(intrinsics)
     stream = None if stream is None else checked_text("stream", stream)
-    steps = parse_steps(plain(perturb), Place("frames"), registry())
-    whole = Setting(setting, drawing_by(steps, setting, stream, Place("frames").at("stream")))
+    steps = parse_steps(plain(perturb), ConfigPath("frames"), registry())
+    whole = Setting(setting, drawing_by(steps, setting, stream, ConfigPath("frames").at("stream")))
     moving = (*split_motion(whole.motion, exposed=bool(whole.exposure))[0], *whole.exposure)
     if moving:
-        told = moving[-1].perturbation.name
-        raise Place("frames").error(f"{told} needs a mesh: a sequence cannot be seen from elsewhere")
+        motion = moving[-1].perturbation.name
+        raise ConfigPath("frames").error(f"{motion} needs a mesh: a sequence cannot be seen from elsewhere")
     optics = stored.optics if known is None else recording.optics(known)
     if optics.depth is not None and known is None:
-        raise Place("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
+        raise ConfigPath("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
     return _perturbed_frames(stored, sequence, path, known, optics)
 
 
 def _perturbed_frames(
-    stored: StoredSequence, sequence: PlannedSequence, path: Trajectory, known: Intrinsics | None, optics: Optics
+    stored: "StoredSequence",
+    sequence: "PlannedSequence",
+    path: "Trajectory",
+    known: Intrinsics | None,
+    optics: "Optics",
 ) -> Iterator[PerturbedFrame]:
     """Perturb the frames of a sequence. path: of the colour camera, a pose for each frame. known: its intrinsics.
 
     optics: what its cameras have beyond one pinhole.
     """
+    from .core.datasets.registration import Registration  # noqa: PLC0415
+    from .pipeline.clean_frame import Camera, CleanFrame  # noqa: PLC0415
+    from .pipeline.made_frame import SequenceMaker  # noqa: PLC0415
+    from .sources.recording import RecordedFrame  # noqa: PLC0415
+
     seen = optics.depth
     colour = Camera(known, stored.stamps.rgb.seconds, stored.trajectory)
     depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
+    keep_freed_memory()
     maker = SequenceMaker(
         sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between)
     )

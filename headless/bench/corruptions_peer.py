@@ -4,7 +4,7 @@
     .venv-corruptions/bin/python headless/bench/corruptions_peer.py FRAMES.npy
 
 FRAMES.npy: (N, H, W, 3) uint8 RGB. Reads JSON lines and answers `@{...}`:
-{"do": "time", "name": ..., "severity": ..., "frames": [...]} -> seconds a frame;
+{"do": "time", "name": ..., "severity": ..., "frames": [...]} -> processor seconds a frame;
 {"do": "metrics", "file": OTHER.npy} -> means of PSNR, SSIM (scikit-image's default on RGB) and shift against FRAMES.
 """
 
@@ -20,16 +20,16 @@ from skimage.metrics import structural_similarity
 
 def main(path: str) -> None:
     """Load, and answer."""
-    cv2.setNumThreads(2)
+    cv2.setNumThreads(1)
     frames = np.load(path)
     print("@" + json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
         order = json.loads(line)
         if order["do"] == "time":
-            start_s = time.perf_counter()
+            start_s = time.process_time()
             for index in order["frames"]:
                 imagecorruptions.corrupt(frames[index], severity=order["severity"], corruption_name=order["name"])
-            print("@" + json.dumps({"frame_s": (time.perf_counter() - start_s) / len(order["frames"])}), flush=True)
+            print("@" + json.dumps({"frame_s": (time.process_time() - start_s) / len(order["frames"])}), flush=True)
         else:
             others = np.load(order["file"])
             found = [metrics(clean, other) for clean, other in zip(frames, others, strict=True)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where rendering and poses lose digits: each case is a table of the error against what makes it hard.
+"""Cases in which rendering and poses lose digits, each a table of error against difficulty.
 
     python headless/bench/hard_cases.py         prints one line `@[...]` of tables
 

@@ -17,7 +17,7 @@ from noisy_world.core.perturbing.execution import perturb_colour
 from noisy_world.core.perturbing.kinds import ColourPerturbation, FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 from . import tables
@@ -40,7 +40,7 @@ GIVEN = {"motion_blur": {"max_angle_deg": 0.0, "angle_deg": 30.0}}  # a fixed an
 
 def step_of(name: str, severity: float) -> Step:
     """Return a step of one severity."""
-    (step,) = parse_steps([{name: {"severity": severity}}], Place("report"), registry())
+    (step,) = parse_steps([{name: {"severity": severity}}], ConfigPath("report"), registry())
     return step
 
 
@@ -75,7 +75,7 @@ def errors(frames: NDArray[np.uint8]) -> str:
         row: list[object] = [name]
         for severity in (1, 2, 3, 4, 5):
             values = {"severity": severity, **GIVEN.get(name, {})}
-            (step,) = parse_steps([{name: values}], Place("report"), registry())
+            (step,) = parse_steps([{name: values}], ConfigPath("report"), registry())
             with Compositor(size_px, {"x": [step]}, size_px[0]) as compositor:
                 found = evaluated(compositor, rgb, depth_m)
             context = step.context(FrameContext(0, (SEED, "", ""), read_depth_m=lambda: depth_m))

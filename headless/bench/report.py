@@ -34,8 +34,8 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply_writer import write_ply
-from noisy_world.core.scenes.room import build_room
 from noisy_world.core.trajectories.handheld import handheld_path
+from noisy_world.rooms import build_room
 
 CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)  # Replica's
 PATH_FRAMES = 24  # of the path that turns go around; chosen
@@ -216,32 +216,38 @@ def million_quads(work: Path, results: Results, rounds: int) -> None:
         "growth": resident[max(resident)] / resident[early] - 1,
     }
     results.million["pair"] = asdict(two_processes(work, ours, max(3, rounds)))
-    results.million["rays"] = rays_alone(work, results, turns)
+    results.million["rays"] = rays_alone(work, "million", results, turns)
     for item in (ours, embree):
         if item:
             item.stop()
 
 
-def rays_alone(work: Path, results: Results, turns: int) -> dict[str, Any] | None:
+def rays_alone(work: Path, scene: str, results: Results, turns: int) -> dict[str, Any] | None:
     """Measure engine embree in seconds of one processor, and the rays alone; return None where embreex is missing."""
     try:
-        ours = renderer(work, "million", "million_rays", render={"engine": "embree"})
+        ours = renderer(work, scene, f"{scene}_rays", render={"engine": "embree"})
     except ContestantError as error:
         results.notes.append(f"left out: {error}")
         return None
     frames: list[float] = []
     rays: list[float] = []
+    lines: list[float] = []
     for turn in range(turns):
         these = list(range(4 * turn, 4 * turn + 4))
-        rays.append(ours.ask(do="rays", frames=these)["core_s"])
+        bare = ours.ask(do="rays", frames=these)
+        rays.append(bare["core_s"])
+        lines.append(bare["output_core_s"])
         frames.append(ours.ask(do="time", frames=these)["core_s"])
-    found = {"frame_core_s": spread(frames), "bare_core_s": spread(rays), "times_bare": spread_of_ratios(frames, rays)}
-    answer = ours.ask(do="memory")
+    found = {
+        "frame_core_s": spread(frames),
+        "bare_core_s": spread(rays),
+        "times_bare": spread_of_ratios(frames, rays),
+        "times_output": spread_of_ratios(frames, lines),
+    }
     ours.stop()
     return {
         **{name: asdict(value) for name, value in found.items()},
-        **{name: ours.start[name] for name in ("loading_s", "first_frame_s")},
-        "peak_bytes": answer["peak_bytes"],
+        **{name: ours.start[name] for name in ("loading_s", "first_frame_s", "peak_bytes")},
     }
 
 

@@ -48,7 +48,7 @@ def fewest(plan: Plan, render: Render, every: int) -> tuple[int, int]:
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
         for frame in render.frames[::every]:
-            picture = CleanFrame(frame, source.frame(paths.request(frame))).byte_rgb()
+            picture = CleanFrame(frame, source.frame(paths.request(frame))).byte_rgb
             grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
             found.append((len(detector.detect(grey)), frame))
     return min(found)

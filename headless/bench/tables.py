@@ -120,6 +120,7 @@ def _million(results: Results) -> str:
             ("engine embree: frame, on disk, of one processor", _spread(rays["frame_core_s"]).text(" s")),
             ("engine embree: the bare rays, of one processor", _spread(rays["bare_core_s"]).text(" s")),
             ("engine embree: frame over bare rays", _spread(rays["times_bare"]).text()),
+            ("engine embree: frame over run(output=1)", _spread(rays["times_output"]).text()),
             ("engine embree: loading, first frame", f"{rays['loading_s']:.1f} s, {rays['first_frame_s']:.2f} s"),
             ("engine embree: peak memory", _megabytes(rays["peak_bytes"])),
         ]

@@ -25,7 +25,7 @@ from noisy_world.blender.render import muted_output
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from tools.lit_compositor import ColourStep, perturbed, shown
 from tools.showcase import shown_perturbations
@@ -86,7 +86,7 @@ def previews() -> dict[str, NDArray[np.uint8]]:
 
 def look_step(name: str) -> ColourStep:
     """Return the step that a perturbation's preview shows."""
-    (step,) = parse_steps([{name: LOOKS.get(name, {"severity": SEVERITY})}], Place("assets"), registry())
+    (step,) = parse_steps([{name: LOOKS.get(name, {"severity": SEVERITY})}], ConfigPath("assets"), registry())
     return step
 
 

@@ -103,8 +103,8 @@ def of_sequences() -> Iterator[tuple[str, Tiles]]:
     }
     settings |= {f"faster_motion {k}": [{"faster_motion": {"factor": factor}}] for k, factor in enumerate(FACTORS)}
     settings |= {f"desync {k}": [{"desync": {"offset": offset}}] for k, offset in enumerate(OFFSETS)}
-    told = json.dumps([{"name": name.replace(" ", "_"), "perturb": steps} for name, steps in settings.items()])
-    plan = make_plan(read_preset(DEMO, [f"settings={told}", WALK]))
+    document = json.dumps([{"name": name.replace(" ", "_"), "perturb": steps} for name, steps in settings.items()])
+    plan = make_plan(read_preset(DEMO, [f"settings={document}", WALK]))
     first = plan.renders[0]
     rgbs: dict[str, list[NDArray[np.uint8]]] = {}
     depths_m: dict[str, NDArray[np.float32]] = {}

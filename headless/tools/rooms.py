@@ -20,10 +20,10 @@ from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.embedded import ROOMS, room_mesh
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.room import build_room
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
+from noisy_world.rooms import build_room
 
 Image: TypeAlias = NDArray[np.uint8]
 
@@ -85,7 +85,7 @@ def rendered(seed: int, shown: tuple[int, ...]) -> tuple[list[Image], NDArray[np
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan_, render), print)
         requests = [paths.request(number) for number in shown]
-        frames = [CleanFrame(request.frame, source.frame(request)).byte_rgb() for request in requests]
+        frames = [CleanFrame(request.frame, source.frame(request)).byte_rgb for request in requests]
     return frames, render.scene.source.trajectory().c2w[:, :3, 3]
 
 

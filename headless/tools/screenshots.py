@@ -34,9 +34,9 @@ from noisy_world.blender.typed import group_of, new_node, new_socket, new_tree, 
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.scenes.room import build_room
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
+from noisy_world.rooms import build_room
 from noisy_world.ui.properties import panel_of
 from noisy_world.ui.standard_view import use_standard_view
 from tools.window import (

@@ -13,7 +13,7 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
@@ -55,5 +55,5 @@ def perturbed(
 
 def step(perturbation: ColourPerturbation, severity: float) -> Step:
     """Return the step of a preset's `{name: {severity: ...}}`."""
-    (found,) = parse_steps([{perturbation.name: {"severity": severity}}], Place("showcase"), registry())
+    (found,) = parse_steps([{perturbation.name: {"severity": severity}}], ConfigPath("showcase"), registry())
     return found

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from tools.lit_compositor import ColourStep, perturbed, shown
 from tools.street.frames import LitFrame, read_frame
@@ -98,7 +98,7 @@ def severe(name: str, severity: float) -> ColourStep:
     values: dict[str, object] = {"severity": severity}
     if "drift" in effects()[name].temporals:
         values["temporal"] = "drift"
-    (step,) = parse_steps([{name: values}], Place("weather_pictures"), registry())
+    (step,) = parse_steps([{name: values}], ConfigPath("weather_pictures"), registry())
     return step
 
 

@@ -9,18 +9,21 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
+from cases import cases
 from own_scenes import LAST, cast, evaluated_triangles, key, new_scene, opened, relative_errors, save
 
 from noisy_world.blender.render import muted_output
-from noisy_world.blender.scene_camera import sampled_camera, sight_of
-from noisy_world.blender.scene_look import look, open_file
+from noisy_world.blender.scene_camera import sampled_camera, camera_parameters
+from noisy_world.blender.scene_inspection import inspect_scene, open_file
+from noisy_world.core.channels import CHANNELS
+from noisy_world.core.channels.pair import View
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import rotation_from_euler_deg
-from noisy_world.core.schema import Place
-from noisy_world.sources.blend import rigid_c2w
+from noisy_world.core.schema import ConfigPath
+from noisy_world.sources.blend_source import rigid_c2w
 
 CLOSE = 1e-5
-PLACE = Place("preset.yaml", "scenes.0")
+PLACE = ConfigPath("preset.yaml", "scenes.0")
 
 
 @pytest.fixture
@@ -49,6 +52,99 @@ def test_depth_is_that_of_rays_while_object_and_camera_move(tmp_path):
             assert frame.rgb.dtype == np.float32
             assert 0.1 < frame.rgb.mean() < 0.9
         assert np.abs(frames[4].depth_m - frames[1].depth_m).max() > 0.5
+
+
+def test_normals_and_objects_are_those_of_the_triangles_that_rays_meet(tmp_path):
+    scene = new_scene()
+    scene.objects["Wall"].pass_index = 7
+    key(scene.objects["Ball"], "pass_index", {1: 3, LAST: 9})
+    file = save(tmp_path)
+    with opened(file) as (session, paths, camera):
+        alone = [session.frame(paths.request(index)) for index in (4, 1)]
+    assert not session._images.needs
+    with opened(file, others={"normal", "instance"}) as (session, _, _):
+        beside = [session.frame(paths.request(index)) for index in (4, 1)]
+    with opened(file, rgb=False, depth=False, others={"instance"}) as (session, _, _):
+        assert np.array_equal(session.frame(paths.request(4)).image("instance"), beside[0].image("instance"))
+    for index, before, frame in zip((4, 1), alone, beside, strict=True):
+        assert np.array_equal(frame.rgb, before.rgb)
+        assert np.array_equal(frame.depth_m, before.depth_m)
+        c2w = paths.rgb.c2w[index]
+        ball, wall = (evaluated_triangles(index + 1, {name}) for name in ("Wall", "Ball"))
+        depths_m = [cast(triangles, c2w, camera) for triangles in (ball, wall)]
+        nearest = np.argmin([np.where(item > 0, item, np.inf) for item in depths_m], axis=0) + 1  # by name
+        assert np.array_equal(frame.image("instance"), np.where(np.max(depths_m, axis=0) > 0, nearest, 0))
+        assert frame.image("instance").dtype == np.uint16
+        points = c2w[:3, 3] + frame.depth_m[..., None] * (camera.ray_directions() @ c2w[:3, :3].T)
+        across = np.cross(ball[:, 1] - ball[:, 0], ball[:, 2] - ball[:, 0])
+        across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        for name, seen, normals in ((1, ball, across), (2, wall, np.array([[0.0, -1.0, 0.0]] * 2))):
+            here = frame.image("instance") == name
+            assert here.sum() > 30
+            off = np.abs(np.einsum("pk,tk->pt", points[here], normals) - np.einsum("tk,tk->t", seen[:, 0], normals))
+            told = frame.image("normal")[here] @ c2w[:3, :3].T
+            among = np.where(off < 1e-4, np.abs(told @ normals.T), 0)  # of the planes that the point lies on
+            assert np.abs(among.max(axis=-1) - 1).max() < 1e-4
+            assert (np.einsum("pk,pk->p", told, points[here] - c2w[:3, 3]) < 0).all()  # on the side that is seen
+
+
+class Towards:
+    """A camera whose pixels look anywhere."""
+
+    def __init__(self, directions):
+        self.directions = directions
+        self.height_px, self.width_px = directions.shape[:2]
+
+    def ray_directions(self):
+        return self.directions
+
+
+@cases("between", [(1, 2), (1, 3), (4, 1), (0.5, 1.75)])
+def test_flow_of_a_ball_that_moves(between, tmp_path):
+    new_scene()
+    first, second = between
+    stamps_s = sorted(item / 25 for item in between)
+    file = save(tmp_path / "-".join(map(str, between)).replace(".", "_"))
+    whole = all(float(item).is_integer() for item in between)
+    with opened(file, stamps_s=None if whole else stamps_s) as (session, paths, camera):
+        requests = [paths.request(int(item) if whole else stamps_s.index(item / 25)) for item in between]
+        frames = [session.frame(request) for request in requests]
+        moves = session.motion(*requests)
+        assert session.motion(requests[0], requests[0]) is None
+        again = session.frame(requests[0])
+    assert np.array_equal(again.depth_m, frames[0].depth_m)
+    views = [
+        View(frame.depth_m, request.rgb_c2w, camera, px)
+        for frame, request, px in zip(frames, requests, moves, strict=True)
+    ]
+    flow = CHANNELS["flow"].of_views(*views)
+
+    here, there = (request.rgb_c2w for request in requests)
+    height, width = frames[0].depth_m.shape
+    points = here[:3, 3] + frames[0].depth_m[..., None].astype(float) * (camera.ray_directions() @ here[:3, :3].T)
+    speed = np.array([1.2 / (LAST - 1), 0.0, 0.0])  # of the ball, a frame
+    on_ball = np.linalg.norm(points - [-0.5, 2.5, 0] - speed * first, axis=-1) < 0.51
+    assert on_ball.sum() > 100
+    local = (points + on_ball[..., None] * speed * (second - first) - there[:3, 3]) @ there[:3, :3]
+    towards = local / local[..., 2:]
+    x = towards[..., 0] * camera.fx_px + camera.cx_px
+    y = towards[..., 1] * camera.fy_px + camera.cy_px
+    v, u = np.mgrid[:height, :width]
+    assert np.hypot(flow[..., 0] - (x - u), flow[..., 1] - (y - v)).max() < 2e-4
+    inside = (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
+    assert np.array_equal(flow[..., 2] == 2, ~inside)
+
+    triangles = evaluated_triangles(second + 1)
+    hidden = inside & (cast(triangles, there, Towards(towards)) < local[..., 2] * (1 - 1e-3))
+    assert hidden.sum() > 20
+    beside = np.zeros_like(hidden)  # where a ray 1.5 pixels off meets the other object
+    for angle in np.arange(0, 2 * np.pi, np.pi / 4):
+        off = [1.5 * np.cos(angle) / camera.fx_px, 1.5 * np.sin(angle) / camera.fy_px, 0]
+        met_m = cast(triangles, there, Towards(towards + np.array(off)))
+        beside |= np.abs(met_m - local[..., 2]) < 0.3
+    assert (hidden & ~beside).sum() > 10
+    assert np.array_equal((flow[..., 2] == 1) & ~beside, hidden & ~beside)
+    assert not (flow[..., 2] == 1)[inside & ~hidden].any()  # nothing that is seen is ever called hidden
 
 
 def test_depth_between_two_frames_and_beside_blurred_colour_is_sharp(blurred):
@@ -117,7 +213,7 @@ def test_poses_follow_parents_drivers_and_markers():
     scene.frame_set(2)
     sampled = sampled_camera(scene, None, range(1, LAST + 1))
     assert (scene.frame_current, scene.camera) == (2, camera)
-    assert [sight.camera for sight in sampled.sights] == ["Camera"] * 4 + ["Other"] * 2
+    assert [camera.camera for camera in sampled.parameters] == ["Camera"] * 4 + ["Other"] * 2
     c2w = rigid_c2w(sampled.matrices, PLACE)
     flip = np.diag([1.0, -1.0, -1.0])
     for frame in range(1, 5):
@@ -154,7 +250,7 @@ def test_intrinsics_are_those_of_blenders_own_projection():
         render.resolution_x, render.resolution_y = (int(size) for size in rng.integers(4, 1500, 2))
         render.pixel_aspect_x, render.pixel_aspect_y = rng.choice([1.0, 1.7], 2)
         bpy.context.view_layer.update()
-        seen = sight_of(scene, camera)
+        seen = camera_parameters(scene, camera)
         x, y, z = rng.uniform([-1, -1, 1], [1, 1, 9])  # OpenCV's axes
         right, up, _ = world_to_camera_view(scene, camera, Vector((x, -y, -z)))
         expected = np.array([right * seen.width_px - 0.5, (1 - up) * seen.height_px - 0.5])
@@ -168,7 +264,7 @@ def test_what_cannot_be_a_source_is_said_in_words():
     ball = bpy.data.objects["Ball"]
 
     def said(camera_name=None, **given):
-        return {item.problem for item in look(scene, camera_name, None, **given).problems}
+        return {item.problem for item in inspect_scene(scene, camera_name, None, **given).problems}
 
     assert said() == set()
     assert said("Ball") == {"'Ball' is no camera in the scene Scene"}

@@ -76,6 +76,42 @@ def test_shards_in_any_order_make_the_same_dataset_and_each_frame_is_rendered_on
     assert (camera["width_px"], camera["near_m"], camera["far_m"]) == (48, pytest.approx(0.1), 1000)
 
 
+def test_instances_have_their_objects_names_those_of_libraries_too(hall, tmp_path):
+    preset = hall / "objects.yaml"
+    output = "output: {layout: tum, modalities: [instance, normal], formats: {instance: npy}}"
+    preset.write_text((hall / "hall.yaml").read_text().replace("output: {image: png}", output))
+    files = made(preset, tmp_path / "out")
+    told = [{"id": 1, "name": "Ball [shelf.blend]", "pass_index": 0}, {"id": 2, "name": "Wall", "pass_index": 0}]
+    assert json.loads(files["fog/hall/instance.json"]) == {"void": 0, "objects": told}
+    ids = np.load(tmp_path / "out/clean/hall/instance/000001.npy")
+    assert (ids.dtype, set(np.unique(ids))) == (np.uint16, {1, 2})
+
+
+def test_flow_of_whole_runs_and_of_shards_and_of_faster_motion(hall, tmp_path):
+    preset = hall / "flow.yaml"
+    preset.write_text(
+        "scenes: [{name: hall, blend: hall.blend, frames: '1:5'}]\n"
+        "settings: [{name: clean}, {name: fast, perturb: [{faster_motion: {factor: 2}}]}]\n"
+        "render: {backend: reference}\noutput: {image: png, modalities: [depth, flow], formats: {flow: npy}}\n"
+    )
+    alone = made(preset, tmp_path / "alone")
+    flows = {
+        name: [np.load(file) for file in sorted((tmp_path / f"alone/{name}/hall/flow").iterdir())]
+        for name in ("clean", "fast")
+    }
+    assert [len(item) for item in flows.values()] == [5, 3]
+    assert all((item[-1] == [0, 0, 3]).all() for item in flows.values())
+    # What does not leave the image and is not hidden goes as far in one step of two as in two of one.
+    first, second, both = flows["clean"][0], flows["clean"][1], flows["fast"][0]
+    y, x = np.nonzero(both[..., 2] == 0)
+    to = np.rint(np.stack([y, x]) + first[y, x, 1::-1].T).astype(int)
+    rest = second[to[0].clip(0, 35), to[1].clip(0, 47), :2]  # of the pixel nearest to where it is on the way
+    assert np.median(np.abs(first[y, x, :2] + rest - both[y, x, :2])) < 0.1
+    assert np.median(np.abs(both[y, x, :2])) > 1
+    backwards = workers_here(preset, tmp_path / "two", order=lambda shards: shards[::-1])
+    assert made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
+
+
 def plan_of(hall, **keys):
     path = hall / "other.yaml"
     path.write_text(json.dumps({"scenes": [{"name": "hall", "blend": "hall.blend", "frames": "1:2", **keys}]}))
@@ -120,7 +156,7 @@ def test_a_preset_says_engine_and_samples_only_where_it_gives_them(hall):
         ({"engine": "eevee", "samples": 3}, ("eevee", 3)),
     ):
         path.write_text(json.dumps({"scenes": scenes, "render": render}))
-        own = make_plan(read_preset(path)).scenes[0].source.gives.own
+        own = make_plan(read_preset(path)).scenes[0].source.capabilities.own
         assert (own.engine, own.samples) == found
     path.write_text(json.dumps({"scenes": scenes, "render": {"engine": "embree"}}))
     with pytest.raises(InputError, match=r"render\.engine: is embree, which knows no lights or materials"):

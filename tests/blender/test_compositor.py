@@ -21,7 +21,7 @@ from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.errors import StorageError
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import ColourPerturbation
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation)]
@@ -38,7 +38,7 @@ def depth_for(image):
 
 
 def steps_of(items):
-    return parse_steps(items, Place("test"), registry())
+    return parse_steps(items, ConfigPath("test"), registry())
 
 
 def scene_of(size):

@@ -21,7 +21,8 @@ from noisy_world.sources.lit_mesh import file_of
 
 SIDE = 24
 CAMERA = Intrinsics(SIDE, SIDE, SIDE, SIDE, (SIDE - 1) / 2, (SIDE - 1) / 2)
-OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=4, seed=0, threads=1)
+CHANNELS = frozenset({"rgb", "depth", "normal", "instance"})
+OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=4, seed=0, threads=1, channels=CHANNELS)
 HEIGHT_M = 1.5
 EYE = look_at([0.0, 0.0, 3.0], [0.0, 1e-6, 0.0])  # looks down at the floor, which fills the image
 MATT = {
@@ -56,10 +57,13 @@ def write_floor(path, intensity):
 def seen(file, tmp_path, eye, up=None):
     """Linear light (H, W) and depth that a pose sees."""
     lit = tmp_path / "lit.blend"
-    write_lit_file(file, lit, up)
+    _, objects = write_lit_file(file, lit, up)
+    assert [item.number for item in objects] == [1]
     paths = SensorPaths(evenly_stamped(eye[None]))
     with OwnSceneSession(file_of(lit, [0.0], OwnSceneFile), paths, CAMERA, OPTIONS) as session:
         frame = session.frame(paths.request(0))
+    assert (frame.image("instance") == 1).all()
+    assert np.abs(frame.image("normal") - [0, 0, -1]).max() < 1e-4
     encoded = frame.rgb[..., 1].astype(float)
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4), frame.depth_m
 

@@ -9,9 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from forked import in_new_process
 from worlds import ROOT
 
-from noisy_world.core.machine import available_threads, keep_freed_memory, peak_memory_bytes, processor_features
+from noisy_world.core.machine import (
+    available_threads,
+    end_opencv_threads_before_forks,
+    keep_freed_memory,
+    peak_memory_bytes,
+    processor_features,
+)
 
 TELL = """
 import sys
@@ -50,3 +57,29 @@ def test_threads_and_features_are_there_and_keeping_memory_changes_no_result():
     assert processor_features() == sorted(set(processor_features()))
     keep_freed_memory()
     assert np.ones(1_000_000).sum() == 1_000_000
+
+
+def threads_at_a_fork():
+    """How many threads there are when OpenCV works, and at a fork; how many it may have after that, here and there."""
+    import cv2
+
+    def count():
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    seen, image = [], np.zeros((1000, 1000, 3), np.float32)
+    os.register_at_fork(before=lambda: seen.append(count()))  # such functions are called last first
+    end_opencv_threads_before_forks()
+    cv2.setNumThreads(4)
+    cv2.warpAffine(image, np.eye(2, 3), (1000, 1000))
+    seen.append(count())
+    child = os.fork()
+    if child == 0:
+        cv2.warpAffine(image, np.eye(2, 3), (1000, 1000))
+        os._exit(cv2.getNumThreads())
+    return *seen, cv2.getNumThreads(), os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc, which tells how many threads there are")
+def test_opencv_s_threads_have_ended_when_a_process_forks():
+    busy, forking, here, child = in_new_process(threads_at_a_fork)
+    assert (forking, here, child) == (busy - 3, 4, 4)

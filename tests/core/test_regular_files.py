@@ -24,7 +24,6 @@ from noisy_world.evaluation.odometry.frames import read_index
 from noisy_world.evaluation.systems.definition import read_system
 from noisy_world.evaluation.systems.estimate_file import read_estimate_file
 from noisy_world.evaluation.systems.readers.arrays import load_arrays
-from noisy_world.evaluation.systems.readers.torch_files import open_torch
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")
 READERS = (
@@ -117,11 +116,6 @@ def test_a_missing_file_is_what_the_system_says(tmp_path):
             read(tmp_path / "none")
 
 
-def opened_torch(path):
-    with open_torch(path) as value:
-        return value
-
-
 def refusals(path):
     """Yield for each reader of a user's files the line that it refuses this one with."""
     for read in (
@@ -135,7 +129,6 @@ def refusals(path):
         imported_format,
         read_picture,
         load_arrays,
-        opened_torch,
         read_index,
         read_video,
     ):

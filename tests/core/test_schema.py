@@ -8,9 +8,9 @@ import pytest
 from cases import cases
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.scene_keys import SceneSpec
-from noisy_world.core.schema import Choice, Place, key, parse
+from noisy_world.core.schema import Choice, ConfigPath, key, parse
 from noisy_world.core.yaml_reading import read_yaml
+from noisy_world.sources.blend import BlendKeys
 
 
 @dataclass(frozen=True)
@@ -21,17 +21,17 @@ class Switches:
 
 
 def parsed(text, cls=Switches):
-    return parse(cls, read_yaml(text, "p.yaml"), Place("p.yaml"))
+    return parse(cls, read_yaml(text, "p.yaml"), ConfigPath("p.yaml"))
 
 
 def test_words_without_quotes():
     assert parsed("lamp: on").lamp == parsed("lamp: 'on'").lamp == "on"
     assert parsed("lamp: Off").lamp == "off"
     assert parsed("fan: yes").fan == "yes"
-    assert parsed("{name: hall, blend: hall.blend, compositor: off}", SceneSpec).compositor == "off"
+    assert parsed("{name: hall, blend: hall.blend, compositor: off}", BlendKeys).compositor == "off"
 
 
 @cases("text", ["both: off", "fan: no", "lamp: 0", "{name: a, blend: a, compositor: on}"])
 def test_what_no_choice_is_meant_by_is_refused(text):
     with pytest.raises(InputError, match=r"but has to be one of "):
-        parsed(text, SceneSpec if "name" in text else Switches)
+        parsed(text, BlendKeys if "name" in text else Switches)

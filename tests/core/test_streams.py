@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.streams import stream
+from noisy_world.core.streams import integers_of_frames, stream
 
 MASK = 2**64 - 1
 
@@ -122,3 +122,12 @@ def test_frames_of_other_types():
 def test_no_identifier():
     with pytest.raises(ValueError, match="at least one"):
         stream()
+
+
+@cases(("low", "high"), [(-1, 2), (0, 5), (3, 4), (-7, 2**31), (0, 2**32 - 1)])
+def test_numbers_of_all_frames_at_once_are_those_of_each(low, high):
+    # With nearly 2^32 choices numpy draws about half of them again.
+    names = ("seed", 7, "room0", "desync", high)
+    single = [stream(*names, frame=k).integers(low, high) for k in range(300)]
+    np.testing.assert_array_equal(integers_of_frames(*names, count=300, low=low, high=high), single)
+    assert integers_of_frames(*names, count=0, low=low, high=high).shape == (0,)

@@ -2,6 +2,7 @@
 """Each key of a preset in turn: what decides bytes changes the identity or is refused, and the rest leaves it alone."""
 
 import json
+import re
 import shutil
 
 import cv2
@@ -14,9 +15,9 @@ from worlds import path_poses, write_replica, write_world
 
 from noisy_world.core.datasets.provenance import plain_identity
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.preset import PresetSpec, read_preset
-from noisy_world.core.schema import list_keys, list_leaves
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
+from noisy_world.sources import preset_keys, preset_leaves
 
 NOISY = {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 2}}]}
 RIG = {"rgb": {"translation_m": [0, 0, 0.1]}, "depth": {"translation_m": [0, 0.1, 0.1]}}
@@ -105,6 +106,9 @@ CHANGES = {
     "output.depth_scale_per_m": ("mesh", "output.depth_scale_per_m=1000"),
     "output.depth_beyond": ("mesh", "output.depth_beyond=farthest"),
     "output.modalities[]": ("mesh", "output.modalities=[rgb]"),
+    "output.formats.normal": ("surfaces", "output.formats.normal=exr"),
+    "output.formats.instance": ("surfaces", "output.formats.instance=npy"),
+    "output.formats.flow": ("surfaces", "output.formats.flow=npy"),
     "output.overview": ("mesh", "output.overview=true"),
     "output.licence": ("mesh", "output.licence=cc-by-4.0"),
     "data": ("mesh", "data=."),
@@ -163,6 +167,9 @@ def presets(tmp_path_factory):
 
     bare = {"seed": 3, "render": {"backend": "reference"}, "settings": [{"name": "clean"}], "output": {"layout": "tum"}}
     box = {"name": "box", "mesh": "mesh.ply"}
+    numbered = {"name": "box", "mesh": "numbered.ply", "trajectory": "traj.txt"}
+    text = (folder / "mesh.ply").read_text().replace("end_header", "property int object_id\nend_header")
+    (folder / "numbered.ply").write_text(re.sub(r"(?m)^(4 .*)$", r"\1 1", text))
     made = {
         "mesh": document,
         "stamped": {**document, "scenes": [{**box, "trajectory": {"file": "stamped.txt", "stamp_unit": "s"}}]},
@@ -175,6 +182,7 @@ def presets(tmp_path_factory):
         "noises": {**document, "settings": [{"sweep": NOISES}]},
         "swept": {**document, "settings": [{"sweep": SWEPT}]},
         "rig": {**document, "rig": RIG},
+        "surfaces": {**document, "scenes": [numbered], "output": {"modalities": ["rgb", "normal", "instance", "flow"]}},
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
@@ -212,9 +220,9 @@ def identities():
 
 
 def test_every_key_is_here():
-    leaves = [name for name, _ in list_leaves(PresetSpec)]
+    leaves = [name for name, _ in preset_leaves()]
     assert sorted(CHANGES) == sorted(leaves)
-    assert set(leaves) < {name for name, _ in list_keys(PresetSpec)}
+    assert set(leaves) < {name for name, _ in preset_keys()}
 
 
 @cases("name", list(CHANGES))
@@ -224,7 +232,7 @@ def test_what_decides_bytes_is_in_the_identity(request, presets, identities, nam
         request.getfixturevalue("hall")
     if base not in identities:
         identities[base] = identity_of(presets, base)
-    decides = dict(list_leaves(PresetSpec))[name].identity != "nothing"
+    decides = dict(preset_leaves())[name].identity != "nothing"
     try:
         changed = identity_of(presets, base, *overrides)
     except InputError as error:

@@ -8,7 +8,7 @@ import sys
 import pytest
 from worlds import content, generate, generate_here, write_world
 
-from noisy_world.cli import missing, workers
+from noisy_world.cli import missing, shard_tasks
 
 
 @pytest.mark.parametrize(
@@ -25,8 +25,8 @@ from noisy_world.cli import missing, workers
 )
 def test_what_is_of_use(monkeypatch, asked, there, jobs, words):
     threads, frames = there
-    monkeypatch.setattr(workers, "available_threads", lambda: threads)
-    taken, said = workers.useful_jobs(asked, frames)
+    monkeypatch.setattr(shard_tasks, "available_threads", lambda: threads)
+    taken, said = shard_tasks.useful_jobs(asked, frames)
     assert taken == jobs
     assert words in said
     assert bool(words) == bool(said)

@@ -13,7 +13,7 @@ from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Setting
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.motion import motion_between
 from noisy_world.core.trajectories.camera_state import AT_REST, CameraState, camera_state_of
 from noisy_world.perturbations import registry
@@ -105,14 +105,14 @@ def test_the_field_has_mean_0_and_deviation_1_and_is_evened_out_by_far_ones():
 
 def test_slabs_are_the_means_of_the_field_on_the_way():
     rotation = rotation_from_euler_deg(20.0, 70.0, -5.0)
-    stance = CameraState(rotation, np.array([3.0, -1.0, 20.0]), np.zeros(3), np.zeros(3))
+    camera_state = CameraState(rotation, np.array([3.0, -1.0, 20.0]), np.zeros(3), np.zeros(3))
     rays = np.array([[[0.3, -0.7]], [[0.1, 0.4]], [[1.0, 1.0]]], np.float32)
-    found = slab_means(BANK, stance, rays)
+    found = slab_means(BANK, camera_state, rays)
     for k in range(2):
         way = rotation @ rays[:, 0, k].astype(np.float64)
         for slab, (begin, end) in enumerate(pairwise(EDGES)):
             z = (np.arange(2000) + 0.5) / 2000 * (end - begin) * 15 + begin * 15
-            at = stance.position_m + z[:, None] * way
+            at = camera_state.position_m + z[:, None] * way
             values = field(BANK, np.column_stack([at[:, 0], at[:, 2], -at[:, 1]]))
             assert found[slab, 0, k] == pytest.approx(values.mean(), abs=1e-4)
 
@@ -229,7 +229,7 @@ def test_a_stance_is_a_blender_object_s():
     ],
 )
 def test_only_fog_that_is_in_the_world_asks_how_the_camera_moves(values, asks):
-    (step,) = parse_steps([{"fog_depth": values}], Place("test"), registry())
+    (step,) = parse_steps([{"fog_depth": values}], ConfigPath("test"), registry())
     motion = moved(np.eye(3), (1.0, 2.0, 3.0))
     assert step.uses_motion == asks
     assert Setting("fog", (step,)).uses_motion == asks

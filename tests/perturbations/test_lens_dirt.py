@@ -8,7 +8,7 @@ from cases import cases
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import lens_dirt, registry
 from noisy_world.perturbations._dirt_tile import tile
 from noisy_world.perturbations._glare import PARTS, Spread, glare_of
@@ -100,10 +100,10 @@ def test_dirt_stays_where_it_is():
     assert np.array_equal(seen(rgb), seen(rgb, where(900)))
     assert not np.array_equal(seen(rgb), seen(rgb, where(0, seed=2)))
     assert not np.array_equal(seen(rgb, where(0, "fresh")), seen(rgb, where(1, "fresh")))
-    (step,) = parse_steps([{"lens_dirt": {"severity": 2}}], Place("test"), registry())
+    (step,) = parse_steps([{"lens_dirt": {"severity": 2}}], ConfigPath("test"), registry())
     assert step.temporal == "fixed"
     with pytest.raises(NoisyWorldError, match="drift"):
-        parse_steps([{"lens_dirt": {"temporal": "drift"}}], Place("test"), registry())
+        parse_steps([{"lens_dirt": {"temporal": "drift"}}], ConfigPath("test"), registry())
 
 
 @cases("shape", [(1, 1), (1, 9), (9, 1), (2, 3), (31, 47)])

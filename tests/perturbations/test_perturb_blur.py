@@ -72,12 +72,6 @@ def test_the_severities_are_the_papers(name, severity):
     assert tuple(getattr(parameters, key) for key in KEYS[name]) == TABLE[name][severity - 1]
 
 
-@cases("name", NAMES)
-def test_the_default_is_severity_3(name):
-    perturbation = MODULES[name].PERTURBATION
-    assert perturbation.parameters() == perturbation.at_severity(3)
-
-
 @cases("size", SIZES)
 @cases("sigma", [0.7, 1.0, 3.0])
 def test_gaussian_blur_is_a_gaussian_cut_at_four_sigma(size, sigma):

@@ -20,12 +20,6 @@ def test_the_severities_are_the_papers(name, severity):
 
 
 @cases("name", NAMES)
-def test_the_default_is_severity_3(name):
-    perturbation = MODULES[name].PERTURBATION
-    assert perturbation.parameters() == perturbation.at_severity(3)
-
-
-@cases("name", NAMES)
 def test_fresh_patterns_differ_fixed_stay_and_drifting_move_smoothly(name):
     rgb = picture((64, 80))
     fresh = [run(name, rgb, where=frame(k)) for k in range(2)]

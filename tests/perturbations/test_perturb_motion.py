@@ -9,7 +9,7 @@ from cases import cases
 from noisy_world.core.perturbing.execution import move
 from noisy_world.core.perturbing.kinds import SequenceContext
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.streams import stream
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
 from noisy_world.perturbations import registry
@@ -114,7 +114,7 @@ def test_no_deviation_is_the_path_itself():
 @cases(("count", "factor", "kept"), [(10, 1, 10), (10, 2, 5), (11, 2, 6), (10, 8, 2), (1, 4, 1), (5, 9, 1)])
 def test_faster_motion_keeps_every_nth_pose_at_the_camera_s_rate(count, factor, kept):
     path = Trajectory(winding(count).c2w, 100.0 + 0.05 * np.arange(count))
-    (step,) = parse_steps([{"faster_motion": {"factor": factor}}], Place("x"), registry())
+    (step,) = parse_steps([{"faster_motion": {"factor": factor}}], ConfigPath("x"), registry())
     fast = move([step], path, (7, "room", "fast"))
     assert np.array_equal(fast.c2w, path.c2w[::factor])
     assert np.array_equal(fast.stamps_s, 100.0 + 0.05 * np.arange(kept))

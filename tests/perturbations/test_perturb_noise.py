@@ -137,6 +137,15 @@ def test_photons_are_poisson(photons, value):
     assert chi2 < freedom * (1 - 2 / (9 * freedom) + 4 * math.sqrt(2 / (9 * freedom))) ** 3  # Wilson and Hilferty
 
 
+@cases("photons", [256, 18.5, 3, 0.01])
+def test_the_codes_of_each_byte_are_shared_as_poisson_says(photons):
+    tables = (table.reshape(256, 256).astype(int) for table in shot_noise._alias_tables(photons))
+    for level, (threshold, first, second) in enumerate(zip(*tables, strict=True)):
+        codes = np.bincount(first, threshold, 600) + np.bincount(second, 256 - threshold, 600)
+        expected = np.cumsum([poisson(photons * level / 255, count) for count in range(600)])
+        assert np.abs(np.cumsum(codes) / 65536 - expected).max() < 1 / 131072
+
+
 @cases(("value", "photons"), [(0.2, 60), (51 / 255, 60), (0.01, 12), (0.05, 3), (0.3, 256)])
 def test_photons_have_the_mean_the_variance_and_the_distribution_function(value, photons):
     noisy = perturbed("shot_noise", constant(value), photons=photons).astype(np.float64)

@@ -27,7 +27,8 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.planning.shards import Shard
 from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.shard import make_shard, shard_folder
+from noisy_world.core.datasets.shard_record import shard_folder
+from noisy_world.pipeline.shard import ShardMaker
 
 sys.modules["noisy_world.blender.session"] = fake_session
 
@@ -49,7 +50,8 @@ def merge(preset, out):
 def make(preset, out, name):
     with Path(os.devnull).open("w") as log:
         plan, shard = make_plan(read_preset(preset)), Shard.parse(name)
-        make_shard(plan, shard_folder(out, shard), shard, progress=PlainProgress(log), stop=threading.Event())
+        with ShardMaker(plan, progress=PlainProgress(log), stop=threading.Event()) as maker:
+            maker.make(shard_folder(out, shard), shard)
 
 
 def crash_at(step, work):

@@ -14,12 +14,13 @@ from growing import CLEAN, FOG, change, marks, stopped, world
 from worlds import content
 from written import run
 
+from noisy_world.core.datasets.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.status import read_status
 from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.storage.content import read_content
+from noisy_world.storage.finished import read_content
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -123,7 +124,7 @@ def test_links_in_place_of_folders_are_not_followed(finished, tmp_path, place):
 
 def test_nothing_is_written_or_believed_through_a_link(tmp_path):
     """Every file and folder of a dataset in each layout, one after another, is a link to what it was."""
-    for layout in ("replica", "tum", "euroc", "vslamlab"):
+    for layout in LAYOUTS:
         preset = world(tmp_path / layout, settings=[CLEAN], output={"layout": layout})
         out, theirs = tmp_path / f"out_{layout}", tmp_path / f"theirs_{layout}"
         run(preset, out)

@@ -13,7 +13,7 @@ import yaml
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from cases import cases
-from worlds import path_poses, write_world
+from worlds import path_poses, with_objects, write_world
 
 from noisy_world.core.datasets.layouts import LAYOUTS
 from noisy_world.core.errors import InputError, NoisyWorldError, StorageError
@@ -141,16 +141,6 @@ def test_a_recording_has_no_normals(tmp_path):
     with pytest.raises(InputError, match=r"output\.modalities: normal: again has none"):
         make_plan(read_preset(recorded))
     assert np.array_equal(open_path(tmp_path / "out")["clean/box"][1].rgb.shape, (48, 64, 3))
-
-
-def with_objects(folder, ids):
-    """Give the walls of a world's mesh object ids."""
-    path = folder / "mesh.ply"
-    *lines, last = path.read_text().rstrip("\n").split("end_header\n")[1].split("\n")
-    head = path.read_text().split("end_header\n")[0] + "property int object_id\nend_header\n"
-    rows = [*lines, last]
-    faces = [f"{row} {number}" for row, number in zip(rows[-6:], ids, strict=True)]
-    path.write_text(head + "\n".join([*rows[:-6], *faces]) + "\n")
 
 
 def test_instances_have_a_file_of_ids_and_names(tmp_path):

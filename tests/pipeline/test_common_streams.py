@@ -12,7 +12,7 @@ from worlds import content, write_world
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.settings import SettingSpec, SweepSpec
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.streams import stream
 from noisy_world.perturb import frames
 from noisy_world.perturbations import registry
@@ -120,7 +120,7 @@ def test_made_in_parts_it_is_the_same(out, tmp_path):
 def test_severities_scale_one_field(name, tolerance):
     """Without rounding and clipping: the noise of severity 5 is that of severity 3, times the parameters' ratio."""
     sweep = SweepSpec(perturb=(name,), severities=(3.0, 5.0), modes=("static", "dynamic"), stream="{perturb}")
-    settings = parse_settings([SettingSpec(sweep=sweep)], [Place("test")], registry())
+    settings = parse_settings([SettingSpec(sweep=sweep)], [ConfigPath("test")], registry())
     rgb = np.random.default_rng(1).uniform(0.2, 0.8, (40, 50, 3)).astype(np.float32)
     added = {}
     for setting in settings:

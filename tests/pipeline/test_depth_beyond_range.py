@@ -15,12 +15,10 @@ from shard_workers import workers_here
 from worlds import generate_here, path_poses, write_world
 from written import stored
 
-from noisy_world.cli.workers import hear
-from noisy_world.core.datasets.images import encode_depth
+from noisy_world.core.datasets.images import encode_png
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.report import Report
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
@@ -62,8 +60,8 @@ def depth_of(frame):
 def hall(monkeypatch):
     """Frames of the hall in Blender's place."""
 
-    def frame(self, moment):
-        depth_m = box_depth(CAMERA, moment.depth_c2w, LOW, HIGH)[0].astype(np.float32)
+    def frame(self, request):
+        depth_m = box_depth(CAMERA, request.depth_c2w, LOW, HIGH)[0].astype(np.float32)
         return fake_session.Frame(rgb=np.full((*depth_m.shape, 3), 0.5, np.float32), depth_m=depth_m)
 
     monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
@@ -186,10 +184,10 @@ def test_a_run_that_is_taken_up_grown_or_divided_says_the_same(hall, tmp_path):
     stop = threading.Event()
     rendered = fake_session.Session.frame
 
-    def frame(self, moment):
-        if moment.index == 2:
+    def frame(self, request):
+        if request.index == 2:
             stop.set()
-        return rendered(self, moment)
+        return rendered(self, request)
 
     fake_session.Session.frame = frame
     try:
@@ -222,14 +220,6 @@ def test_settings_that_are_added_take_the_counts_with_the_files(hall, tmp_path):
     assert clean.samefile(late)
 
 
-def test_of_several_processes_the_first_to_lose_depth_says_so(hall):
-    heard, subjects = Listener(), set()
-    for text, subject in (("a", "hall"), ("b", "hall"), ("c", "room"), ("d", "")):
-        message = {"note": text, "subject": subject} if subject else {"note": text}
-        hear(message, heard, Report(), [], subjects)
-    assert [text for _, text in heard.said] == ["a", "c", "d"]
-
-
 def test_a_recording_converted_to_a_finer_scale(tmp_path, monkeypatch):
     """65535 steps of 1/5000 m are 13.1 m; at 6553.5 steps a metre 16 bits end at 10 m."""
     monkeypatch.setitem(sys.modules, "noisy_world.blender.session", None)
@@ -240,7 +230,7 @@ def test_a_recording_converted_to_a_finer_scale(tmp_path, monkeypatch):
         (folder / f"{name}.txt").write_text("".join(f"{k / 20:.6f} {name}/{k:06d}.png\n" for k in range(2)))
     for k in range(2):
         assert cv2.imwrite(str(folder / f"rgb/{k:06d}.png"), np.full((6, 8, 3), 90, np.uint8))
-        (folder / f"depth/{k:06d}.png").write_bytes(encode_depth(steps))
+        (folder / f"depth/{k:06d}.png").write_bytes(encode_png(steps))
     (folder / "groundtruth.txt").write_text("".join(f"{k / 20:.6f} {k} 0 0 0 0 0 1\n" for k in range(2)))
     heard, report = make(stored(tmp_path / "p", folder, layout="replica"), tmp_path / "out")
     lost = steps.astype(np.int64) * 65535 // 50000 > 65535
@@ -251,14 +241,14 @@ def test_a_recording_converted_to_a_finer_scale(tmp_path, monkeypatch):
     # At its own scale the files are taken over, and nothing is lost.
     heard, _ = make(stored(tmp_path / "p", folder, layout="tum"), tmp_path / "same")
     assert heard.about_depth() == []
-    assert (tmp_path / "same/clean/box/depth/000001.png").read_bytes() == encode_depth(steps)
+    assert (tmp_path / "same/clean/box/depth/000001.png").read_bytes() == encode_png(steps)
 
 
 def test_infinite_depth_is_said_and_written_in_json_that_all_read(hall, tmp_path, monkeypatch):
     frame_of_hall = fake_session.Session.frame
 
-    def frame(self, moment):
-        made = frame_of_hall(self, moment)
+    def frame(self, request):
+        made = frame_of_hall(self, request)
         made.depth_m[:3] = np.inf
         return made
 

@@ -2,7 +2,6 @@
 """EuRoC ASL as it is written, checked by parsers of the tests' own."""
 
 import json
-import sys
 import threading
 
 import fake_session
@@ -34,10 +33,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    fake_session.Session.rendered.clear()
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def test_every_file_of_a_euroc_sequence(tmp_path):
@@ -225,10 +221,10 @@ def test_euroc_parts_make_the_whole_and_a_stopped_run_goes_on(tmp_path):
     stop = threading.Event()
     original = fake_session.Session.frame
 
-    def stopping(self, moment):
-        if moment.index == 1:
+    def stopping(self, request):
+        if request.index == 1:
             stop.set()
-        return original(self, moment)
+        return original(self, request)
 
     fake_session.Session.frame = stopping
     try:

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Our layouts as other people's systems load them: each frame has its own files and pose, the first and last too."""
 
-import sys
-
-import fake_session
 import foreign_loaders
 import numpy as np
 import pytest
@@ -20,9 +17,7 @@ CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]
 BENCHMARK_STAMPS = ["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"]
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def load(name, folder):

@@ -99,6 +99,32 @@ def made(tmp_path_factory):
         return preset, folder / "out", marks(folder / "out")
 
 
+@cases(
+    "part, key, words",
+    [
+        (("settings", "fog", "steps", 0), "version", "settings: fog (version) was 1, is 2; give it another name, "),
+        (("versions",), "isal", "made before isal compressed PNG files, so bytes of equal images would differ; "),
+    ],
+)
+def test_what_an_earlier_version_made_otherwise_stays_as_it_is(made, tmp_path, part, key, words):
+    preset, out, _ = made
+    there = tmp_path / key
+    shutil.copytree(out, there)
+    manifest = json.loads((there / "manifest.json").read_text())
+    changed = manifest["identity"]
+    for name in part:
+        changed = changed[name]
+    del changed[key]
+    (there / "manifest.json").write_text(json.dumps(manifest))
+    before = marks(there)
+    with pytest.raises(StorageError) as error:
+        run(preset, there)
+    assert str(error.value).startswith(f"{there}: holds another dataset: {words}"), str(error.value)
+    assert str(error.value).endswith(REMEDY)
+    assert str(error.value).count(REMEDY) == 1
+    assert marks(there) == before
+
+
 def test_a_dataset_of_another_version_is_refused_and_replaced(tmp_path):
     preset, out = world(tmp_path / "world"), tmp_path / "out"
     run(preset, out)

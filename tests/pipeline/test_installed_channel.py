@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The channel of docs/layouts.md, as it stands there, of an installed package: listed, written and identified."""
+"""The channel of docs/extend.md, as it stands there, of an installed package: listed, written, and in the panel."""
 
 import json
 import os
@@ -11,14 +11,15 @@ import cv2
 import installed_package
 import numpy as np
 import pytest
-from worlds import ROOT, write_world
+from worlds import BLENDER_IS_HERE, ROOT, write_world
 
 from noisy_world.core.channels import in_order
 from noisy_world.core.errors import NoisyWorldError
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
-(FACING,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/layouts.md").read_text(encoding="utf-8"), re.DOTALL)
+PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
+(FACING,) = re.findall(r"```python\n(\"\"\"How far the surface.*?)```", PAGE, re.DOTALL)
 PROGRAM = """
 import sys
 from noisy_world.cli import command
@@ -26,11 +27,20 @@ for words in (["list", "channels"], ["generate", "world/preset.yaml", "--out", "
     if command.main(words):
         sys.exit(f"{words} ended with an error")
 """
+PANEL = """
+import bpy, noisy_world
+noisy_world.register()
+panel = bpy.context.scene.noisy_world
+print("panel", panel.use_facing, panel.bl_rna.properties["use_facing"].name)
+panel.use_facing = True
+from noisy_world.ui.document import to_document
+print("written", to_document(panel)["output"]["modalities"])
+"""
 
 
-def run(folder, site):
+def run(folder, site, program=PROGRAM):
     return subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", program],
         capture_output=True,
         text=True,
         cwd=folder,
@@ -63,6 +73,11 @@ def test_the_channel_of_a_package(tmp_path):
     manifest = json.loads((tmp_path / "out/manifest.json").read_text())
     assert manifest["identity"]["versions"]["my-channel"] == "1.0"
     assert manifest["conventions"]["facing"].startswith("uint16")
+
+    if BLENDER_IS_HERE:
+        shown = run(tmp_path, site, PANEL)
+        assert "panel False Facing\n" in shown.stdout, shown.stderr
+        assert "written ['rgb', 'depth', 'facing']\n" in shown.stdout
 
     (site / "my_channel/facing.py").write_text(FACING.replace('    unit = "1"\n', ""))
     refused = run(tmp_path, site)

@@ -5,7 +5,6 @@ import hashlib
 import json
 import sys
 
-import fake_session
 import numpy as np
 import pytest
 from worlds import content
@@ -26,10 +25,7 @@ from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
 from noisy_world.core.errors import InputError
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
-    fake_session.Session.rendered.clear()
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 # --- the keys ---

@@ -2,10 +2,8 @@
 """What frames.jsonl says of motion: which pose each frame shows, and the deviation that leads to the written pose."""
 
 import json
-import sys
 from dataclasses import dataclass
 
-import fake_session
 import numpy as np
 import pytest
 from worlds import write_world
@@ -22,9 +20,7 @@ from written import run, states
 COUNT = 9
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def make(tmp_path, *perturb, frames=None, **keys):

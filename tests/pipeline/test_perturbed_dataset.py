@@ -18,7 +18,7 @@ from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.run import Run
 
@@ -186,18 +186,18 @@ def test_parts_that_an_interrupted_choice_of_frames_left_go(world, out, tmp_path
 
 
 def test_equals_in_a_mixture_have_streams_of_their_own():
-    steps = parse_steps([{"gaussian_noise": None}, {"gaussian_noise": None}], Place("x"), registry())
+    steps = parse_steps([{"gaussian_noise": None}, {"gaussian_noise": None}], ConfigPath("x"), registry())
     first, second = (step.context(FrameContext(0, (1, "s", "t"))).stream().random(4) for step in steps)
     assert not np.array_equal(first, second)
 
 
 def test_any_parameter_stands_over_the_severity():
-    (step,) = parse_steps([{"gaussian_noise": {"severity": 5, "std": 0.01}}], Place("x"), registry())
+    (step,) = parse_steps([{"gaussian_noise": {"severity": 5, "std": 0.01}}], ConfigPath("x"), registry())
     assert step.parameters(step.severity).std == 0.01
-    (step,) = parse_steps([{"gaussian_noise": {"std": 0.02}}], Place("x"), registry())
+    (step,) = parse_steps([{"gaussian_noise": {"std": 0.02}}], ConfigPath("x"), registry())
     assert step.severity is None
     assert step.parameters(None).std == 0.02
-    (step,) = parse_steps([{"gaussian_noise": {"severity": 2.5}}], Place("x"), registry())
+    (step,) = parse_steps([{"gaussian_noise": {"severity": 2.5}}], ConfigPath("x"), registry())
     assert step.parameters(step.severity).std == pytest.approx(0.15)
 
 

@@ -11,7 +11,7 @@ from probes import BOTH_PROBES, COLOUR, Probes
 from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
 from written import run
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
 from noisy_world.core.datasets.registration import Registration
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
@@ -255,7 +255,7 @@ def test_frames_without_a_pose(tmp_path):
     assert find_sequence(tmp_path / "kept/clean/box", poses="keep").trajectory.known.tolist() == [
         row != lost for row in range(4)
     ]
-    with pytest.raises(InputError, match=r"scenes\.0\.poses: 1 of 4 frames have no pose, but Replica has one for each"):
+    with pytest.raises(InputError, match=r"scenes\.0\.sequence: 1 of 4 frames have no pose, .*poses: drop"):
         make_plan(read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"]))
     with pytest.raises(InputError, match="goes with sequence"):
         make_plan(read_preset(path, ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']))
@@ -275,7 +275,7 @@ def test_how_a_camera_moves_is_unknown_at_and_after_an_unknown_pose(tmp_path, mo
     ]
 
 
-@pytest.mark.parametrize("layout", ["replica", "tum", "euroc", "vslamlab"])
+@pytest.mark.parametrize("layout", list(LAYOUTS))
 def test_a_recording_without_ground_truth(layout, tmp_path):
     source, _ = recording(tmp_path, "open3d")
     (source / "scene/trajectory.log").unlink()

@@ -3,9 +3,7 @@
 
 from recorded_presets import preset_of, recorded
 import json
-import sys
 
-import fake_session
 import numpy as np
 import pytest
 from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
@@ -16,9 +14,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.perturb import frames
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 # --- stamps of depth ---

@@ -3,31 +3,28 @@
 
 from recorded_presets import camera, preset_of, recorded
 import json
-import sys
 
 import cv2
-import fake_session
 import numpy as np
 import pytest
 from worlds import generate_here
 from written import names_in, run
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.planning.estimate import estimate
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
+from noisy_world.sources import read_scenes
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 # --- intrinsics ---
 
 
-@pytest.mark.parametrize("layout", ["replica", "tum", "euroc", "vslamlab"])
+@pytest.mark.parametrize("layout", list(LAYOUTS))
 def test_without_a_camera_a_recordings_own_counts(tmp_path, layout):
     own = camera(fx=4.25, fy=4.75, cx=3.125, cy=-2.0625)
     source = recorded(tmp_path, layout, camera=own)
@@ -69,7 +66,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
     big = recorded(tmp_path / "b", "tum", camera=camera(width=12, height=10))
     scenes = [{"name": "narrow", "sequence": str(narrow)}, {"name": "big", "sequence": str(big)}]
     settings = [{"name": "clean"}, {"name": "hazy", "perturb": [{"fog_depth": {"severity": 3}}]}]
-    for layout in ("replica", "tum", "euroc", "vslamlab"):
+    for layout in LAYOUTS:
         preset = preset_of(tmp_path / layout, *scenes, settings=settings, output={"layout": layout, "overview": True})
         out = tmp_path / f"out_{layout}"
         run(preset, out)
@@ -201,7 +198,7 @@ def test_the_rate_of_a_sequence_without_stamps(tmp_path):
         run(preset_of(tmp_path / "r", {**own, "rate_hz": 20}), tmp_path / "no")
     mesh = {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}, "rate_hz": 20}
     with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: goes with sequence"):
-        read_preset(preset_of(tmp_path / "s", mesh))
+        read_scenes(read_preset(preset_of(tmp_path / "s", mesh)))
 
 
 def test_a_glob_passes_over_files_beside_sequences(tmp_path):

@@ -2,9 +2,7 @@
 """From each layout to each layout: intrinsics, stamps, depth and poses, as parsers of the tests' own read them."""
 
 import json
-import sys
 
-import fake_session
 import numpy as np
 import pytest
 from foreign_readers import READERS
@@ -18,9 +16,7 @@ STAMPS = ["1400000000.000100", "1400000000.033433", "1400000000.101", "140000000
 STEP_NS = {"tum": 500, "replica": 120, "euroc": 0, "vslamlab": 0}
 
 
-@pytest.fixture(autouse=True)
-def _no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+pytestmark = pytest.mark.usefixtures("no_blender")
 
 
 def convert(folder, source, **output):

@@ -14,18 +14,22 @@ from pathlib import Path
 
 import fake_session
 import pytest
+import yaml
 from cases import cases
+from many_settings import make_shard
 from worlds import content, write_world
 
+from noisy_world.cli import command, running, shard_command
 from noisy_world.cli.merge_command import missing_shards
 from noisy_world.core.datasets.dataset import Dataset
+from noisy_world.core.datasets.storage import FolderLock
+from noisy_world.core.datasets.shard_merging import merge_shard
 from noisy_world.core.datasets.shard_record import read_shard, shard_folder
-from noisy_world.core.errors import BusyError, StorageError
+from noisy_world.core.errors import BusyError, InputError, StorageError
 from noisy_world.core.planning.shards import Shard, shards_of
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.shard import make_shard, merge_shard
 from noisy_world.planning import make_plan
 
 
@@ -38,11 +42,6 @@ class MissingError(StorageError):
 
 def plan_of(preset, frames=None, overrides=()):
     return make_plan(read_preset(preset, overrides), frames)
-
-
-def make(plan, folder, shard, there=None, stop=None):
-    listener = PlainProgress(sys.stderr)
-    return make_shard(plan, folder, shard, progress=listener, stop=stop or threading.Event(), there=there)
 
 
 def merge(plan, out):
@@ -88,7 +87,7 @@ def test_any_cutting_in_any_order_makes_the_same_dataset(world, out, tmp_path, s
     rng.shuffle(shards)
     made = tmp_path / "made"
     for shard in shards:
-        make(plan, shard_folder(made, shard), shard)
+        make_shard(plan, shard_folder(made, shard), shard)
         if rng.random() < 0.3:
             merge(plan, made)
     assert merge(plan, made) == {}
@@ -100,7 +99,7 @@ def test_any_cutting_in_any_order_makes_the_same_dataset(world, out, tmp_path, s
 
 def test_the_record_of_a_shard(world, out, tmp_path):
     plan = plan_of(world)
-    report = make(plan, tmp_path / "apart", Shard("box", 2, 4))
+    report = make_shard(plan, tmp_path / "apart", Shard("box", 2, 4))
     assert report.frames_rendered == 2
     said = json.loads((tmp_path / "apart/shard.json").read_text())
     assert said["shard"] == "box.000002-000004"
@@ -128,28 +127,28 @@ def test_the_record_of_a_shard(world, out, tmp_path):
 
 def test_a_finished_shard_is_checked_and_left_alone(world, tmp_path):
     plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
-    make(plan, folder, shard)
+    make_shard(plan, folder, shard)
     before = marks_in(folder)
     fake_session.Session.rendered.clear()
-    report = make(plan, folder, shard)
+    report = make_shard(plan, folder, shard)
     assert (report.frames_rendered, report.frames_kept) == (0, 2)
     assert fake_session.Session.rendered == []
     assert marks_in(folder) == before
     damaged = folder / "mixed/box/results/depth000000.png"
     damaged.write_bytes(damaged.read_bytes()[:-3])
-    make(plan, folder, shard)
+    make_shard(plan, folder, shard)
     assert set(fake_session.Session.rendered) == {0, 2}, "the first frame is looked at"
     assert images_in(folder) == {path: data for path, (_, data) in before.items() if path.suffix == ".png"}
     said = (folder / "shard.json").read_text()
     (folder / "shard.json").write_text(said.replace("box", "bax", 1))
-    make(plan, folder, shard)
+    make_shard(plan, folder, shard)
     assert images_in(folder) == {path: data for path, (_, data) in before.items() if path.suffix == ".png"}
 
 
 def test_what_is_damaged_is_not_merged(world, out, tmp_path):
     plan, made = plan_of(world), tmp_path / "made"
     for shard in shards_of(plan, 4):
-        make(plan, shard_folder(made, shard), shard)
+        make_shard(plan, shard_folder(made, shard), shard)
     (first, *_) = [shard for shard in shards_of(plan, 4) if shard.render == "box"]
     damaged = shard_folder(made, first) / "noise/box/results/frame000000.png"
     data = damaged.read_bytes()
@@ -157,7 +156,7 @@ def test_what_is_damaged_is_not_merged(world, out, tmp_path):
     assert merge(plan, made) == {"box": [0]}
     assert not (made / "noise/box/results/frame000000.png").exists()
     again = Shard("box", 0, 1)
-    make(plan, shard_folder(made, again), again)
+    make_shard(plan, shard_folder(made, again), again)
     assert merge(plan, made) == {}
     assert content(made) == content(out)
 
@@ -166,7 +165,7 @@ def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, 
     plan, far = plan_of(world), tmp_path / "far"
     shards = shards_of(plan, 5)
     for shard in shards:
-        make(plan, far / shard.name, shard)
+        make_shard(plan, far / shard.name, shard)
     replace = Path.replace
 
     def elsewhere(self, target):
@@ -186,7 +185,7 @@ def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, 
             for shard in shards:
                 merge_shard(self, far / shard.name)
 
-    monkeypatch.setattr("noisy_world.pipeline.run.Dataset", Opened)
+    monkeypatch.setattr("noisy_world.pipeline.destination.Dataset", Opened)
     Run(plan, made, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
     assert content(made) == content(out)
     assert list(far.iterdir()) == []
@@ -197,10 +196,10 @@ def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, 
 
 def test_a_shard_of_something_else_is_refused(world, tmp_path):
     plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
-    make(plan, folder, shard)
+    make_shard(plan, folder, shard)
     other = plan_of(world, overrides=["render.samples=2"])
     with pytest.raises(StorageError, match=r"holds another shard: render\.samples was 1, is 2; remove that folder"):
-        make(other, folder, shard)
+        make_shard(other, folder, shard)
     lying = shard_folder(tmp_path / "made", shard)
     shutil.copytree(folder, lying)
     with pytest.raises(StorageError, match=r"does not belong to the dataset: render\.samples was 2, is 1") as error:
@@ -217,7 +216,7 @@ def test_what_the_dataset_has_is_not_made_again(world, out, tmp_path):
     ).make_dataset()
     fake_session.Session.rendered.clear()
     shard = Shard("box", 0, 8)
-    make(plan, tmp_path / "apart", shard, there=Dataset(tmp_path / "made", plan.format))
+    make_shard(plan, tmp_path / "apart", shard, there=Dataset(tmp_path / "made", plan.format))
     assert [frame for frame in fake_session.Session.rendered if frame < 4] == [3], "the depth of frame 4 of `early`"
 
 
@@ -225,23 +224,70 @@ def test_two_processes_on_one_shard(world, tmp_path):
     plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
     original, seen = fake_session.Session.frame, []
 
-    def frame(self, moment):
+    def frame(self, request):
         if not seen:
             seen.append(True)
             with pytest.raises(BusyError, match="another run is writing here"):
-                make(plan, folder, shard)
-        return original(self, moment)
+                make_shard(plan, folder, shard)
+        return original(self, request)
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(fake_session.Session, "frame", frame)
-        make(plan, folder, shard)
+        make_shard(plan, folder, shard)
     assert seen
+
+
+def test_the_commands(world, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(shard_command, "need_blender", lambda *_: None)  # its frames come from arithmetic
+    monkeypatch.setattr(running, "stop_on_signal", lambda _: threading.Event())
+    plan = plan_of(world)
+    Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    out, shards = tmp_path / "out", shards_of(plan, 3)
+    names, here = [shard.name for shard in shards], [str(world), "--out", str(out)]
+    there = shard_folder(out, shards[0])
+    there.parent.mkdir(parents=True)
+    there.write_text("a file in the way")
+    capfd.readouterr()
+    assert command.main(["shard", *here, "--shard", *names[:2]]) == 1
+    said = capfd.readouterr()
+    assert f"1 of 2 shards could not be made; {names[0]}: " in said.err.splitlines()[-1]
+    assert f"wrote {shard_folder(out, shards[1])}\n" in said.out
+    assert command.main(["merge", *here, "--shards", "3"]) == 1
+    lines = capfd.readouterr().out.splitlines()
+    assert [line.rpartition(" ")[2] for line in lines] == [names[0], *names[2:]]
+    there.unlink()
+    assert command.main(["shard", *here, "--shard", *names]) == 0
+    assert command.main(["merge", *here]) == 0
+    assert content(out) == content(tmp_path / "whole")
+    lock = FolderLock(shard_folder(tmp_path / "busy", shards[0]) / ".noisy_world/lock")
+    assert command.main(["shard", str(world), "--out", str(tmp_path / "busy"), "--shard", names[0]]) == 75
+    lock.release()
+
+
+def test_a_shard_s_plan_looks_at_no_file_of_other_scenes(world, tmp_path):
+    document = yaml.safe_load(world.read_text())
+    document["scenes"].append({**document["scenes"][0], "name": "boxes", "mesh": "not_there.ply"})
+    preset = world.with_name("two_scenes.yaml")
+    preset.write_text(yaml.safe_dump(document))
+    with pytest.raises(InputError, match=r"not_there\.ply"):
+        plan_of(preset)
+    for shard in (Shard("box", 2, 4), Shard("box@shaky", 2, 4)):
+        plan = make_plan(read_preset(preset), shards=[shard])
+        assert [scene.name for scene in plan.scenes] == ["box"]
+        make_shard(plan, tmp_path / shard.render, shard)
+        make_shard(plan_of(world), tmp_path / "of_one" / shard.render, shard)
+        alone, beside = (read_shard(folder / shard.render) for folder in (tmp_path / "of_one", tmp_path))
+        assert beside.frames == alone.frames
+        text = dict.fromkeys(("preset", "preset_sha256"))  # of the preset, beside what it means
+        assert beside.identity | text == alone.identity | text
+    with pytest.raises(InputError, match=r"not_there\.ply"):  # a name of no scene is told beside all that there are
+        make_plan(read_preset(preset), shards=[Shard("bx", 2, 4)])
 
 
 def test_a_shard_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path, monkeypatch):
     monkeypatch.setattr(fake_session.Session, "empty", set(range(8)))
     with pytest.raises(Exception, match="see nothing"):
-        make(plan_of(world), tmp_path / "deep/apart", Shard("box", 2, 4))
+        make_shard(plan_of(world), tmp_path / "deep/apart", Shard("box", 2, 4))
     assert not (tmp_path / "deep/apart").exists()
 
 
@@ -254,7 +300,7 @@ def test_a_crash_at_every_step_costs_nothing(tmp_path, step):
     Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
     for shard in shards_of(plan, 2):
         if shard.name != step:
-            make(plan, shard_folder(tmp_path / "shards", shard), shard)
+            make_shard(plan, shard_folder(tmp_path / "shards", shard), shard)
     # In a process of its own, which has no threads yet and can be forked.
     script = Path(__file__).with_name("crash_every_step.py")
     command = [sys.executable, script, world, tmp_path / "whole", tmp_path, tmp_path / "shards", step]
@@ -267,7 +313,7 @@ def test_a_merge_says_what_is_missing(world, tmp_path):
     plan = plan_of(world)
     first, *others = shards_of(plan, 4)
     for shard in others:
-        make(plan, shard_folder(tmp_path / "made", shard), shard)
+        make_shard(plan, shard_folder(tmp_path / "made", shard), shard)
     assert merge(plan, tmp_path / "made") == {first.render: list(range(first.start, first.stop))}
     assert missing_shards(plan, {first.render: [0, 1, 5]}, None) == (
         Shard(first.render, 0, 2),
@@ -284,7 +330,7 @@ def test_unlike_processors(world, tmp_path, processors):
             features = ["SSE2", "AVX2"][: 2 - number]
             patched.setattr("noisy_world.core.datasets.provenance.processor_features", lambda these=features: these)
             plan = plan_of(world, overrides=[f"render.processors={processors}"])
-            make(plan, shard_folder(made, shard), shard)
+            make_shard(plan, shard_folder(made, shard), shard)
             if shard is shards[-1] and processors == "same":
                 with pytest.raises(
                     StorageError, match=r"made on another processor: .*render\.processors: any"

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+pytestmark = pytest.mark.usefixtures("way_of_casting")
 
 from analytic import interpolated, look_at, quads_mesh
 from cases import cases

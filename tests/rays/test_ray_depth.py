@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+pytestmark = pytest.mark.usefixtures("way_of_casting")
 
 from analytic import (
     CAMERAS,
@@ -117,8 +118,7 @@ def test_two_sensors_see_from_two_places():
     assert cast(mesh, other, SMALL, channels={"depth"}).rgb is None
 
 
-def test_the_number_of_threads_decides_no_value(monkeypatch):
-    monkeypatch.setattr("noisy_world.rays.session.RAYS_AT_ONCE", 1000)
+def test_the_number_of_threads_decides_no_value():
     mesh = sphere_mesh(np.array([3.0, 0.8, 0.2]), 1.0, 60)
     one, three = (cast(mesh, LEVEL, SMALL, threads=count) for count in (1, 3))
     assert np.array_equal(one.depth_m, three.depth_m)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+pytestmark = pytest.mark.usefixtures("way_of_casting")
 
 from cases import cases
 from surface_views import SURFACES, box, check_instances, plane, seen, worst_normal

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Frames as a map-style dataset: as PyTorch's DataLoader takes it, with workers that are forked or spawned."""
 
+import contextlib
+import io
 import multiprocessing
 import pickle
+import re
+import runpy
+import sys
+import types
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pytest
 from forked import in_new_process
-from recipes_made import COUNT
+from recipes_made import COUNT, make
+from worlds import ROOT
 
 import noisy_world
 
@@ -85,6 +92,84 @@ def test_workers_give_the_same_as_in_order(made, method):
     listed = listed_frames(made)
     for places, samples in zip(BATCHES, found, strict=True):
         assert all(same(sample, listed[place]) for place, sample in zip(places, samples, strict=True))
+
+
+def embree_frames(made):
+    """A list of frames whose meshes are loaded, and those frames as this process makes them."""
+    listed = noisy_world.open(made.recipe).frames(compressed=False).load()
+    return listed, [listed[place] for place in range(len(listed))]
+
+
+def shared_by_workers(made):
+    """What the page's example prints; what two forked workers make of a list, where none of them can load a mesh."""
+    import noisy_world.rays.session
+
+    printed = run_example(made)
+    LOADED.append(embree_frames(made)[0])
+    noisy_world.rays.session.RaySession = None
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("fork")) as pool:
+        return printed, list(pool.map(fetch, BATCHES, timeout=60))
+
+
+@pytest.fixture(scope="module")
+def cast(tmp_path_factory):
+    """A recipe whose clean frames rays give."""
+    pytest.importorskip("embreex", reason="embreex is not installed: the extra `embree`")
+    settings = [{"name": "clean"}, {"name": "fog", "perturb": [{"fog": {"severity": 3}}]}]
+    render = {"engine": "embree", "samples": 1, "backend": "reference"}
+    return make(tmp_path_factory.mktemp("cast"), clean=False, settings=settings, frames=4, render=render)
+
+
+def test_forked_workers_share_the_meshes_that_were_loaded_before(cast):
+    (printed, found), (_, listed) = in_new_process(shared_by_workers, cast), embree_frames(cast)
+    for places, samples in zip(BATCHES, found, strict=True):
+        assert all(same(sample, listed[place]) for place, sample in zip(places, samples, strict=True))
+    lines = printed.splitlines()
+    assert sum(int(re.match(r"\((\d+), 3, ", line)[1]) for line in lines) == 4, "as many frames"
+    assert all(float(re.search(r"([\d.]+)\)?$", line)[1]) > 1 for line in lines), "fog changes colours"
+
+
+class ForkingLoader:
+    """As PyTorch's DataLoader with workers and batches of one."""
+
+    def __init__(self, dataset, *, num_workers, multiprocessing_context, **others):
+        LOADED.append(dataset)
+        self._how = num_workers, multiprocessing.get_context(multiprocessing_context)
+
+    def __iter__(self):
+        workers, context = self._how
+        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+            for samples in pool.map(fetch, [[place] for place in range(len(LOADED[-1]))], timeout=60):
+                yield {key: value[None] for key, value in samples[0].items()}
+
+
+class Tensor(np.ndarray):
+    """An array that has what the page's example asks of a tensor."""
+
+    def permute(self, *axes):
+        return self.transpose(axes)
+
+    def float(self):
+        return self.astype(np.float32)
+
+    def abs(self):
+        return np.abs(self)
+
+
+def run_example(made):
+    """Run the page's example, with PyTorch's place taken where it is missing; return what it prints."""
+    try:
+        import torch
+    except ImportError:
+        torch = types.ModuleType("torch")
+        torch.Tensor, torch.from_numpy = Tensor, lambda array: array.view(Tensor)
+        data = types.ModuleType("torch.utils.data")
+        data.DataLoader, data.Dataset = ForkingLoader, object
+        sys.modules |= {"torch": torch, "torch.utils": types.ModuleType("torch.utils"), "torch.utils.data": data}
+    sys.argv = ["torch_dataset.py", str(made.recipe), "fog"]
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        runpy.run_path(str(ROOT / "docs/examples/torch_dataset.py"), run_name="__main__")
+    return printed.getvalue()
 
 
 def test_torch_loads_it(made):

@@ -118,14 +118,17 @@ def test_a_store_grows_and_mends_what_is_damaged(made, tmp_path, capfd):
     assert command(*words, "--settings", "fog_s3,shaky") == 0
     assert all(stored(out)[name] == mark for name, mark in before.items())
     assert len(fake_session.Session.rendered) == 6 + 3 + 9
-    (out / "box/rgb/000001.npy").write_bytes((out / "box/rgb/000001.npy").read_bytes()[:-8])
+    (out / "box/rgb/000001.npy").write_bytes((out / "box/rgb/000001.npy").read_bytes()[:-40])
     (out / "box/depth/000002.npy").unlink()
-    with refused("000001.npy: is damaged or cannot be read; run 'noisy-world render-clean' again"):
+    flipped = bytearray((out / "box/rgb/000003.npy").read_bytes())
+    flipped[len(flipped) // 2] ^= 1
+    (out / "box/rgb/000003.npy").write_bytes(flipped)
+    with refused("000001.npy: is damaged or cannot be read; run 'noisy-world render-clean', or the study, again"):
         _ = noisy_world.open(made.recipe, out)["late/box"][1].rgb
     fake_session.Session.rendered.clear()
     assert command(*words, "--settings", "fog_s3") == 0
-    assert fake_session.Session.rendered == [1, 2]
-    assert "2 frames rendered, 7 kept" in capfd.readouterr().out
+    assert fake_session.Session.rendered == [1, 2, 3]
+    assert "3 frames rendered, 6 kept" in capfd.readouterr().out
 
 
 def test_a_store_that_was_stopped_goes_on(made, tmp_path, monkeypatch):
@@ -152,12 +155,12 @@ def test_another_recipes_clean_frames_are_refused(made, tmp_path):
     other = make(tmp_path / "a", settings=[settings[0], shaky], output={"layout": "replica", "image": "jpg"})
     opened = noisy_world.open(made.recipe, other.clean)
     assert opened["clean/box"][3].rgb_bytes() == (made.out / "clean/box/results/frame000003.jpg").read_bytes()
-    with refused("holds frames of another recipe: settings: shaky: steps.0.parameters.rotation"):
+    with refused("holds frames of another recipe: settings.shaky.steps.0.parameters.rotation"):
         opened["shaky/box"]
     far = make(tmp_path / "b", settings=settings, size=(20, 16), clean=True)
-    with refused("holds frames of another recipe: box: camera"):
+    with refused("holds frames of another recipe: scenes.box.camera"):
         noisy_world.open(made.recipe, far.clean)["clean/box"]
-    with refused("holds frames of something else: box: camera", StorageError):
+    with refused("holds frames of something else: scenes.box.camera", StorageError):
         make_store(plan_of(read_recipe(made.recipe)), far.clean, progress(), threading.Event())
     with refused("is not empty and holds no clean frames", StorageError):
         make_store(plan_of(read_recipe(made.recipe)), made.out, progress(), threading.Event())

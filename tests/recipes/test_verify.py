@@ -112,7 +112,7 @@ def test_a_dataset_is_as_its_recipe_says(made):
     findings = found(made, made.out)
     assert (findings.lines(), findings.as_the_recipe) == ([], True)
     images = sum(1 for _ in made.out.glob("*/*/results/*"))
-    assert findings.told() == [f"30 sequences, {images} images as the recipe says"]
+    assert findings.summary_lines() == [f"30 sequences, {images} images as the recipe says"]
 
 
 def test_what_is_wrong_is_named(made, copy, capfd):
@@ -183,7 +183,7 @@ def test_another_processor_makes_frames_that_cannot_be_compared(made, copy):
     findings = found(made, copy)
     assert (findings.sound, findings.as_the_recipe) == (True, False)
     assert "late/box: results/depth*.png 0 to 8, frames.jsonl: not comparable" in findings.lines()[0]
-    assert "with AVX1024: pixels may differ by 1/255" in findings.told()[0]
+    assert "with AVX1024: pixels may differ by 1/255" in findings.summary_lines()[0]
 
 
 def test_an_unfinished_dataset_is_compared_as_far_as_it_goes(made, copy):

@@ -17,7 +17,7 @@ from noisy_world.planning import make_plan
         ({"frames": "5:1"}, r"scenes\.0\.frames: '5:1' ends before it begins"),
         ({"frames": "1:5:0"}, r"scenes\.0\.frames: '1:5:0' has the step 0"),
         ({"frames": "1:9999999"}, r"beyond 1048574, Blender's last"),
-        ({"mesh": "a.ply"}, r"scenes\.0: needs either mesh or sequence, or replica, video or blend"),
+        ({"mesh": "a.ply"}, r"scenes\.0: names mesh and blend, but needs one of mesh, replica,"),
         ({"blend": None, "mesh": "a.ply"}, r"scenes\.0\.frames: goes with blend; leave it out"),
         ({"trajectory": {"handheld": {"frames": 9}}}, r"trajectory\.handheld: is made through a mesh"),
         ({"compositor": "on"}, r"scenes\.0\.compositor: unknown value 'on'"),

@@ -17,7 +17,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.planning import make_plan
-from noisy_world.sources.mesh import OpenMesh, forget_meshes, load_mesh
+from noisy_world.sources.mesh_source import OpenMesh, forget_meshes, load_mesh
 
 CAMERA = Intrinsics(160, 120, 90.0, 80.0, 79.5, 59.5)
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 1.5, 2.5])
@@ -38,7 +38,7 @@ def dense_box():
 def notes_of_the_first_frame(depth_c2w):
     """What is noted of a frame whose depth was rendered from this pose."""
     depth_m, _ = box_depth(CAMERA, depth_c2w, LOW, HIGH)
-    session = SimpleNamespace(frame=lambda moment: SimpleNamespace(rgb=None, depth_m=depth_m.astype(np.float32)))
+    session = SimpleNamespace(frame=lambda request: SimpleNamespace(rgb=None, depth_m=depth_m.astype(np.float32)))
     notes = []
     opened = OpenMesh(session, [dense_box()], CAMERA, notes.append)
     opened.frame(FrameRequest(3, 0.15, rgb_c2w=COLOUR_EYE, depth_c2w=DEPTH_EYE))

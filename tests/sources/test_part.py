@@ -192,7 +192,7 @@ def test_keys_of_the_trajectory_go_with_replicas_path(tmp_path):
     ("scene", "words"),
     [
         ({"replica": "rom0"}, r"scenes\.0\.replica: unknown scene of Replica 'rom0'; did you mean 'room0'"),
-        ({"mesh": "a.ply"}, r"scenes\.0: needs either mesh or sequence, or replica"),
+        ({"mesh": "a.ply"}, r"scenes\.0: names mesh and replica, but needs one of mesh, replica,"),
         ({"name": "one"}, r"scenes\.0\.name: is 'one', but 8 scenes of Replica match"),
     ],
 )

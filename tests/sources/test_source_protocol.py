@@ -16,19 +16,20 @@ import pytest
 from shard_workers import workers_here
 from worlds import path_poses, write_world
 
-from noisy_world.core.optics import PINHOLE
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
-from noisy_world.core.planning.source import ColourAndDepth, Gives, Scene
+from noisy_world.core.planning.scene import Scene, SceneEntry, SourceKind
+from noisy_world.core.planning.simple_source import SimpleSource
+from noisy_world.core.planning.source import ColourAndDepth, SourceCapabilities
 from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.presets.scene_keys import SceneKeys
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.trajectories.stamps import FrameStamps
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
-from noisy_world.sources.blend import BlendSource
+from noisy_world.sources.blend_source import BlendSource
 
 STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])
 
@@ -42,23 +43,15 @@ class ArithmeticFrame(ColourAndDepth):
         return None
 
 
-class ArithmeticSource:
+class ArithmeticSource(SimpleSource):
     """Frames whose colour tells their time, and whose depth tells where the camera is."""
 
     location = "arithmetic"
-    gives = Gives(rendered=False, any_pose=True)
-    stamps_s = STAMPS_S
-    frame_stamps = FrameStamps.of(STAMPS_S)
+    capabilities = SourceCapabilities(rendered=False, any_pose=True)
     robot_axes = "opencv"
 
     def __init__(self):
         self.notes = []
-
-    def camera(self, asked):
-        return asked
-
-    def optics(self, camera):
-        return PINHOLE
 
     def trajectory(self):
         return Trajectory(path_poses(4), STAMPS_S)
@@ -76,10 +69,10 @@ class ArithmeticSource:
         note("opened")
         return self
 
-    def frame(self, moment):
+    def frame(self, request):
         shape = (self.camera_seen.height_px, self.camera_seen.width_px)
-        rgb = np.full((*shape, 3), moment.time_s / 20, dtype=np.float32)
-        return ArithmeticFrame(rgb, np.full(shape, 5 + moment.depth_c2w[0, 3], dtype=np.float32))
+        rgb = np.full((*shape, 3), request.time_s / 20, dtype=np.float32)
+        return ArithmeticFrame(rgb, np.full(shape, 5 + request.depth_c2w[0, 3], dtype=np.float32))
 
 
 def run_of(plan, out, **options):
@@ -119,16 +112,21 @@ def test_a_new_kind_of_source_is_rendered_moved_and_written(tmp_path, capfd):
 class FlatSource(ArithmeticSource):
     """Frames without depth, from the path's own poses alone."""
 
-    gives = Gives(rendered=False, any_pose=False, depth=False, key="slide")
+    capabilities = SourceCapabilities(rendered=False, any_pose=False, depth=False)
+
+
+class SlideKind(SourceKind):
+    name, label, meaning, keys = "slide", "Slide", "a flat one", SceneKeys
+    remedies = {"depth": "paint it"}
 
 
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({}, r"scenes\.0\.slide: a slide has no depth, but output\.modalities asks for it"),
+        ({}, r"scenes\.0\.slide: sums has no depth, but output\.modalities asks for it; paint it, or set output"),
         (
             {"settings": [{"name": "s", "perturb": [{"fog_depth": None}]}], "output": {"modalities": ["rgb"]}},
-            r"scenes\.0\.slide: s needs depth, and a slide has none",
+            r"scenes\.0\.slide: s needs depth, and sums has none; paint it, or take that setting out",
         ),
         (
             {"settings": [{"name": "s", "perturb": [{"motion_deviation": None}]}], "output": {"modalities": ["rgb"]}},
@@ -139,16 +137,18 @@ class FlatSource(ArithmeticSource):
 )
 def test_messages_name_the_key_that_the_source_says(tmp_path, keys, told):
     preset = read_preset(write_world(tmp_path, size=(8, 6), **keys))
-    scene = Scene("sums", preset.place("scenes.0"), FlatSource())
+    place = preset.place("scenes.0")
+    scene = Scene("sums", place, FlatSource(), SceneEntry(preset, place, SlideKind(), SceneKeys()))
     with pytest.raises(InputError, match=told):
         lay_out_plan(preset, read_settings(preset, registry()), [scene])
 
 
-def test_a_blend_with_several_cameras_is_named_by_its_own_key():
-    found = SimpleNamespace(known_path=None, found=SimpleNamespace(camera="a"), _cameras=("a", "b"), rendering=None)
-    gives = BlendSource.gives.fget(found)
-    assert gives.instants_only.startswith("2 cameras take turns")
-    assert gives.key == "blend"
+def test_a_blend_with_several_cameras_has_instants_only():
+    found = SimpleNamespace(
+        known_path=None, found=SimpleNamespace(camera="a"), _cameras=("a", "b"), rendering=None, _objects=None
+    )
+    capabilities = BlendSource.capabilities.fget(found)
+    assert capabilities.instants_only.startswith("2 cameras take turns")
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from noisy_world.core.datasets.video_files import VideoFile, VideoReader, read_v
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
+from noisy_world.sources import read_scenes
 
 COUNT = 7
 
@@ -103,8 +104,8 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     report = json.loads((tmp_path / "out/run.json").read_text())
     assert any("nothing says its camera" in note for note in report["notes"])
     for change, words in (
-        ("output.modalities=[rgb, depth]", "a video has no depth, but output.modalities asks for it"),
-        ("settings=[{name: a, perturb: [{fog_depth: {severity: 1}}]}]", "a needs depth, and a video has none"),
+        ("output.modalities=[rgb, depth]", "walk has no depth, but output.modalities asks for it"),
+        ("settings=[{name: a, perturb: [{fog_depth: {severity: 1}}]}]", "a needs depth, and walk has none"),
         ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", "cannot be seen from elsewhere"),
         ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", "its frames are 64 x 48"),
         ("scenes.0.poses=keep", "goes with sequence"),
@@ -209,7 +210,7 @@ def test_keys_of_depth_go_with_a_video(tmp_path):
         ("{video: walk.avi, depth: b, depth_scale_per_m: 0.001}", r"depth_scale_per_m: .*0\.001"),
     ):
         with pytest.raises(InputError, match=words):
-            read_preset(path, [f"scenes=[{scene}]"])
+            read_scenes(read_preset(path, [f"scenes=[{scene}]"]))
 
 
 def test_a_video_of_nothing_is_none(tmp_path):

@@ -1,31 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs at an address against the same dataset made in a folder and published: cuttings, damage, refusals."""
 
-import dataclasses
 import json
 import shutil
-import sys
 import threading
 
 import pytest
-from packed import pack_to, write_preset
+from packed import destination_of, pack_to, put_shard, run_of, write_preset
 
-from noisy_world.cli.workers import WorkerOrder, carry_out
+from noisy_world.cli.shard_tasks import ShardOrder, ready_for_shards
 from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
-from noisy_world.core.planning.shards import Shard
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline import address_run
-from noisy_world.pipeline.address_run import AddressRun
+from noisy_world.pipeline import address_destination
+from noisy_world.pipeline.address_destination import AddressDestination
 from noisy_world.pipeline.report import Report
 from noisy_world.planning import make_plan
-from noisy_world.storage.address import open_address
-
-
-def run_of(preset, address, scratch, *, frames=None, overrides=(), stop=None):
-    plan = make_plan(read_preset(preset, overrides), frames)
-    stop = stop or threading.Event()
-    return AddressRun(plan, open_address(address), progress=PlainProgress(sys.stderr), stop=stop, scratch=scratch)
 
 
 def files(folder):
@@ -55,7 +44,7 @@ def place(tmp_path):
 
 def test_a_run_equals_a_published_folder(preset, packed, place, monkeypatch, capfd):
     folder, address, scratch = place
-    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)  # several shards
+    monkeypatch.setattr(address_destination, "SHARD_BYTES", 2000)  # several shards
     report = run_of(preset, address, scratch).make_dataset()
     assert report.frames_rendered == 12
     assert_same(folder, packed)
@@ -69,7 +58,7 @@ def test_a_run_equals_a_published_folder(preset, packed, place, monkeypatch, cap
 def test_a_run_that_ended_before_it_tidied_up(preset, place, monkeypatch):
     _, address, scratch = place
     with monkeypatch.context() as patched:
-        patched.setattr(AddressRun, "_remove_staging", lambda self: None)
+        patched.setattr(AddressDestination, "_remove_staging", lambda self: None)
         run_of(preset, address, scratch).make_dataset()
     assert list(scratch.iterdir())
     run_of(preset, address, scratch).make_dataset()
@@ -87,13 +76,13 @@ def test_any_cutting_and_order_of_shards(preset, packed, place):
         "attic.000000-000004",
     ]
     for name in names:
-        run_of(preset, address, scratch).make_shard(Shard.parse(name))
+        put_shard(preset, address, scratch, name)
     with pytest.raises(StorageError, match=r"missing: \{'hall': \[4\]\}"):
         run_of(preset, address, scratch).merge(missing)
     kept = files(folder)
-    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000001-000004"))
+    put_shard(preset, address, scratch, "hall.000001-000004")
     assert files(folder) == kept
-    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000004-000005"))
+    put_shard(preset, address, scratch, "hall.000004-000005")
     run_of(preset, address, scratch).merge(missing)
     assert_same(folder, packed)
     assert not list(scratch.iterdir())
@@ -106,7 +95,7 @@ def test_a_run_goes_on_from_shards_and_overview_is_the_folder_s(tmp_path, place)
     preset = write_preset(tmp_path / "world", overview=True, licence="cc-by-4.0")
     run(preset, tmp_path / "out")
     pack_to(tmp_path / "out", f"file://{tmp_path}/packed/noisy")
-    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000002-000005"))
+    put_shard(preset, address, scratch, "hall.000002-000005")
     report = run_of(preset, address, scratch).make_dataset()
     assert (report.frames_rendered, report.frames_kept) == (9, 3)
     assert_same(folder, tmp_path / "packed/noisy")
@@ -118,45 +107,28 @@ def test_workers_elsewhere_put_shards_themselves(preset, packed, place):
     # As a node of a cluster does it: an order with the address, then a shard's name.
     folder, address, scratch = place
     plan = make_plan(read_preset(preset))
-    order, heard = json.dumps(dataclasses.asdict(WorkerOrder.of(plan, address, 1, scratch))), []
+    order, put = ShardOrder.of(plan, address, 1, scratch).text(), []
 
     def workers(shards, made, progress):
         for shard in shards:
-            assert carry_out(Lines(order, shard.name), Heard(heard), threading.Event()) == 0
+            with ready_for_shards(order, progress, stop=threading.Event()) as perform:
+                perform(shard.name)
             made(shard)
+            put.append(shard)
         return Report()
 
-    run_of(preset, address, scratch).make_apart(workers, 5)
-    made = [Shard.parse(message["made"]) for message in heard if "made" in message]
-    assert len(made) == 5
+    run_of(preset, address, scratch, workers=workers, shards=5, put_by_workers=True).make_dataset()
+    assert len(put) == 5
     for scene in ("attic", "hall"):
-        assert [k for shard in made if shard.render == scene for k in range(shard.start, shard.stop)] == list(range(6))
+        assert [k for shard in put if shard.render == scene for k in range(shard.start, shard.stop)] == list(range(6))
     assert_same(folder, packed)
     assert not list(scratch.iterdir())
-
-
-class Lines:
-    """What a worker is told, in place of its standard input."""
-
-    def __init__(self, *lines):
-        self.lines = iter(lines)
-
-    def next(self):
-        return next(self.lines, None)
-
-
-class Heard(PlainProgress):
-    """What a worker tells, in place of its standard output."""
-
-    def __init__(self, messages):
-        super().__init__(sys.stderr)
-        self.tell = messages.append
 
 
 def test_a_damaged_shard_is_made_again(preset, packed, place):
     folder, address, scratch = place
     for name in ("hall.000000-000006", "attic.000000-000006"):
-        run_of(preset, address, scratch).make_shard(Shard.parse(name))
+        put_shard(preset, address, scratch, name)
     tar = folder / ".noisy_world/shards/hall.000000-000006.tar"
     data = bytearray(tar.read_bytes())
     at = data.index(b"IDAT") + 8
@@ -173,7 +145,7 @@ def test_a_damaged_shard_is_made_again(preset, packed, place):
 @pytest.mark.parametrize("name", ["identity.json", "shards/hall.000000-000006.json", "shards/hall.000000-000006.tar"])
 def test_torn_files_do_not_count(name, preset, packed, place):
     folder, address, scratch = place
-    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000000-000006"))
+    put_shard(preset, address, scratch, "hall.000000-000006")
     path = folder / ".noisy_world" / name
     path.write_bytes(path.read_bytes()[:-100])
     if name == "identity.json":
@@ -186,7 +158,7 @@ def test_torn_files_do_not_count(name, preset, packed, place):
 
 def test_interrupted_runs_go_on(preset, packed, place, monkeypatch):
     folder, address, scratch = place
-    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)
+    monkeypatch.setattr(address_destination, "SHARD_BYTES", 2000)
 
     class After(threading.Event):
         def __init__(self, looks):
@@ -218,7 +190,7 @@ def test_what_is_refused_at_an_address(preset, place, tmp_path):
         assert str(caught.value).startswith(address)
         return str(caught.value)
 
-    run_of(preset, address, scratch).make_shard(Shard.parse("hall.000000-000003"))
+    put_shard(preset, address, scratch, "hall.000000-000003")
     begun = "another dataset is being made there: "
     assert f"{begun}seed was 5, is 6" in refusal(overrides=["seed=6"])
     assert f"{begun}other frames: --frames was not given, is 0:2" in refusal(frames=slice(0, 2))
@@ -234,18 +206,18 @@ def test_what_is_refused_at_an_address(preset, place, tmp_path):
     with pytest.raises(StorageError, match=r"holds another dataset: .*more"):
         run_of(preset.parent / "more.json", address, scratch).make_dataset()
     with pytest.raises(InputError, match="has no render cellar"):
-        run_of(preset, f"{address}2", scratch).make_shard(Shard.parse("cellar.000000-000003"))
+        put_shard(preset, f"{address}2", scratch, "cellar.000000-000003")
     shutil.rmtree(folder)
 
 
 def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path):
     _, address, scratch = place
-    run = run_of(preset, address, scratch)
+    _, there = destination_of(preset, address, scratch)
     scratch.mkdir()
     (tmp_path / "theirs").mkdir()
-    run.folder.parent.symlink_to(tmp_path / "theirs")
+    there.folder.parent.symlink_to(tmp_path / "theirs")
     with pytest.raises(StorageError, match=r"is not a folder of this user's own; name another folder with --scratch"):
-        run.make_dataset()
+        run_of(preset, address, scratch).make_dataset()
     with pytest.raises(StorageError, match="cannot be written"):
         run_of(
             preset,

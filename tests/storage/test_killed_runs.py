@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run at an object store that is killed at random moments and started again: every file is an undisturbed run's."""
+"""Runs at an object store and at file://, killed at random moments and begun again: the files of undisturbed ones."""
 
 import multiprocessing
 import os
@@ -9,10 +9,20 @@ import time
 
 from packed import SETTINGS, run_there, write_preset
 
-from noisy_world.storage.address import open_address
+from noisy_world.storage.open_store import open_store
 
 KILLS = 10
-LOADED = ("noisy_world.pipeline.address_run", "packed", "s3fs", "pyarrow.parquet", "cv2", "yaml", "OpenEXR", "tqdm")
+LOADED = (
+    "noisy_world.pipeline.address_destination",
+    "packed",
+    "s3fs",
+    "pyarrow.parquet",
+    "cv2",
+    "yaml",
+    "OpenEXR",
+    "isal",
+    "tqdm",
+)
 
 
 def start(*arguments):
@@ -25,7 +35,7 @@ def start(*arguments):
 
 
 def content(address):
-    there = open_address(address)
+    there = open_store(address)
     return {name: there.read(name) for name in there.sizes("") if name != "run.json"}
 
 
@@ -42,7 +52,7 @@ def test_killed_at_random_moments(store, tmp_path):
     moments, killed, rounds = random.Random(14), 0, 0
     while killed < KILLS:
         rounds += 1
-        address = store.bucket(f"killed-{rounds}")
+        address = store.bucket(f"killed-{rounds}") if rounds % 2 else f"file://{tmp_path}/killed-{rounds}/noisy"
         while True:
             process = start(preset, address, scratch, environment)
             process.join(longest_s * moments.random() if killed < KILLS else None)

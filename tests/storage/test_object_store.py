@@ -10,8 +10,8 @@ from packed import pack_to
 
 from noisy_world.cli import publish_command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.errors import MissingDependencyError, StorageError
-from noisy_world.storage.address import open_address
+from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
+from noisy_world.storage.open_store import open_store
 
 ENTRY = Entry("noisy-world publish", ("noisy-world", "publish"))
 
@@ -29,7 +29,7 @@ def test_publish_puts_what_a_folder_would_hold(store, dataset, packed, capfd):
     address = store.bucket("published")
     assert publish_command.main([str(dataset), address], ENTRY) == 0
     assert capfd.readouterr().out == f"wrote {address}: 8 tars, 38 frames\n"
-    there = open_address(address)
+    there = open_store(address)
     names = {str(path.relative_to(packed)) for path in packed.rglob("*") if path.is_file()}
     assert set(there.sizes("")) == names
     for name in names:
@@ -43,7 +43,7 @@ def test_datasets_streams_from_the_store(store, dataset):
     pytest.importorskip("PIL", reason="Pillow is not installed")
     address = store.bucket("streamed")
     pack_to(dataset, address)
-    there = open_address(address)
+    there = open_store(address)
     tars = [there.fs.sign(there.path(f"noise/{scene}.tar")) for scene in ("attic", "hall")]
     stream = hub.load_dataset("webdataset", data_files={"train": tars}, split="train", streaming=True)
     frames = list(stream)
@@ -53,8 +53,9 @@ def test_datasets_streams_from_the_store(store, dataset):
     assert np.asarray(frames[0]["rgb.png"]).shape == (12, 16, 3)
 
 
-def test_what_an_upload_left_does_not_count(store, dataset):
-    there = open_address(store.bucket("torn"))
+@pytest.mark.parametrize("kind", ["store", "folder"])
+def test_what_an_upload_left_does_not_count(kind, store, dataset, tmp_path):
+    there = open_store(store.bucket("torn") if kind == "store" else f"file://{tmp_path}/torn")
     with pytest.raises(KeyboardInterrupt):
         interrupted(there)
     assert there.sizes("") == {}
@@ -71,6 +72,7 @@ def test_what_an_upload_left_does_not_count(store, dataset):
     begun["identity"]["seed"] = 5
     there.write(".noisy_world/identity.json", json.dumps(begun).encode())
     assert pack_to(dataset, there.text).new
+    assert kind == "store" or not (tmp_path / "torn/.noisy_world").exists()
     assert (there.read("clean/hall.tar"), there.read("manifest.json")) == (whole, manifest)
     assert there.sizes(".noisy_world") == {}
 
@@ -82,8 +84,8 @@ def test_refusals_of_the_store(store, dataset, monkeypatch, tmp_path):
     assert "names no place" in refusal("s3://", dataset)
     assert "Protocol not known: xyz" in refusal("xyz://place/noisy", dataset)
     with pytest.raises(MissingDependencyError, match=r"^gs://b/noisy: needs gcsfs.* -m pip install gcsfs$"):
-        open_address("gs://b/noisy")
-    there = open_address(store.bucket("taken"))
+        open_store("gs://b/noisy")
+    there = open_store(store.bucket("taken"))
     there.write("notes.txt", b"somebody's")
     assert "is not empty and holds no dataset of Noisy World" in refusal(there.text, dataset)
     monkeypatch.delenv("AWS_ACCESS_KEY_ID")
@@ -143,6 +145,6 @@ def interrupted(there):
 
 
 def failed(folder, target):
-    with pytest.raises(StorageError) as caught:
+    with pytest.raises((InputError, StorageError)) as caught:
         pack_to(folder, target)
     return caught.value

@@ -23,6 +23,7 @@ def blender_version():
 
 
 class Session:
+    notes = ()
     rendered: list[int] = []
     empty: set[int] = set()  # frames that see nothing
 
@@ -34,8 +35,8 @@ class Session:
     def serves(self, paths, options):
         return True
 
-    def frame(self, moment):
-        frame = moment.index
+    def frame(self, request):
+        frame = request.index
         Session.rendered.append(frame)
         ramp = np.linspace(0, 1, self._shape[0] * self._shape[1], dtype=np.float32).reshape(self._shape)
         rgb = np.stack([ramp, 1 - ramp, np.full_like(ramp, frame / 255)], axis=-1)

@@ -15,7 +15,7 @@ from noisy_world.core.node_graphs.graph import Graph
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 IDENTIFIERS = (7, "room", "setting")
@@ -37,7 +37,7 @@ def picture(height, width, seed=0):
 
 def step_of(name, **values):
     """The step of a preset's {name: values}."""
-    (step,) = parse_steps([{name: values}], Place("test"), registry())
+    (step,) = parse_steps([{name: values}], ConfigPath("test"), registry())
     return step
 
 

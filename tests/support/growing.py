@@ -59,10 +59,10 @@ def stopped(preset, out, frames):
     stop = threading.Event()
     original = fake_session.Session.frame
 
-    def render(self, moment):
-        if moment.index == frames - 1:
+    def render(self, request):
+        if request.index == frames - 1:
             stop.set()
-        return original(self, moment)
+        return original(self, request)
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(fake_session.Session, "frame", render)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from locked import locked
 
-from noisy_world.core.scenes import room as package
+from noisy_world import rooms as package
 from noisy_world.core.scenes.mesh import Mesh
 
 KEPT = "noisy_world_rooms"  # the folder in pytest's cache
@@ -21,7 +21,7 @@ class KeptRooms:
     def __init__(self, cache: Path):
         code = Path(package.__file__).parent
         digest = hashlib.sha256(np.__version__.encode())
-        for path in sorted([*code.glob("*.py"), code.parent / "mesh.py"]):
+        for path in sorted([*code.glob("*.py"), code.parent / "core/scenes/mesh.py"]):
             digest.update(path.read_bytes())
         self._folder = cache / digest.hexdigest()[:16]
         for other in cache.iterdir():

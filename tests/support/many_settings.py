@@ -8,6 +8,7 @@ import threading
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
+from noisy_world.pipeline.shard import ShardMaker
 from noisy_world.planning import make_plan
 
 SETTINGS = [
@@ -36,6 +37,12 @@ COUNT = 8
 def run(preset, out, *, frames=None, overrides=(), stop=None):
     plan = make_plan(read_preset(preset, overrides), frames)
     return Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()).make_dataset()
+
+
+def make_shard(plan, folder, shard, *, stop=None, there=None):
+    """Make a shard in a folder, which may be anywhere."""
+    with ShardMaker(plan, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()) as maker:
+        return maker.make(folder, shard, there)
 
 
 def image(out, setting, kind, frame, suffix="png"):

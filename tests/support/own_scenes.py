@@ -10,12 +10,12 @@ import numpy as np
 
 from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
 from noisy_world.blender.render import muted_output
-from noisy_world.blender.scene_look import look, open_file
+from noisy_world.blender.scene_inspection import inspect_scene, open_file
 from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.sources.blend import rigid_c2w
+from noisy_world.sources.blend_source import rigid_c2w
 
 LAST = 6  # frame; the first is 1
 
@@ -66,6 +66,7 @@ def key(item, path, values):
 
 
 def save(folder, name="hall"):
+    folder.mkdir(exist_ok=True)
     path = folder / f"{name}.blend"
     with muted_output():
         bpy.ops.wm.save_as_mainfile(filepath=str(path), check_existing=False)
@@ -73,25 +74,25 @@ def save(folder, name="hall"):
 
 
 @contextmanager
-def opened(path, *, rgb=True, depth=True, stamps_s=None, depth_alpha=0.5, keep=False):
+def opened(path, *, rgb=True, depth=True, others=(), stamps_s=None, depth_alpha=0.5, keep=False):
     """The session of a .blend along its own camera's path; also the path and the intrinsics.
 
     stamps_s: instead of the scene's frames, moments after the first one.
     """
     open_file(str(path))
-    found = look(bpy.context.scene, None, None, alone=True)
+    found = inspect_scene(bpy.context.scene, None, None, alone=True)
     assert not found.problems
-    sampled, sight = found.camera, found.sight
-    c2w, frames = rigid_c2w(sampled.matrices, Place("preset.yaml")), np.array(sampled.frames)
+    sampled, parameters = found.camera, found.camera_parameters
+    c2w, frames = rigid_c2w(sampled.matrices, ConfigPath("preset.yaml")), np.array(sampled.frames)
     if stamps_s is not None:
         c2w, frames = c2w[: len(stamps_s)], 1 + np.array(stamps_s) * found.fps
     paths = SensorPaths(Trajectory(c2w, (frames - frames[0]) / found.fps))
     options = RenderOptions(
-        near_m=sight.near_m,
-        far_m=sight.far_m,
+        near_m=parameters.near_m,
+        far_m=parameters.far_m,
         samples=found.samples["cycles"],
         seed=0,
-        channels=frozenset({name for name, on in (("rgb", rgb), ("depth", depth)) if on}),
+        channels=frozenset({name for name, on in (("rgb", rgb), ("depth", depth)) if on}).union(others),
     )
     file = OwnSceneFile(
         path=path,
@@ -99,15 +100,15 @@ def opened(path, *, rgb=True, depth=True, stamps_s=None, depth_alpha=0.5, keep=F
         frames=tuple(frames.tolist()),
         stamps_s=tuple(paths.rgb.stamps_s.tolist()),
         fps=found.fps,
-        cameras=tuple(item.camera for item in sampled.sights)[: len(frames)],
-        riding=stamps_s is None,
+        cameras=tuple(item.camera for item in sampled.parameters)[: len(frames)],
+        follows=stamps_s is None,
         lens_given=False,
         sampled=False,
         keep_compositor=keep,
         depth_alpha=depth_alpha,
     )
-    with closing(OwnSceneSession(file, paths, sight.intrinsics, options)) as session:
-        yield session, paths, sight.intrinsics
+    with closing(OwnSceneSession(file, paths, parameters.intrinsics, options)) as session:
+        yield session, paths, parameters.intrinsics
 
 
 def evaluated_triangles(frame, leave_out=()):

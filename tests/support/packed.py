@@ -52,25 +52,45 @@ def write_preset(folder, *, frames=6, scenes=("hall", "attic"), settings=SETTING
 
 
 def pack_to(dataset, address):
-    from noisy_world.storage.address import open_address
+    from noisy_world.storage.open_store import open_store
     from noisy_world.storage.publishing import publish
 
-    return publish(dataset, open_address(address), PlainProgress(sys.stderr), threading.Event())
+    return publish(dataset, open_store(address), PlainProgress(sys.stderr), threading.Event())
+
+
+def destination_of(preset, address, scratch, *, frames=None, overrides=(), **options):
+    """Return a preset's plan and the address as where it goes."""
+    from noisy_world.core.presets.preset import read_preset
+    from noisy_world.pipeline.address_destination import AddressDestination
+    from noisy_world.planning import make_plan
+    from noisy_world.storage.open_store import open_store
+
+    plan = make_plan(read_preset(preset, overrides), frames)
+    return plan, AddressDestination(plan, open_store(address), scratch, **options)
+
+
+def run_of(preset, address, scratch, *, stop=None, workers=None, shards=None, **options):
+    """Return a run of a preset at an address."""
+    from noisy_world.pipeline.run import Run
+
+    plan, place = destination_of(preset, address, scratch, **options)
+    stop, progress = stop or threading.Event(), PlainProgress(sys.stderr)
+    return Run(plan, place, progress=progress, stop=stop, workers=workers, shards=shards)
+
+
+def put_shard(preset, address, scratch, name, **options):
+    """Make a shard and put it to an address."""
+    from noisy_world.core.planning.shards import Shard
+
+    _, place = destination_of(preset, address, scratch, **options)
+    with place.making(PlainProgress(sys.stderr), threading.Event()) as make:
+        return make(Shard.parse(name))
 
 
 def run_there(preset, address, scratch, environment):
     """Make a dataset at an address, in many small shards."""
-    from noisy_world.core.presets.preset import read_preset
-    from noisy_world.pipeline import address_run
-    from noisy_world.planning import make_plan
-    from noisy_world.storage.address import open_address
+    from noisy_world.pipeline import address_destination
 
     os.environ.update(environment)
-    address_run.SHARD_BYTES = 2000
-    address_run.AddressRun(
-        make_plan(read_preset(preset)),
-        open_address(address),
-        progress=PlainProgress(sys.stderr),
-        stop=threading.Event(),
-        scratch=scratch,
-    ).make_dataset()
+    address_destination.SHARD_BYTES = 2000
+    run_of(preset, address, scratch).make_dataset()

@@ -4,7 +4,7 @@
 import bpy
 
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 SIZE = (60, 40)
@@ -12,7 +12,7 @@ IDENTIFIERS = (7, "room", "setting")
 
 
 def steps_of(*items):
-    return parse_steps(items, Place("test"), registry())
+    return parse_steps(items, ConfigPath("test"), registry())
 
 
 def add(scene, name, **values):

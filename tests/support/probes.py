@@ -25,7 +25,7 @@ class Amount:
 
 
 @dataclass(frozen=True)
-class Told:
+class Received:
     """One call. own, other: the image that is perturbed, and the other one of the context. amount: the severity."""
 
     context: FrameContext
@@ -36,9 +36,9 @@ class Told:
 
 @dataclass
 class Probes:
-    """A perturbation of colour and one of depth. told: what each was told, by its name, the setting and the frame."""
+    """A perturbation of colour and one of depth. received: what each was given, by name, setting and frame."""
 
-    told: dict[tuple[str, str, int], Told] = field(default_factory=dict)
+    received: dict[tuple[str, str, int], Received] = field(default_factory=dict)
     lock: threading.Lock = field(default_factory=threading.Lock)
 
     def install(self, monkeypatch, *more):
@@ -63,10 +63,12 @@ class Probes:
 
     def _note(self, name, context, own, other, parameters):
         with self.lock:
-            self.told[name, context.identifiers[2], context.index] = Told(context, own, other, parameters.amount)
+            self.received[name, context.identifiers[2], context.index] = Received(
+                context, own, other, parameters.amount
+            )
         return own.copy()
 
     def of(self, name, setting):
         """What one of them was told in a setting, by frame."""
-        found = {frame: told for (by, where, frame), told in self.told.items() if (by, where) == (name, setting)}
+        found = {frame: told for (by, where, frame), told in self.received.items() if (by, where) == (name, setting)}
         return dict(sorted(found.items()))

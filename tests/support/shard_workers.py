@@ -2,11 +2,11 @@
 """Workers for runs of tests: they make their shards in this process, one after another."""
 
 import threading
+from functools import partial
 
+from noisy_world.cli.shard_tasks import ShardWorkers, ready_for_shards
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.report import Report
-from noisy_world.pipeline.shard import ShardMaker, shard_folder
-from noisy_world.core.datasets.dataset import Dataset
+from noisy_world.executors.jobs import InProcess
 from noisy_world.planning import make_plan
 
 
@@ -18,13 +18,9 @@ def workers_here(preset, out, *, frames=None, order=list, asked=None, before=lam
 
     def make(shards, made, progress):
         before()
-        plan, total = make_plan(read_preset(preset), frames), Report()
-        with ShardMaker(plan, progress=progress, stop=threading.Event()) as maker:
-            for shard in order(list(shards)):
-                (asked if asked is not None else []).append(shard)
-                there = Dataset(out, plan.format)
-                total.add(maker.make(shard_folder(out, shard), shard, there, joining=True).content())
-                made(shard)
-        return total
+        wanted, stop = order(list(shards)), threading.Event()
+        (asked if asked is not None else []).extend(wanted)
+        here = InProcess(partial(ready_for_shards, stop=stop))
+        return ShardWorkers(make_plan(read_preset(preset), frames), out, here, stop).make(wanted, made, progress)
 
     return make

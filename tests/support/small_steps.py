@@ -13,7 +13,7 @@ from noisy_world.core.perturbing.kinds import (
     PairingPerturbation,
 )
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place, key
+from noisy_world.core.schema import ConfigPath, key
 
 SEQUENCE = (7, "room", "setting")
 WHERE = FrameContext(3, SEQUENCE)
@@ -33,7 +33,7 @@ BY_SEVERITY = {"severities": {"amount": (1, 2, 3, 4, 5)}}
 def steps(*perturbations, **values):
     """Steps of these perturbations; values by name."""
     known = {item.name: item for item in perturbations}
-    return parse_steps([{item.name: values.get(item.name)} for item in perturbations], Place("x"), known)
+    return parse_steps([{item.name: values.get(item.name)} for item in perturbations], ConfigPath("x"), known)
 
 
 def colour(name, apply, **other):

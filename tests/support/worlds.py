@@ -43,6 +43,16 @@ def write_box_ply(path, *, shift_m=(0.0, 0.0, 0.0)):
     path.write_text("\n".join(lines) + "\n")
 
 
+def with_objects(folder, ids):
+    """Give the walls of a world's mesh object ids."""
+    path = folder / "mesh.ply"
+    *lines, last = path.read_text().rstrip("\n").split("end_header\n")[1].split("\n")
+    head = path.read_text().split("end_header\n")[0] + "property int object_id\nend_header\n"
+    rows = [*lines, last]
+    faces = [f"{row} {number}" for row, number in zip(rows[-6:], ids, strict=True)]
+    path.write_text(head + "\n".join([*rows[:-6], *faces]) + "\n")
+
+
 def path_poses(count, *, shift_m=(0.0, 0.0, 0.0)):
     """Poses (count, 4, 4) of a camera that turns in the room's middle."""
     angles = np.linspace(0, 2 * np.pi, count, endpoint=False)

@@ -19,7 +19,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
-from noisy_world.ui import document, frame_preview, panels, paths, step_list, taking, world
+from noisy_world.ui import document, frame_preview, panels, paths, step_list, apply_preset, world
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -62,7 +62,7 @@ told["stuttering lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).to
 told["order"] = [item.perturbation for item in settings.steps]
 
 # A preset that says them.
-taking.open_preset(settings, world_folder / "preset.yaml")
+apply_preset.open_preset(settings, world_folder / "preset.yaml")
 world.load_scene(scene)
 world.load_path(scene)
 told["opened"] = document.perturb_of(settings)
@@ -91,5 +91,30 @@ except InputError as error:
     told["gone"] = f"{type(error).__name__}: {error}"
 told["has depth steps"] = frame_preview.has_depth_steps(settings)
 step_list.add_step(settings, "fog")
+
+# A source that the package brings.
+from noisy_world.ui import footage, wording
+from noisy_world.ui.source_fields import ITEMS
+
+settings.steps.clear()
+told["source"] = ITEMS[-1]
+told["source fields"] = {key: settings.corridor.bl_rna.properties[key].name for key in ("width_m", "frames")}
+settings.mesh_source, settings.scene_name = "corridor", "hall"
+settings.corridor.width_m, settings.corridor.frames = 3.3, 7
+told["source entry"] = document.scene_of(settings)
+content = document.to_document(settings)
+content["scenes"] = [{"name": "hall", "corridor": {"width_m": 2.5, "frames": 5}}]
+content["camera"] = {"width": 64, "height": 48, "fx": 64, "fy": 64, "cx": 32, "cy": 24}
+apply_preset.from_document(content, settings, path=world_folder / "corridor.yaml")
+told["source taken"] = [settings.corridor.width_m, settings.corridor.frames, settings.scene_name]
+shown = document.recorded(settings)
+told["source frames"] = len(shown.stamps_s)
+told["source depth"] = float(footage.still(shown, 0).depth_m[24, 0])
+document.save_preset(settings, world_folder / "corridor.yaml")
+content["scenes"][0]["corridor"]["width_m"] = 0
+try:
+    apply_preset.from_document(content, settings, path=world_folder / "corridor.yaml")
+except InputError as error:
+    told["source error"] = wording.spoken(error.message, str(world_folder / "corridor.yaml"))
 noisy_world.unregister()
 print("TOLD " + json.dumps(told, default=lambda value: np.asarray(value).tolist()))

@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +30,11 @@ SETTING = {
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    return installed_package.install(tmp_path_factory.mktemp("site"))
+    site = tmp_path_factory.mktemp("site")
+    page = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
+    corridor = {"__init__.py": "", "corridor.py": re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]}
+    installed_package.install(site, "my-lab", "1.0", {"corridor": "my_lab.corridor:SOURCE"}, corridor, kind="sources")
+    return installed_package.install(site)
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +109,15 @@ def test_what_is_wrong_leaves_the_panel_as_it_is(told):
     assert told["gone"].startswith("InputError: Noisy World panel: perturbations: ")
     assert "'gone'" in told["gone"]
     assert told["has depth steps"] is False
+
+
+def test_a_source_has_its_fields(told):
+    name, label, meaning = told["source"]
+    assert (name, label, meaning) == ("corridor", "Corridor", "A corridor of striped walls, along which a camera sways")
+    assert told["source fields"] == {"width_m": "Width", "frames": "Frames (frames)"}
+    scene = {"name": "hall", "corridor": {"width_m": 3.3, "frames": 7}}
+    assert told["source entry"] == scene
+    assert told["source taken"] == [2.5, 5, "hall"]
+    assert told["source frames"] == 5
+    assert told["source depth"] == pytest.approx(2.5 / 2 / 0.5, rel=1e-4)
+    assert told["source error"] == "Scene > Width: is 0 m, out of range; allowed: above 0, at most 100 m"

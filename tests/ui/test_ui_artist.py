@@ -13,9 +13,9 @@ from noisy_world.blender.chain_scene import GROUP, shown_chain
 from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.ui import document, header_presets, keyed, own_objects, preview, taking, world
+from noisy_world.ui import document, header_presets, keyed, own_objects, preview, apply_preset, world
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -98,7 +98,7 @@ def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_pat
     key_severity(step, (0, 0.0), (10, 5.0))
     levels = [0.0, 1.0, *(k / 2 for k in range(2, 11))]  # 0.5 is none; half up is 1
     assert document.perturb_of(settings()) == [{"gaussian_noise": {"mode": "keyed", "levels": levels}}]
-    (parsed,) = parse_steps(document.perturb_of(settings()), Place("test"), registry())
+    (parsed,) = parse_steps(document.perturb_of(settings()), ConfigPath("test"), registry())
     drawn = [parsed.severity_of(FrameContext(k, (0, "a", "b"))) for k in range(14)]
     assert drawn == [*levels, 5.0, 5.0, 5.0]
     settings().speed_factor = 4
@@ -106,7 +106,7 @@ def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_pat
     assert sampled[1] == {"gaussian_noise": {"mode": "keyed", "levels": [0.0, 2.0, 4.0, 5.0]}}
     document.save_preset(settings(), tmp_path / "keyed.yaml")
     settings().steps.clear()
-    taking.open_preset(settings(), tmp_path / "keyed.yaml")
+    apply_preset.open_preset(settings(), tmp_path / "keyed.yaml")
     assert document.perturb_of(settings()) == sampled
 
 

@@ -13,8 +13,9 @@ from recorded_layouts import WRITERS
 
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
 from noisy_world.core.errors import InputError
-from noisy_world.ui import document, footage, frame_preview, left_out, taking, world
+from noisy_world.ui import document, footage, frame_preview, excluded, apply_preset, world
 from noisy_world.ui.generate import run_of
+from noisy_world.ui.shown_sources import PANEL_SOURCES, shown
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -45,7 +46,7 @@ def test_a_recording_is_previewed_as_it_is_written(recording):
     for name in ("fog_depth", "depth_gaussian_noise"):
         bpy.ops.noisy_world.add_step(perturbation=name)
     recording.image = "png"
-    assert left_out.left_out(scene) == ()
+    assert excluded.excluded(scene) == ()
     assert bpy.ops.noisy_world.preview_frame.poll()
     assert not bpy.ops.noisy_world.load_scene.poll()
     assert not bpy.ops.noisy_world.load_trajectory.poll()
@@ -82,7 +83,7 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     assert "camera" not in said
     item = settings()
     item.mesh_source, item.sequence_path, item.recorded_poses, item.register_depth = "ROOM", "", "drop", False
-    taking.open_preset(item, path)
+    apply_preset.open_preset(item, path)
     assert document.to_document(item, tmp_path) == said
     film(tmp_path / "walk.avi")
     (tmp_path / "depth").mkdir()
@@ -93,7 +94,7 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
         "settings": [{"name": "clean"}],
     }
     (tmp_path / "video.json").write_text(json.dumps(preset))
-    taking.open_preset(item, tmp_path / "video.json")
+    apply_preset.open_preset(item, tmp_path / "video.json")
     said = document.to_document(item, tmp_path)
     assert said["scenes"] == [{"name": "walk", **preset["scenes"][0]}]
     assert said["camera"].items() >= preset["camera"].items()
@@ -103,15 +104,15 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     ):
         (tmp_path / "several.json").write_text(json.dumps({**preset, **change}))
         with pytest.raises(InputError, match=words):
-            taking.open_preset(item, tmp_path / "several.json")
-    assert taking.can_take(path, "SCENE")
-    assert not taking.can_take(path, "PATH")
+            apply_preset.open_preset(item, tmp_path / "several.json")
+    assert apply_preset.can_apply(path, "SCENE")
+    assert not apply_preset.can_apply(path, "PATH")
 
 
 def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
-    assert footage.told_as(recording.sequence_path) == "ScanNet"
-    assert footage.told_as(str(tmp_path)) == ""
-    assert footage.told_as(str(tmp_path / "none")) == ""
+    assert footage.layout_names(recording.sequence_path) == "ScanNet"
+    assert footage.layout_names(str(tmp_path)) == ""
+    assert footage.layout_names(str(tmp_path / "none")) == ""
     assert [label for label, _ in footage.known_layouts()] == [
         layout.label for layout in (*LAYOUTS.values(), *RECORDED.values())
     ]
@@ -131,7 +132,7 @@ def test_a_video_is_previewed(recording, tmp_path):
     picture, about = frame_preview.draw_colour(scene)
     assert about == "Frame 2: clean"
     assert np.abs(picture.astype(int) - 140).max() <= 3
-    with pytest.raises(InputError, match="a video has no depth"):
+    with pytest.raises(InputError, match="scan has no depth"):
         document.save_preset(recording, tmp_path / "a.yaml")
     for name, draw in (("depth_gaussian_noise", frame_preview.draw_depth), ("fog_depth", frame_preview.draw_colour)):
         bpy.ops.noisy_world.add_step(perturbation=name)
@@ -141,3 +142,40 @@ def test_a_video_is_previewed(recording, tmp_path):
     recording.use_depth = False
     document.save_preset(recording, tmp_path / "a.yaml")
     assert world.summary(scene) == ()
+
+
+class Drawn:
+    """A layout that knows the fields that are drawn in it."""
+
+    def __init__(self, names):
+        self.names = names
+
+    def prop(self, group, name, **_):
+        assert name in group.bl_rna.properties
+        self.names.append(name)
+
+    def row(self, **_):
+        return self
+
+    column = row
+
+    def label(self, **_):
+        self.names.append("label")
+
+    popover = label
+
+
+def test_each_source_draws_fields_that_there_are(recording, monkeypatch):
+    monkeypatch.setattr("noisy_world.ui.shown_sources.write", lambda layout, *_: layout.label())  # no window, no width
+    drawn = {}
+    for name, source in PANEL_SOURCES.items():
+        recording.mesh_source = name
+        assert shown(recording) is source
+        source.draw(Drawn(drawn.setdefault(name, [])), recording)
+        source.draw_path(Drawn(drawn[name]), recording)
+    assert drawn["ROOM"] == ["room_seed"]
+    assert drawn["FILE"] == ["mesh_path"]
+    assert drawn["SCENE"] == ["compositing", "depth_alpha"]
+    assert drawn["RECORDING"][0] == "sequence_path"
+    assert drawn["RECORDING"][-4:] == ["undistort", "register_depth", "recorded_poses", "recorded_rate_hz"]
+    assert drawn["VIDEO"] == ["video_path", "video_depth_path", "label"]

@@ -115,7 +115,7 @@ def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp
     settings.steps.clear()
     bpy.ops.noisy_world.generate()
     settings.seed = 9
-    with pytest.raises(RuntimeError, match="or Replace Dataset"):
+    with pytest.raises(RuntimeError, match="or press Replace Dataset"):
         bpy.ops.noisy_world.generate()
     assert bpy.ops.noisy_world.generate_anew() == {"FINISHED"}
     assert runs.run_of(scene).background.phase == "finished"
@@ -131,7 +131,7 @@ def test_an_error_is_the_command_lines_in_the_panels_words_and_not_finished(scen
     told = generate(tmp_path / "preset.yaml", "--out", tmp_path / "out", check=False).stderr
     problem = f"no such file: {tmp_path / 'none.ply'}"
     assert f"preset.yaml: scenes.0.mesh: {problem}; paths are relative to the preset" in told
-    assert str(caught.value).strip() == f"Error: Scene: {problem}"
+    assert str(caught.value).strip() == f"Error: Scene > Mesh File: {problem}"
     assert runs.run_of(scene).background.phase == "failed"
     assert not (tmp_path / "out").exists()
 

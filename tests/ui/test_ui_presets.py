@@ -14,6 +14,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
+from noisy_world.sources import read_scenes
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -33,15 +34,16 @@ def parsed(preset):
 @cases("path", PRESETS)
 def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
     from noisy_world.ui.document import save_preset
-    from noisy_world.ui.taking import open_preset
+    from noisy_world.ui.apply_preset import open_preset
 
     shipped = read_preset(path)
     for name, setting in parsed(shipped).items():
         open_preset(settings(), path, name)
         save_preset(settings(), tmp_path / "saved.yaml")
         saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("mesh_camera", "render", "seed", "scenes", "rig"):
+        for part in ("mesh_camera", "render", "seed", "rig"):
             assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
+        assert [item.keys for item in read_scenes(saved)] == [item.keys for item in read_scenes(shipped)]
         assert saved.spec.output.layout == shipped.spec.output.layout
         assert saved.spec.output.overview == shipped.spec.output.overview
         again = parsed(saved)
@@ -55,7 +57,7 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
 
 def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
     from noisy_world.ui.document import to_document
-    from noisy_world.ui.taking import open_preset
+    from noisy_world.ui.apply_preset import open_preset
     from noisy_world.ui.runs import saved_preset
 
     path = tmp_path / "short.yaml"
@@ -68,7 +70,7 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
 
 def test_each_embedded_room_is_shown_and_kept(tmp_path):
     from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.taking import from_document, open_preset
+    from noisy_world.ui.apply_preset import from_document, open_preset
     from noisy_world.ui.runs import saved_preset
 
     for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
@@ -86,7 +88,7 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
     from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.taking import from_document, open_preset
+    from noisy_world.ui.apply_preset import from_document, open_preset
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -122,7 +124,7 @@ def test_a_layout_brings_what_its_readers_expect():
 
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     from noisy_world.ui.document import to_document
-    from noisy_world.ui.taking import from_document
+    from noisy_world.ui.apply_preset import from_document
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -155,7 +157,7 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
 )
 def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
     from noisy_world.ui.document import to_document
-    from noisy_world.ui.taking import from_document
+    from noisy_world.ui.apply_preset import from_document
 
     document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
     settings().seed = 77
@@ -187,12 +189,12 @@ def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
 
 def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
     from noisy_world.ui.document import save_preset
-    from noisy_world.ui.taking import open_preset
+    from noisy_world.ui.apply_preset import open_preset
 
     use_files(tmp_path)
     save_preset(settings(), tmp_path / "kitchen.yaml")
-    (scene,) = read_preset(tmp_path / "kitchen.yaml").spec.scenes
-    assert (scene.mesh, scene.trajectory.file) == ("square.ply", "traj.txt")
+    (scene,) = read_scenes(read_preset(tmp_path / "kitchen.yaml"))
+    assert (scene.keys.mesh, scene.keys.trajectory.file) == ("square.ply", "traj.txt")
     settings().mesh_path = ""
     open_preset(settings(), tmp_path / "kitchen.yaml")
     assert Path(settings().mesh_path) == tmp_path / "square.ply"
@@ -345,7 +347,7 @@ def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
     from noisy_world.ui import runs
     from noisy_world.ui.document import to_document
     from noisy_world.ui.output_place import output_folder
-    from noisy_world.ui.taking import open_preset
+    from noisy_world.ui.apply_preset import open_preset
 
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)

@@ -14,13 +14,13 @@ from noisy_world.blender.chain_scene import shown_chain
 from noisy_world.ui import (
     document,
     frame_preview,
-    left_out,
+    excluded,
     own_objects,
     preview,
     runs,
     scene_copy,
     stills,
-    taking,
+    apply_preset,
     world,
 )
 from noisy_world.ui.generate import run_of
@@ -67,7 +67,7 @@ def names():
 def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp_path):
     item = settings()
     assert item.trajectory_source == "CAMERA"
-    assert left_out.left_out(hall) == ()
+    assert excluded.excluded(hall) == ()
     item.deviation_translation_m = 0.05
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
     keys, before = own_objects.keys_state(hall.objects["Mine"]), (hall.frame_end, hall.frame_step, hall.render.fps)
@@ -117,7 +117,7 @@ def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_p
     assert document.save_preset(item, tmp_path / "hall.yaml") == ""
     item.mesh_source, item.compositing, item.every, item.render_source = "ROOM", "off", 1, "SCENE"
     assert item.trajectory_source == "HANDHELD"
-    taking.open_preset(item, tmp_path / "hall.yaml")
+    apply_preset.open_preset(item, tmp_path / "hall.yaml")
     assert document.to_document(item) == said
     item.render_source = item.lens_source = "SCENE"
     said = document.to_document(item)
@@ -177,7 +177,7 @@ def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_pat
     use_files(tmp_path)
     bpy.data.objects.remove(bpy.data.objects["Light"])
     bpy.ops.noisy_world.load_scene()
-    assert "Cube" in left_out.sentence(bpy.context.scene)
+    assert "Cube" in excluded.sentence(bpy.context.scene)
     settings().mesh_source = "SCENE"
-    assert left_out.sentence(bpy.context.scene) == ""
-    assert left_out.shows_dataset(bpy.context.scene)
+    assert excluded.sentence(bpy.context.scene) == ""
+    assert excluded.shows_dataset(bpy.context.scene)

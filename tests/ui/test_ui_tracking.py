@@ -16,7 +16,7 @@ import noisy_world
 from noisy_world import ui
 from noisy_world.blender.scene import set_origin
 from noisy_world.core.progress import MARK
-from noisy_world.ui import drawn_tracks, left_out, runs, tracking
+from noisy_world.ui import drawn_tracks, excluded, runs, tracking
 from noisy_world.ui.tracked import TrackedPath
 
 POSES = box_room.path(30, turn_deg=40.0)[:6]
@@ -81,7 +81,7 @@ def test_the_estimated_path_is_drawn_beside_the_true_one(scene, dataset):
     # Nothing renders them, and Generate does not speak of them.
     items = [*foggy.objects, *clean.objects]
     assert all(item.hide_render and not item.visible_camera for item in items)
-    assert not any("box" in name for name in left_out.left_out(scene))
+    assert not any("box" in name for name in excluded.excluded(scene))
 
 
 def drawn(scene, name, positions):

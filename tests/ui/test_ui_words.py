@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import fields
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -10,13 +11,21 @@ import pytest
 from panel_tools import settings
 from preview_tools import add
 
+from noisy_world.core.datasets.depth_range import DepthRange
+from noisy_world.core.datasets.differences import ELSEWHERE, PROCESSORS, other_dataset
+from noisy_world.core.datasets.layouts.replica import ReplicaLayout
+from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.labels import american, parameter_label
+from noisy_world.core.messages import Action, CommandLineOnly, Message, PresetKey, either
 from noisy_world.core.node_graphs.groups import socket_name
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
-from noisy_world.ui import older_files, tooltips
+from noisy_world.ui import older_files, panels, tooltips
+from noisy_world.ui.described import SECTIONS, SHOWN
+from noisy_world.ui.document import PANEL
+from noisy_world.ui.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
 from noisy_world.ui.typed_numbers import property_name, set_value, value_of
-from noisy_world.ui.wording import spoken
+from noisy_world.ui.wording import ACTIONS, field_of, noted, spoken
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -81,22 +90,73 @@ def test_the_interface_is_spelt_as_blenders():
     )
 
 
+FILE = "/t/noisy_world.yaml"
+
+
+def wrong(where, *problem, remedy="", file=PANEL):
+    return InputError(file, Message(*problem), where=where, remedy=remedy)
+
+
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("error", "told", "said"),
     [
-        ("Noisy World panel: camera.far_m: is 1 m, not beyond near_m", "Camera > Far: is 1 m, not beyond Near"),
-        ("Noisy World panel: scenes.0.mesh: is missing", "Scene: is missing"),
-        ("Noisy World panel: perturbations.0.fog.severity: is 7", "Fog > Severity: is 7"),
-        ("Noisy World panel: settings.1.perturb.2.snow.blur_radius_px: is -1", "Snow > Blur Radius: is -1"),
-        (
-            "/d: seed was 1, is 4; choose another folder with --out, or replace the dataset with --overwrite",
-            "/d: seed was 1, is 4; choose another folder under Output, or Replace Dataset",
-        ),
-        ("/t/noisy_world.yaml: output.colour: is grey", "Render and Output > Channels: is gray"),
-        ("/d: no space; make room there and run the same command again: finished frames are kept",
-         "/d: no space; make room there and press Generate again: finished frames are kept"),
-        ("/data/near_m/grey.ply: not there", "/data/near_m/grey.ply: not there"),
+        (wrong("camera.far_m", "is 1 m, not beyond ", PresetKey("near_m")),
+         f"{PANEL}: camera.far_m: is 1 m, not beyond near_m", "Camera > Far: is 1 m, not beyond Near"),
+        (wrong("scenes.0.mesh", "is missing", file=FILE),
+         f"{FILE}: scenes.0.mesh: is missing", "Scene > Mesh File: is missing"),
+        (wrong("perturbations.0.fog.severity", "is 7"), ": is 7", "Fog > Severity: is 7"),
+        (wrong("settings.1.perturb.2.snow.blur_radius_px", "is -1"), ": is -1", "Snow > Blur Radius: is -1"),
+        (wrong("output.colour", "is grey"), "output.colour: is grey", "Render and Output > Channels: is gray"),
+        (wrong("scenes.0.blend", "is gone", remedy=CommandLineOnly("see --list keys")),
+         "is gone; see --list keys", "This Scene: is gone"),
+        (wrong("rig.depth", "is none", remedy=Action.OTHER_NAME), "rig.depth: is none; give it another name",
+         "rig.depth: is none; give Scene > Name or Render and Output > Setting another name"),
+        (wrong("", "its lens distorts", remedy=Message("set ", PresetKey("undistort", "true"))),
+         "; set undistort: true", "its lens distorts; set Scene > Undistort: On"),
+        (StorageError("no space", file="/d", remedy=Message("make room and ", Action.RUN_AGAIN, ": all is kept")),
+         "/d: no space; make room and run the same command again: all is kept",
+         "/d: no space; make room and press Generate again: all is kept"),
+        (StorageError("is no folder", file="/d", remedy=Action.OTHER_FOLDER), "choose another folder with --out",
+         "/d: is no folder; choose another folder under Output"),
+        (other_dataset(Path("/d"), Message(PresetKey("seed"), " was 1", either(PROCESSORS, *ELSEWHERE))),
+         "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough, "
+         "choose another folder with --out, or replace the dataset with --overwrite",
+         "/d: holds another dataset: Seed was 1; set render.processors: any in the saved preset where frames of unlike "
+         "processors, within 1/255 of each other, are good enough, choose another folder under Output, or press "
+         "Replace Dataset"),
+        (wrong("line 3, column 1", "is no YAML; near_m", file="/data/near_m/grey.ply"),
+         "/data/near_m/grey.ply: line 3, column 1: ", "/data/near_m/grey.ply: line 3, column 1: is no YAML; near_m"),
     ],
 )  # fmt: skip
-def test_errors_speak_of_fields_and_buttons(told, said):
-    assert spoken(told, "/t/noisy_world.yaml") == said
+def test_errors_speak_of_fields_and_buttons(error, told, said):
+    assert told in str(error)
+    assert spoken(error.message, FILE) == said
+
+
+def test_the_buttons_that_messages_name_are_there():
+    assert set(ACTIONS) == set(Action)
+    assert NoisyWorldGenerateAnew.bl_label in ACTIONS[Action.OVERWRITE]
+    assert NoisyWorldGenerate.bl_label in ACTIONS[Action.RUN_AGAIN]
+    assert settings().bl_rna.properties["output_folder"].name in ACTIONS[Action.OTHER_FOLDER]
+    for key in ("scenes.0.name", "settings.1.name"):
+        assert field_of(key) in ACTIONS[Action.OTHER_NAME]
+
+
+def test_fields_are_called_as_the_tab_shows_them():
+    titles = {cls.bl_label for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)}
+    labels = {item.name.partition(" (")[0] for item in settings().bl_rna.properties}
+    shown = [shown.label.split(" > ") for (cls, _), shown in SHOWN.items() if cls in SECTIONS]
+    assert {section for section, _ in shown} <= titles
+    assert {label for _, label in shown} <= labels
+    assert len(shown) > 40
+
+
+def test_keys_in_notes_are_named_as_fields():
+    note = Message("room: no file says time stamps: 30 frames a second, or ", PresetKey("rate_hz"))
+    assert noted(note) == "Room: no file says time stamps: 30 frames a second, or Frame Rate"
+    assert noted(ReplicaLayout().image_note("png")).endswith("set Render and Output > Images: JPEG for them")
+    told = DepthRange(6553.5, "void").with_remedy("far", 100.0)
+    held = "500 holds 131 m in steps of 2 mm"
+    assert told == f"far; output.depth_scale_per_m: {held}, or output.depth_beyond: farthest makes them 10 m"
+    output = "Render and Output >"
+    assert noted(told) == f"Far; {output} Depth Scale: {held}, or {output} Beyond Range: Farthest makes them 10 m"

@@ -33,7 +33,7 @@ def make_chain(
     index_of: Callable[[int], int] | None = None,
     now: int | None = None,
     intrinsics: Intrinsics | None = None,
-    stance_at: CameraStateAt | None = None,
+    camera_state_at: CameraStateAt | None = None,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
@@ -47,7 +47,16 @@ def make_chain(
     # By number, as a child that is made anew too is gone then.
     children = set() if old is None else {group.session_uid for group in _groups_in(old)}
     tree = ensure_group(_described(name, steps))
-    set_values(tree, steps, frames, identifiers, index_of=index_of, now=now, intrinsics=intrinsics, stance_at=stance_at)
+    set_values(
+        tree,
+        steps,
+        frames,
+        identifiers,
+        index_of=index_of,
+        now=now,
+        intrinsics=intrinsics,
+        camera_state_at=camera_state_at,
+    )
     if tree != old:
         _remove_unused(children)
     return tree
@@ -225,7 +234,7 @@ def refresh_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
     intrinsics: Intrinsics | None = None,
-    stance_at: CameraStateAt | None = None,
+    camera_state_at: CameraStateAt | None = None,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
@@ -244,7 +253,7 @@ def refresh_chain(
         index_of=index_of,
         now=scene.frame_current,
         intrinsics=intrinsics,
-        stance_at=stance_at,
+        camera_state_at=camera_state_at,
     )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..core.geometry import Intrinsics
-from ..core.node_graphs.chain import shown_values, stance_values, step_node
+from ..core.node_graphs.chain import camera_state_values, shown_values, step_node
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.trajectories.camera_state import CameraState
@@ -35,7 +35,7 @@ def set_values(
     index_of: IndexOf | None,
     now: int | None,
     intrinsics: Intrinsics | None = None,
-    stance_at: CameraStateAt | None = None,
+    camera_state_at: CameraStateAt | None = None,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
@@ -53,7 +53,7 @@ def set_values(
         node = tree.nodes.get(step_node(step))
         if node is None:  # a user has removed it
             continue
-        each = list(_values(step, frames, identifiers, index_of, intrinsics, stance_at=stance_at))
+        each = list(_values(step, frames, identifiers, index_of, intrinsics, camera_state_at=camera_state_at))
         for name in dict.fromkeys(name for _, sockets in each for name in sockets):
             socket = node.inputs[name]
             path = socket.path_from_id("default_value")
@@ -96,19 +96,19 @@ def _values(
     index_of: IndexOf | None,
     intrinsics: Intrinsics | None,
     *,
-    stance_at: CameraStateAt | None,
+    camera_state_at: CameraStateAt | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
-    stance_at = stance_at if step.uses_motion else None
-    for k in frames if step.levels is not None or index_of is not None or stance_at is not None else frames[:1]:
+    camera_state_at = camera_state_at if step.uses_motion else None
+    for k in frames if step.levels is not None or index_of is not None or camera_state_at is not None else frames[:1]:
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
             by_severity[severity] = shown_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)
         values = by_severity[severity]
-        if stance_at is not None:
-            values = values | stance_values(step, severity, stance_at(index))
+        if camera_state_at is not None:
+            values = values | camera_state_values(step, severity, camera_state_at(index))
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
 
 

@@ -176,7 +176,12 @@ class Compositor:
         now = self._scene.frame_current
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
-                step, index, identifiers, scene_frame=now, intrinsics=self._intrinsics, stance=camera_state_of(motion)
+                step,
+                index,
+                identifiers,
+                scene_frame=now,
+                intrinsics=self._intrinsics,
+                camera_state=camera_state_of(motion),
             )
             notes.append(note)
         return values, notes
@@ -283,7 +288,7 @@ class _Layers:
         """Read a file and remove it; yield its layers by the chain's name, without those that have none."""
         (path,) = {self._folder / f"{file.file_name}.exr" for file in self._files.values() if not file.mute}
         if problem or not path.exists():
-            raise StorageError(f"{path}: Blender could not write its scratch file: {problem or 'no file came'}")
+            raise StorageError(f"Blender could not write its scratch file: {problem or 'no file came'}", file=path)
         rows = read_rows(path, size_px, self._channels * len(names))
         path.unlink()
         for slot, name in enumerate(names):

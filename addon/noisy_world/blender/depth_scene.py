@@ -4,10 +4,13 @@
 The scene is a copy that shows the same objects, so that setting it up costs colour's renderer nothing.
 """
 
+from fractions import Fraction
+
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels.surface import Fact, Surface
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE
@@ -20,6 +23,7 @@ from .typed import cycles as cycles_of
 from .typed import get_value
 from .volumes import Volumes, shader_trees
 
+MOST_STRETCHED = 900  # Blender's own limit
 MOST_LOOKS = (
     16  # of a frame with see-through surfaces; half opaque ones are all gone through then, but for 2 pixels in 1e5
 )
@@ -32,10 +36,21 @@ class DepthScene:
     """A linked copy of a scene that Cycles renders with one sample for depth alone."""
 
     def __init__(
-        self, scene: bpy.types.Scene, intrinsics: Intrinsics, options: RenderOptions, *, alpha: float, masked: bool
+        self,
+        scene: bpy.types.Scene,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        *,
+        alpha: float,
+        masked: bool,
+        facts: frozenset[Fact] = frozenset(),
+        moving: bool = False,
     ) -> None:
-        """Copy the scene. alpha: what is less opaque does not stop depth. masked: whether anything may
-        be."""
+        """Copy the scene.
+
+        alpha: what is less opaque does not stop depth. masked: whether anything may be. facts: what of the surface is
+        told beside depth. moving: whether it tells how what is seen moves, which takes a scene of its own.
+        """
         self._scene = copy = scene.copy()
         self._masked = masked
         self._volumes = Volumes(blocks_of(scene), needed=options.rgb)
@@ -50,6 +65,10 @@ class DepthScene:
         for item in copy.view_layers:
             item.use = item == layer
         only_depth(layer)
+        layer.use_pass_normal = "normals" in facts
+        layer.use_pass_object_index = "objects" in facts
+        layer.use_pass_vector = moving
+        self._facts = facts
         layer.samples = 0
         layer.pass_alpha_threshold = alpha
         cycles = cycles_of(copy)
@@ -64,27 +83,52 @@ class DepthScene:
         cycles.pixel_filter_type = "BLACKMAN_HARRIS"
         cycles.filter_width = CENTRE_FILTER_PX
         offset_px = FILTER_MIDDLE * CENTRE_FILTER_PX
-        self._eye = RenderCamera(
+        self._camera = RenderCamera(
             copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True
         )
         self._far_m = options.far_m
         self._file = RenderFile(copy, (intrinsics.width_px, intrinsics.height_px))
 
-    def render(self, c2w: NDArray[np.float64], frame: float) -> NDArray[np.float32]:
-        """Return the depth (H, W) at a pose and a frame of the scene, in metres; 0 is void."""
+    def render(self, c2w: NDArray[np.float64], frame: float) -> tuple[NDArray[np.float32], Surface]:
+        """Return the depth (H, W) at a pose and a frame of the scene, in metres, 0 is void, and what else it tells."""
         set_frame(self._scene, frame)
-        self._eye.place(c2w)
+        self._camera.place(c2w)
         with self._volumes.gone():
-            return without_void(self._through() if self._masked else self._once(0), self._far_m)
+            passes = self._through() if self._masked else self._once(0)
+        depth_m = without_void(passes["Depth.Z"], self._far_m)
+        normals = objects = None
+        if "normals" in self._facts:
+            world = np.stack([passes[f"Normal.{name}"] for name in "XYZ"], axis=-1)
+            normals = (np.where(depth_m[..., None] > 0, world, 0) @ c2w[:3, :3]).astype(np.float32)
+        if "objects" in self._facts:
+            objects = np.where(depth_m > 0, passes["Object Index.X"], 0).astype(np.uint16)
+        return depth_m, Surface(normals, objects=objects)
 
-    def _once(self, seed: int) -> NDArray[np.float32]:
+    def motion(
+        self, here_c2w: NDArray[np.float64], here: float, there_c2w: NDArray[np.float64], there: float
+    ) -> NDArray[np.float32]:
+        """Return (H, W, 2): how far what each pixel's centre sees at a pose and a frame is from it at another, pixels.
+
+        Cycles tells where things are a frame before and after, so as many frames as there are between become one.
+        """
+        between = _near_fraction(abs(there - here))
+        self._scene.render.frame_map_old, self._scene.render.frame_map_new = between.numerator, between.denominator
+        set_frame(self._scene, here / float(between))
+        self._camera.move({here: here_c2w, there: there_c2w})
+        with self._volumes.gone():
+            passes = self._through() if self._masked else self._once(0)
+        if there > here:
+            return np.stack([-passes["Vector.Z"], passes["Vector.W"]], axis=-1)
+        return np.stack([passes["Vector.X"], -passes["Vector.Y"]], axis=-1)
+
+    def _once(self, seed: int) -> dict[str, NDArray[np.float32]]:
         cycles = cycles_of(self._scene)
         if cycles.seed != seed:
             cycles.seed = seed
             self._scene.update_tag()  # the seed alone would not tell the renderer
-        return self._file.render(self._layer.name)["Depth.Z"]
+        return self._file.render(self._layer.name)
 
-    def _through(self) -> NDArray[np.float32]:
+    def _through(self) -> dict[str, NDArray[np.float32]]:
         """Return the first surface of each pixel that always stops a ray.
 
         At a surface that is less opaque than the threshold, chance decides whether Cycles' ray goes on, so the farthest
@@ -92,9 +136,10 @@ class DepthScene:
         """
         farthest, unchanged = self._once(0), 0
         for seed in range(1, MOST_LOOKS):
-            seen = np.maximum(farthest, self._once(seed))
-            unchanged = unchanged + 1 if np.array_equal(seen, farthest) else 0
-            farthest = seen
+            seen = self._once(seed)
+            farther = seen["Depth.Z"] > farthest["Depth.Z"]
+            unchanged = 0 if farther.any() else unchanged + 1
+            farthest = {name: np.where(farther, seen[name], pixels) for name, pixels in farthest.items()}
             if unchanged == 2:
                 break
         return farthest
@@ -102,6 +147,13 @@ class DepthScene:
     def close(self) -> None:
         """Remove the scratch file."""
         self._file.close()
+
+
+def _near_fraction(frames: float) -> Fraction:
+    """Return how many frames are between two as a fraction that a scene's time can be stretched by."""
+    whole = Fraction(frames)
+    small = whole.limit_denominator(max(1, int(MOST_STRETCHED / max(1.0, frames))))
+    return small if small and small.numerator <= MOST_STRETCHED else Fraction(round(frames) or 1)
 
 
 def set_frame(scene: bpy.types.Scene, frame: float) -> None:

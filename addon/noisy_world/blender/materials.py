@@ -101,11 +101,11 @@ def new_image(name: str, rgb: NDArray[np.uint8], *, decoded: bool) -> bpy.types.
 def tell_attribute(material: bpy.types.Material, attribute: str, name: str) -> None:
     """Let a material write an attribute of three numbers, as it is, into the pass of a name."""
     tree = node_tree(material)
-    told = new_node(tree, bpy.types.ShaderNodeAttribute)
-    told.attribute_name = attribute
+    attribute_node = new_node(tree, bpy.types.ShaderNodeAttribute)
+    attribute_node.attribute_name = attribute
     into = new_node(tree, bpy.types.ShaderNodeOutputAOV)
     into.aov_name = name
-    tree.links.new(outputs(told)["Vector"], inputs(into)["Color"])
+    tree.links.new(outputs(attribute_node)["Vector"], inputs(into)["Color"])
 
 
 def _empty_material(name: str) -> tuple[bpy.types.Material, bpy.types.NodeTree]:

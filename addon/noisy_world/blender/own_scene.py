@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scene of one's own in Blender, rendered as its artist set it up, ready to be seen from any pose at its frames."""
+"""A session on a scene of a .blend: frames rendered as its artist set it up, from any pose."""
 
 from bisect import bisect_right
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels.surface_images import SurfaceImages
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.planning.source import RenderedFrame, RenderOptions
+from ..core.planning.source import Motion, RenderedFrame, RenderOptions
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
@@ -21,7 +24,8 @@ from .render_camera import RenderCamera
 from .render_file import RenderFile
 from .scene_camera import show_frame
 from .scene_files import blocks_of
-from .scene_look import open_file, show_scene
+from .scene_inspection import open_file, show_scene
+from .scene_objects import show_numbers
 from .shown_colour import ShownColour
 from .typed import camera_of
 from .typed import cycles as cycles_of
@@ -36,10 +40,10 @@ class OwnSceneFile:
 
     frames: the scene's frame of each of the path's, whole or not. stamps_s: when each of them is, on the path's clock.
     fps: frames a second between these; 0 where nothing moves. cameras: the object that sees each; None for a plain
-    camera, and one for all where frames between these are asked for. riding: whether the path is these cameras' own, so
-    that motion blur shows their motion. lens_given: whether the preset gives the intrinsics. sampled: whether it gives
-    the samples. keep_compositor: whether the scene's compositor is used. depth_alpha: what is less opaque
-    does not stop depth.
+    camera, and one for all where frames between these are asked for. follows: whether the path is these cameras' own,
+    so that motion blur shows their motion. lens_given: whether the preset gives the intrinsics. sampled: whether it
+    gives the samples. keep_compositor: whether the scene's compositor is used. depth_alpha: what is less opaque does
+    not stop depth.
     """
 
     path: Path
@@ -48,7 +52,7 @@ class OwnSceneFile:
     stamps_s: tuple[float, ...]
     fps: float
     cameras: tuple[str | None, ...]
-    riding: bool
+    follows: bool
     lens_given: bool
     sampled: bool
     keep_compositor: bool
@@ -89,10 +93,19 @@ class OwnSceneSession:
         masked = may_be_seen_through(blocks)
         alone = paths.depth is None and not masked and not Volumes(blocks, needed=True).any and not file.keep_compositor
         together = options.rgb and options.depth and alone and _shows_centre(scene, file)
+        self._images = SurfaceImages(options.channels, None)
+        facts = self._images.needs
+        if "objects" in facts:
+            show_numbers(blocks)
+        self._motion: DepthScene | None = None
+        self._motion_scene = partial(
+            DepthScene, scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, moving=True
+        )
         # Copied before colour's cameras and file settings are made.
+        self._apart = options.depth and not together
         self._depth = None
-        if options.depth and not together:
-            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked)
+        if self._apart or facts:
+            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, facts=facts)
         self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
@@ -101,16 +114,32 @@ class OwnSceneSession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame."""
-        rgb = depth_m = None
+        rgb = depth_m = seen_m = None
+        others: dict[str, NDArray[Any]] = {}
         if self._colour is not None:
             rgb, depth_m = self._colour.render(request)
-        if self._depth is not None:
-            depth_m = self._depth.render(request.depth_c2w, self._file.at(request.time_s)[0])
-        return RenderedFrame(rgb, depth_m)
+        at = self._file.at(request.time_s)[0]
+        if self._depth is not None and self._images.needs:
+            seen_m, surface = self._depth.render(request.rgb_c2w, at)
+            others = self._images.of(surface)
+        if self._depth is not None and self._apart:
+            same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
+            depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
+        return RenderedFrame(rgb, depth_m, others)
+
+    def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
+        """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
+        first, second = (self._file.at(request.time_s)[0] for request in (here, there))
+        if first == second:
+            return None
+        if self._motion is None:
+            self._motion = self._motion_scene()
+        back = self._motion.motion(there.rgb_c2w, second, here.rgb_c2w, first)
+        return self._motion.motion(here.rgb_c2w, first, there.rgb_c2w, second), back
 
     def close(self) -> None:
         """Remove the scratch files."""
-        for part in (self._colour, self._depth):
+        for part in (self._colour, self._depth, self._motion):
             if part is not None:
                 part.close()
 
@@ -132,9 +161,9 @@ class _Colour:
         self._file = file
         self._depth = depth
         self._far_m = options.far_m
-        self._rides = file.riding and scene.render.use_motion_blur
+        self._follows = file.follows and scene.render.use_motion_blur
         offset_px = FILTER_MIDDLE * cycles_of(scene).filter_width if depth else 0.0
-        self._eyes = {
+        self._render_cameras = {
             name: RenderCamera(
                 scene,
                 None if name is None else scene.objects[name],
@@ -157,14 +186,14 @@ class _Colour:
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
         """Return colour (H, W, 3), display-encoded, and depth (H, W) in metres or None."""
         at, camera = self._file.at(request.time_s)
-        eye = self._eyes[camera]
-        if self._rides:
+        render_camera = self._render_cameras[camera]
+        if self._follows:
             show_frame(self._scene, at)
-            eye.ride(request.rgb_c2w)
+            render_camera.follow(request.rgb_c2w)
         else:
             # What is keyed of the scene itself, such as exposure, is not the renderer's to evaluate.
             (show_frame if self._scene.animation_data is not None else set_frame)(self._scene, at)
-            eye.place(request.rgb_c2w)
+            render_camera.place(request.rgb_c2w)
         passes = self._render.render(self._layer)
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None

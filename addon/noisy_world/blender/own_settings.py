@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of an artist's settings is set otherwise, so that a frame's bytes depend on nothing but what is asked for."""
+"""The artist's settings that are overridden, so that a frame's bytes depend on the request alone."""
 
 import bpy
 

@@ -18,7 +18,7 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
 from .own_scene import OwnSceneFile, OwnSceneSession
 from .scene_camera import sampled_camera
-from .scene_look import samples_of
+from .scene_inspection import samples_of
 from .scene_problems import ENGINES
 
 SCENE = "Noisy World still"
@@ -28,13 +28,13 @@ SCENE = "Noisy World still"
 class OwnStill:
     """What is rendered: a scene frame, whole or not, from a pose (4, 4) or, where that is None, by the scene's camera.
 
-    rides: whether the path is that camera's own. clip_m: nearest and farthest, where they are not the camera's. engine,
-    samples: where they are not the scene's own. depth_alpha: what is less opaque does not stop depth.
+    follows: whether the path is that camera's own. clip_m: nearest and farthest, where they are not the camera's.
+    engine, samples: where they are not the scene's own. depth_alpha: what is less opaque does not stop depth.
     """
 
     frame: float
     c2w: NDArray[np.float64] | None
-    rides: bool
+    follows: bool
     intrinsics: Intrinsics
     clip_m: tuple[float, float] | None
     engine: EngineName | None
@@ -60,10 +60,10 @@ def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
 
 def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     sampled = sampled_camera(scene, None, [still.frame])
-    sight = sampled.sights[0]
-    camera = scene.objects[sight.camera]
+    parameters = sampled.parameters[0]
+    camera = scene.objects[parameters.camera]
     engine = still.engine or ENGINES[scene.render.engine]
-    near_m, far_m = still.clip_m or (sight.near_m, sight.far_m)
+    near_m, far_m = still.clip_m or (parameters.near_m, parameters.far_m)
     options = RenderOptions(
         near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
         samples=still.samples or samples_of(scene)[engine],
@@ -75,7 +75,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         stamps_s=(0.0,),
         fps=0.0,
         cameras=(camera.name,),
-        riding=still.rides,
+        follows=still.follows,
         lens_given=still.clip_m is not None,
         sampled=still.samples is not None,
         keep_compositor=still.keep_compositor,

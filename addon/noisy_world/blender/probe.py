@@ -8,6 +8,7 @@ import sys
 import bpy
 
 from ..core.errors import MissingDependencyError
+from ..core.messages import Message, PresetKey, either
 
 MARK = "@gl "
 TIMEOUT_S = 180  # chosen: far longer than software GL takes to start
@@ -40,9 +41,8 @@ def gl_version() -> str:
         answer, problem = [], f"no answer within {TIMEOUT_S} s"
     if problem or not answer:
         packages = "libegl1 libgl1 libgl1-mesa-dri"
-        raise MissingDependencyError(
-            f"EEVEE and Workbench need OpenGL, which fails here ({problem or 'it told nothing'}); run: apt-get install "
-            f"{packages}, or use render.engine: cycles, which needs none"
-        )
+        message = f"EEVEE and Workbench need OpenGL, which fails here ({problem or 'it told nothing'})"
+        other = Message("use ", PresetKey("render.engine", "cycles"), ", which needs none")
+        raise MissingDependencyError(message, remedy=either(f"run: apt-get install {packages}", other))
     renderer, version = json.loads(answer[0].removeprefix(MARK))
     return f"{renderer}, {version}"

@@ -98,7 +98,9 @@ class FrameRenderer:
         except RuntimeError as error:  # Blender reports in this way that it could not write
             problem = str(error).strip().splitlines()[-1]
         if problem or not self._path.exists():
-            raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
+            raise StorageError(
+                f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
+            )
         return self._read()
 
     def _read(self) -> Passes:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The camera that looks at a scene of one's own: a copy of the artist's, put where the path says."""
 
+from collections.abc import Mapping
+
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -61,7 +63,18 @@ class RenderCamera:
         place_camera(self._scene, self.camera, c2w)
         self._be_scenes()
 
-    def ride(self, c2w: NDArray[np.float64]) -> None:
+    def move(self, poses: Mapping[float, NDArray[np.float64]]) -> None:
+        """Look from poses (4, 4) at frames of the scene, from one to the next."""
+        self.camera.animation_data_clear()
+        self.camera.rotation_mode = "QUATERNION"
+        for frame, c2w in poses.items():
+            matrix = Matrix(blender_from_opencv_c2w(c2w).tolist())
+            self.camera.location, self.camera.rotation_quaternion = matrix.to_translation(), matrix.to_quaternion()
+            for path in ("location", "rotation_quaternion"):
+                self.camera.keyframe_insert(path, frame=frame)
+        self._be_scenes()
+
+    def follow(self, c2w: NDArray[np.float64]) -> None:
         """Look from a pose at the frame that the scene shows, and move as the artist's camera does around it."""
         assert self._model is not None
         graph = self._scene.view_layers[0].depsgraph

@@ -46,7 +46,9 @@ class RenderFile:
         except RuntimeError as error:  # Blender reports in this way that it could not write
             problem = str(error).strip().splitlines()[-1]
         if problem or not self._path.exists():
-            raise StorageError(f"{self._path}: Blender could not write its scratch file: {problem or 'no file came'}")
+            raise StorageError(
+                f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
+            )
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
             named = {tuple(name.rsplit(".", 2)): item.pixels[self._crop] for name, item in file.channels().items()}
         return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}

@@ -21,18 +21,18 @@ def sampled_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, fram
     """
     asked = tuple(frames)
     before = (scene.frame_current, scene.frame_subframe, scene.camera)
-    matrices, sights = [], []
+    matrices, parameters = [], []
     for frame in asked:
         show_frame(scene, frame)
         seen_by = camera or scene.camera
         assert seen_by is not None, "the scene has a camera"
         evaluated = seen_by.evaluated_get(_evaluated(scene))
         matrices.append(np.array(evaluated.matrix_world, dtype=np.float64))
-        sights.append(sight_of(scene, evaluated))
+        parameters.append(camera_parameters(scene, evaluated))
     scene.frame_set(before[0], subframe=before[1])
     if scene.camera != before[2]:
         scene.camera = before[2]
-    return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(sights))
+    return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(parameters))
 
 
 def show_frame(scene: bpy.types.Scene, frame: float) -> None:
@@ -47,7 +47,7 @@ def _evaluated(scene: bpy.types.Scene) -> bpy.types.Depsgraph:
     return graph
 
 
-def sight_of(scene: bpy.types.Scene, camera: bpy.types.Object) -> CameraParameters:
+def camera_parameters(scene: bpy.types.Scene, camera: bpy.types.Object) -> CameraParameters:
     """Return how a camera sees in a scene's image, by Blender's own rule.
 
     The sensor's size is measured along the image's longer side, in units of square pixels, unless its fit says along

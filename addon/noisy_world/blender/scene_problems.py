@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What keeps a scene of one's own from being made into a dataset: what other processes would show otherwise, or not at
-all."""
+"""Why a scene of one's own cannot become a dataset: what another process would render differently, or not at all."""
 
 from collections.abc import Iterable, Iterator
 
@@ -33,21 +32,25 @@ def problems_of(scene: bpy.types.Scene, files: SceneFiles) -> Iterator[Problem]:
 
 def camera_problems(sampled: SampledCamera, *, lens_given: bool) -> Iterator[Problem]:
     """Yield what is wrong with a camera that was sampled. lens_given: whether the preset gives the intrinsics."""
-    first = sampled.sights[0]
-    for sight in sampled.sights:
-        if sight.kind != "PERSP":
+    first = sampled.parameters[0]
+    for parameters in sampled.parameters:
+        if parameters.kind != "PERSP":
             kinds = {"ORTHO": "orthographic", "PANO": "panoramic"}
-            problem = f"{sight.camera} is {kinds.get(sight.kind, 'a camera of a script')}, not perspective"
+            problem = f"{parameters.camera} is {kinds.get(parameters.kind, 'a camera of a script')}, not perspective"
             yield Problem("camera", problem, "name another camera, or change its type")
             return
     if lens_given:
         return
-    for frame, sight in zip(sampled.frames, sampled.sights, strict=True):
-        if sight.seen != first.seen:
-            who = "lens or clipping changes" if sight.camera == first.camera else f"{sight.camera} sees otherwise"
-            told = f"{first.camera}'s " if sight.camera == first.camera else ""
-            numbers = f"fx {first.fx_px:.6g} at frame {sampled.frames[0]:g}, {sight.fx_px:.6g} at frame {frame:g}"
-            problem = f"{told}{who} along the path ({numbers}), and a sequence has one camera"
+    for frame, parameters in zip(sampled.frames, sampled.parameters, strict=True):
+        if parameters.seen != first.seen:
+            who = (
+                "lens or clipping changes"
+                if parameters.camera == first.camera
+                else f"{parameters.camera} sees otherwise"
+            )
+            message = f"{first.camera}'s " if parameters.camera == first.camera else ""
+            numbers = f"fx {first.fx_px:.6g} at frame {sampled.frames[0]:g}, {parameters.fx_px:.6g} at frame {frame:g}"
+            problem = f"{message}{who} along the path ({numbers}), and a sequence has one camera"
             yield Problem("camera", problem, "give the preset's camera, which then holds, or choose frames")
             return
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images of float values that Blender writes into scratch files, and their numbers again."""
+"""Float images that Blender writes into scratch files, read back as arrays."""
 
 import os
 from pathlib import Path
@@ -35,5 +35,5 @@ def read_rows(path: Path, size_px: tuple[int, int], channels: int) -> NDArray[np
         before = os.fstat(file.fileno()).st_size - row.itemsize * height
         rows: NDArray[Any] = np.fromfile(file, row, offset=max(before, 0))
     if len(rows) != height or (rows["number"] != np.arange(height)).any() or (rows["bytes"] != row.itemsize - 8).any():
-        raise StorageError(f"{path}: Blender's scratch file is cut short or damaged")
+        raise StorageError("Blender's scratch file is cut short or damaged", file=path)
     return rows["values"]

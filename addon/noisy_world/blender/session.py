@@ -53,6 +53,8 @@ class Shot:
 class Session:
     """One mesh in Blender, from its first frame to its last. It replaces Blender's file, so use one at a time."""
 
+    notes: tuple[str, ...] = ()
+
     def __init__(
         self, mesh: Mesh, name: str, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions
     ) -> None:

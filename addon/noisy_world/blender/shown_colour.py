@@ -57,10 +57,10 @@ class ShownColour:
             with muted_output():
                 self._image.save_render(str(self._path), scene=self._writer)
         except RuntimeError as error:
-            raise StorageError(f"{self._path}: Blender could not write its scratch file: {error}") from error
+            raise StorageError(f"Blender could not write its scratch file: {error}", file=self._path) from error
         bgr = read_pixels(self._path, cv2.IMREAD_UNCHANGED)
         if bgr is None or bgr.dtype != np.uint16:
-            raise StorageError(f"{self._path}: Blender's scratch file is cut short or damaged")
+            raise StorageError("Blender's scratch file is cut short or damaged", file=self._path)
         return np.ascontiguousarray(bgr[..., ::-1]).astype(np.float32) / np.float32(65535)
 
     def _follow(self) -> None:

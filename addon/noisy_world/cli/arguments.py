@@ -35,22 +35,15 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
         "settings or sequences (default); then end",
     )
+    message = "processes that render (default: 1); no more than there are processors and frames"
+    add_executor_options(parser, "shard", 1, message, cpus=2)
     parser.add_argument(
-        "--jobs",
+        "--shards",
         metavar="N",
         type=positive,
-        default=1,
-        help="processes that render (default: 1); no more than there are processors and frames",
+        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
     )
-    add_ray_options(parser)
-    parser.add_argument(
-        "--progress",
-        choices=["text", "json"],
-        default="text",
-        help="how a run reports its progress: text on standard error for people (default), or for programs lines of "
-        "JSON on standard output, each after '@noisy-world '",
-    )
-    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    add_progress_option(parser)
     return settled(parser, parser.parse_args(arguments), known=lambda options: options.list in KNOWN or options.worker)
 
 
@@ -99,24 +92,37 @@ def add_set_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_ray_options(parser: argparse.ArgumentParser) -> None:
-    """Add what says whether a Ray cluster makes the dataset, and how."""
+def add_executor_options(
+    parser: argparse.ArgumentParser, task: str, jobs: int | None, jobs_told: str, cpus: int
+) -> None:
+    """Add what names processes of this machine, or a Ray cluster. task: what each does one of. jobs, cpus: defaults."""
+    parser.add_argument("--jobs", metavar="N", type=positive, default=jobs, help=jobs_told)
     parser.add_argument(
         "--ray",
         metavar="ADDRESS",
         nargs="?",
         const="auto",
-        help="make the dataset in shards on a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
+        help=f"have each {task} done by a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
         "ray://HOST:PORT, or 'local' for one of this machine alone; it needs the extra cluster",
     )
     parser.add_argument(
-        "--shards",
+        "--cpus",
         metavar="N",
         type=positive,
-        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
+        default=cpus,
+        help=f"with --ray: processors for each {task} (default: {cpus})",
     )
+    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+
+
+def add_progress_option(parser: argparse.ArgumentParser) -> None:
+    """Add what says who hears how a run goes on."""
     parser.add_argument(
-        "--cpus", metavar="N", type=positive, default=2, help="with --ray: processors for each shard (default: 2)"
+        "--progress",
+        choices=["text", "json"],
+        default="text",
+        help="how a run reports its progress: text on standard error for people (default), or for programs lines of "
+        "JSON on standard output, each after '@noisy-world '",
     )
 
 
@@ -162,7 +168,7 @@ def positive(text: str) -> int:
 def out_folder(options: argparse.Namespace) -> Path:
     """Return the dataset's folder. Raises StorageError where it is an address, for what works in folders only."""
     if isinstance(options.out, str):
-        raise StorageError(f"{options.out}: is an address, and this needs a folder; name one with --out")
+        raise StorageError("is an address, and this needs a folder", file=options.out, remedy="name one with --out")
     return options.out if options.out is not None else Path("out") / options.preset.stem
 
 

@@ -29,12 +29,12 @@ def videos_of(plan: "Plan", out: Path, *, overwrite: bool) -> dict[str, Path]:
     Raises StorageError where one is there already, and where there is no colour.
     """
     if "rgb" not in plan.format.modalities:
-        raise StorageError(f"{out}: a video shows colour, and output.modalities leaves it out")
+        raise StorageError("a video shows colour, and output.modalities leaves it out", file=out)
     made = [sequence for sequence in plan.sequences if sequence.frames]
     videos = {item.folder: out if len(made) == 1 else _named(out, item) for item in made}
     there = next((path for path in videos.values() if path.exists()), None)
     if there is not None and not overwrite:
-        raise StorageError(f"{there}: is there already; --overwrite replaces it")
+        raise StorageError("is there already", file=there, remedy="--overwrite replaces it")
     return videos
 
 
@@ -45,7 +45,7 @@ def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], ob
         beside.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=".noisy_world-", dir=beside)
     except OSError as error:
-        raise StorageError(f"{beside}: {error.strerror or error}") from error
+        raise StorageError(str(error.strerror or error), file=beside) from error
     with folder as name:
         out = Path(name) / "dataset"
         make(out)

@@ -126,7 +126,7 @@ def _parser() -> Parser:
         prog=COMMAND,
         usage=f"{COMMAND} SUBCOMMAND ...",
         description="Clean 3D scenes in, noisy RGB-D worlds out.",
-        epilog=_told_groups() + f"\n\n'{COMMAND} SUBCOMMAND --help' tells more.",
+        epilog=_format_groups() + f"\n\n'{COMMAND} SUBCOMMAND --help' tells more.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -134,7 +134,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _told_groups() -> str:
+def _format_groups() -> str:
     """Return the subcommands in their groups, each with its meaning."""
     width = max(map(len, SUBCOMMANDS))
     groups = (

@@ -12,24 +12,19 @@ from .arguments import preset_words
 
 if TYPE_CHECKING:
     from ..core.planning.shards import Shard
+    from ..executors.jobs import Task
 
 COMMAND = "noisy-world"
 
 
-def shard_words(options: argparse.Namespace, shard: "Shard") -> list[str]:
+def shard_words(options: argparse.Namespace, shard: "Shard | Task") -> list[str]:
     """Return the command that makes a shard. options: those that name the dataset."""
     return [*shard_beginning(options), shard.name]
 
 
-def shard_beginning(options: argparse.Namespace) -> list[str]:
-    """Return the command that makes a shard, whose name comes last."""
-    return [*_own_words(), "shard", *preset_words(options, anywhere=True), "--shard"]
-
-
-def shard_beginning_on(options: argparse.Namespace, threads: int) -> list[str]:
-    """Return the same command for some threads of the renderer."""
-    *words, last = shard_beginning(options)
-    return [*words, "--threads", str(threads), last]
+def shard_beginning(options: argparse.Namespace, *more: str) -> list[str]:
+    """Return the command that makes shards, whose names come last. more: options of it."""
+    return [*_own_words(), "shard", *preset_words(options, anywhere=True), *more, "--shard"]
 
 
 def merge_words(options: argparse.Namespace, count: int | None = None) -> list[str]:

@@ -7,8 +7,9 @@ import select
 import sys
 from collections.abc import Callable, Iterable
 
+from ..core.exit_statuses import INTERRUPTED, READER_GONE
 from ..core.requirements import NEEDED
-from .entry import INTERRUPTED, READER_GONE, Entry, say
+from .entry import Entry, say
 from .missing import missing_package
 
 CONTINUES = "finished frames stay, and the same command continues from there"
@@ -47,7 +48,7 @@ def ended(
         say(f"stopped; {stopped}")
         return INTERRUPTED
     except NoisyWorldError as error:
-        wrong(str(error))
+        wrong(error.message)
         return busy if isinstance(error, BusyError) else 1
 
 

@@ -6,11 +6,6 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-REFUSED = 3  # the exit status of a worker on a machine that could not make any shard as the others do
-BUSY = 75  # of one whose shard another process makes; EX_TEMPFAIL of sysexits.h
-INTERRUPTED = 130  # 128 + SIGINT (2): the exit status that shells give a program ended by Ctrl-C
-READER_GONE = 141  # 128 + SIGPIPE (13): that of a program whose output nobody reads any more
-
 
 @dataclass(frozen=True)
 class Entry:

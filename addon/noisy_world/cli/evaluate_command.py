@@ -5,12 +5,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import add_set_option, positive
+from .arguments import add_executor_options, add_progress_option, add_set_option, positive
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options
 from .places import folder, path
+from .running import work_on
 from .shipped import found_preset, no_such_preset
 
 if TYPE_CHECKING:
@@ -77,32 +78,15 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         default="none",
         help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
     )
-    parser.add_argument(
-        "--jobs", metavar="N", type=positive, help="sequences that are evaluated at once (default: the processors)"
-    )
-    parser.add_argument(
-        "--ray",
-        metavar="ADDRESS",
-        nargs="?",
-        const="auto",
-        help="evaluate on a Ray cluster that shares this disk; it needs the extra cluster",
-    )
-    parser.add_argument(
-        "--cpus", metavar="N", type=positive, default=1, help="with --ray: processors for each sequence (default: 1)"
-    )
+    message = "sequences that are evaluated at once (default: the processors)"
+    add_executor_options(parser, "sequence", None, message, cpus=1)
     parser.add_argument(
         "--no-report",
         action="store_true",
         help="end with the tables of runs and sequences; 'report' makes the rest later",
     )
     parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
-    parser.add_argument(
-        "--progress",
-        choices=["text", "json"],
-        default="text",
-        help="how progress is reported: text for people (default), or lines of JSON for programs",
-    )
-    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    add_progress_option(parser)
     options = parser.parse_args(arguments)
     options.overrides = [text for group in options.overrides for text in group]
     if options.subject is None and options.overrides and "=" not in options.overrides[-1]:
@@ -126,10 +110,10 @@ def whole_numbers(text: str) -> tuple[int, ...]:
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
-    from .study_workers import carry_out_orders, evaluate
+    from .study_tasks import evaluate, ready_for_cases
 
     if options.worker:
-        return carry_out_orders()
+        return work_on(ready_for_cases)
     return evaluate(order_of(options), options, entry)
 
 

@@ -44,7 +44,7 @@ def write(options: argparse.Namespace) -> int:
     from ..core.scenes.ply_file import read_header
     from ..core.scenes.ply_textured import write_textured_ply
     from ..core.scenes.ply_writer import write_ply
-    from ..core.scenes.room import build_room
+    from ..rooms import build_room
     from ..sources.mesh_reading import read_mesh
 
     if options.out.suffix.lower() != ENDING:

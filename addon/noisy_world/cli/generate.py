@@ -12,6 +12,7 @@ from .listing import KNOWN, list_known, list_plan, print_plan
 from .missing import blender_lacks, blender_problem
 from .outcome import tell_outcome
 from .part import planned
+from .running import work_on
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,7 +33,9 @@ def main(arguments: list[str], entry: Entry) -> int:
 def do(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
     if options.worker:
-        return work()
+        from .shard_tasks import ready_for_shards
+
+        return work_on(ready_for_shards)
     if options.list in KNOWN:
         return list_known(options.list)
     plan = planned(options)
@@ -49,26 +52,23 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
     from .as_video import is_video
     from .running import listener
+    from .shard_tasks import make_dataset
 
     need_blender(plan, entry)
-    if out_address(options) is not None:
-        return generate_there(plan, options, entry)
-    out = out_folder(options)
     progress, stop = listener(options.progress)
-    if is_video(out):
+    if (address := out_address(options)) is None and is_video(out_folder(options)):
         return generate_videos(plan, options, entry, progress, stop)
-    if options.ray is None:
-        report = make_here(plan, options, entry, progress, stop)
-    else:
-        from .ray_workers import make_on_ray
-
-        report = make_on_ray(plan, options, progress, stop)
-    for sequence in (item for item in plan.sequences if item.frames):
-        print(f"wrote {out / sequence.folder}")
-    if plan.preset.spec.output.overview:
-        print(f"wrote {out / 'overview.png'}")
+    report = make_dataset(plan, options, entry, progress, stop)
+    for written in [address] if address else _written(plan, out_folder(options)):
+        print(f"wrote {written}")
     tell_outcome(report, options)
     return 0
+
+
+def _written(plan: "Plan", out: "Path") -> list["Path"]:
+    """Return what of a dataset in a folder is told: the sequences' folders and the contact sheet."""
+    folders = [out / sequence.folder for sequence in plan.sequences if sequence.frames]
+    return [*folders, *([out / "overview.png"] if plan.preset.spec.output.overview else [])]
 
 
 def generate_videos(
@@ -76,61 +76,18 @@ def generate_videos(
 ) -> int:
     """Make videos of the sequences' colour, and print the outcome."""
     from .as_video import make_videos, videos_of
+    from .shard_tasks import make_dataset
 
     out = out_folder(options)
     videos = videos_of(plan, out, overwrite=options.overwrite)
     reports: list[Report] = []
     make_videos(
-        plan, videos, lambda folder: reports.append(make_here(plan, options, entry, progress, stop, folder=folder))
+        plan, videos, lambda folder: reports.append(make_dataset(plan, options, entry, progress, stop, folder=folder))
     )
     for path in videos.values():
         print(f"wrote {path}")
     tell_outcome(reports[0], options)
     return 0
-
-
-def generate_there(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
-    """Make the dataset at an address, and print the outcome."""
-    from ..core.errors import StorageError
-    from .at_address import run_at, told_of
-    from .running import listener
-    from .workers import Workers, useful_jobs
-
-    if options.overwrite:
-        raise StorageError("--overwrite replaces datasets in folders; choose another address with --out")
-    progress, stop = listener(options.progress)
-    if options.ray is not None:
-        from .ray_workers import make_on_ray
-
-        return told_of(make_on_ray(plan, options, progress, stop), options)
-    jobs, told = useful_jobs(options.jobs, plan.frame_count)
-    if told:
-        progress.note(told)
-    run = run_at(plan, options, progress, stop, jobs)
-    workers = Workers(entry.command(["--worker"]), plan, run.folder, jobs=jobs, stop=stop)
-    return told_of(run.make_dataset(workers.make), options)
-
-
-def make_here(
-    plan: "Plan",
-    options: argparse.Namespace,
-    entry: Entry,
-    progress: "Progress",
-    stop: "Event",
-    *,
-    folder: "Path | None" = None,
-) -> "Report":
-    """Make the dataset on this machine. folder: where, if not where the options say."""
-    from ..pipeline.run import Run
-    from .workers import Workers, useful_jobs
-
-    out = folder or out_folder(options)
-    jobs, told = useful_jobs(options.jobs, plan.frame_count)
-    if told:
-        progress.note(told)
-    workers = Workers(entry.command(["--worker"]), plan, out, jobs=jobs, stop=stop)
-    run = Run(plan, out, progress=progress, stop=stop, overwrite=options.overwrite, jobs=jobs, workers=workers.make)
-    return run.make_dataset()
 
 
 def need_blender(plan: "Plan", entry: Entry) -> None:
@@ -145,8 +102,10 @@ def _without_blender(plan: "Plan") -> str:
     """Return what makes a plan's frames without Blender, as the end of a line; "" where nothing does."""
     if not plan.renders_in_blender:
         return "; or add --set render.backend=reference, which needs no Blender"
-    gives = [scene.source.gives for scene in plan.scenes]
-    if any(item.rendered and item.own is not None for item in gives):  # only Blender knows their materials and lights
+    capabilities = [scene.source.capabilities for scene in plan.scenes]
+    if any(
+        item.rendered and item.own is not None for item in capabilities
+    ):  # only Blender knows their materials and lights
         return ""
     backend = " render.backend=reference" if plan.composites else ""
     return f"; or add --set render.engine=embree{backend}, which needs no Blender but the extra embree"
@@ -163,20 +122,11 @@ def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> No
 
         embree_version()
     if (address := out_address(options)) is not None:
-        from ..storage.address import open_address
+        from ..storage.open_store import open_store
 
-        open_address(address)
+        open_store(address)
     if options.ray is not None:
         need(["ray"], "cluster", for_what="--ray")
-
-
-def work() -> int:
-    """Make shards for the process that started this one, which names them on standard input."""
-    from .running import stop_on_signal
-    from .workers import CommandReader, Parent, carry_out
-
-    stop = stop_on_signal(None)
-    return carry_out(CommandReader(stop), Parent(), stop)
 
 
 def own_arguments(options: argparse.Namespace) -> list[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listing keys, layouts, channels, perturbations and presets, and what a preset holds."""
+"""Listing keys, sources, layouts, channels, metrics, perturbations and presets, and what a preset holds."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,47 +11,49 @@ from .shipped import shipped_presets
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan, Render
 
-KNOWN = ("keys", "layouts", "channels", "metrics", "perturbations", "presets")  # what can be listed without a preset
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 MOST_RENDERS = 20  # that a dry run lists one by one
 MOST_SETTINGS = 12  # of a render that it names
 
 
-def list_known(what: str) -> int:
-    """List what does not depend on a preset."""
-    from ..core.presets.preset import PresetSpec
-    from ..core.schema import list_keys
+def list_presets() -> None:
+    """List the presets that are shipped."""
+    for name in shipped_presets():
+        print(name)
 
-    if what == "presets":
-        for name in shipped_presets():
-            print(name)
-        return 0
-    if what == "layouts":
-        return list_layouts()
-    if what == "channels":
-        return list_channels()
-    if what == "perturbations":
-        return list_perturbations()
-    if what == "metrics":
-        return list_metrics()
-    rows = list(list_keys(PresetSpec))
-    width = max(len(name) for name, _ in rows)
-    for name, meaning in rows:
+
+def list_preset_keys() -> None:
+    """List every key that a preset may have, with its meaning, unit, range and default."""
+    from ..sources import preset_keys
+
+    rows = dict(preset_keys())
+    width = max(map(len, rows))
+    for name, meaning in rows.items():
         print(f"{name:<{width}}  {meaning}")
-    return 0
 
 
-def list_channels() -> int:
+def list_sources() -> None:
+    """List where a preset's scenes may come from, and the keys of each: its own, and whether it has a trajectory."""
+    from ..core.schema import list_keys
+    from ..sources import SOURCES
+
+    for name, kind in SOURCES.items():
+        print(f"{name}  {kind.label}: {kind.meaning}{SOURCES.origin(name)}")
+        rows = [row for row in list_keys(kind.keys) if row[0] != "name" and not row[0].startswith("trajectory.")]
+        for key, meaning in sorted(rows, key=lambda row: row[0].partition(".")[0] != name):
+            print(f"    {key}: {meaning}")
+
+
+def list_channels() -> None:
     """List what a camera gives for a frame, and how its files hold it."""
     from ..core.channels import CHANNELS
 
     width = max(map(len, CHANNELS))
     for name, item in CHANNELS.items():
         print(f"{name:<{width}}  {item.meaning}: {item.convention}{CHANNELS.origin(name)}")
-    return 0
 
 
-def list_layouts() -> int:
+def list_layouts() -> None:
     """List every layout with its image kinds, its colours (the default of each first) and its depth scale.
 
     Then those of recordings that are read alone, and the files that each is told by.
@@ -68,22 +70,22 @@ def list_layouts() -> int:
     for layout in RECORDED.values():
         print(f"{layout.name}  {layout.label}: {layout.meaning}{EVERY.origin(layout.name)}")
         print(f"    {layout.files}")
-    return 0
 
 
-def list_metrics() -> int:
-    """List every metric of a trajectory by protocol strict: its name, heading, unit, which way is better, meaning."""
+def list_metrics() -> None:
+    """List every metric, of paths by protocol strict and of maps: name, heading, unit, which way is better, meaning."""
+    from ..evaluation.maps.names import MAP_METRICS, MAP_PREFIX
     from ..evaluation.metrics import METRICS
 
-    for name, metric in METRICS.items():
-        unit = f" [{metric.unit}]" if metric.unit else ""
-        better = f", {metric.better} is better" if metric.better else ""
-        print(f"{name}  {metric.label}{unit}{better}{METRICS.origin(name)}")
-        print(f"    {metric.meaning}")
-    return 0
+    for prefix, metrics in (("", METRICS), (MAP_PREFIX, MAP_METRICS)):
+        for name, metric in metrics.items():
+            unit = f" [{metric.unit}]" if metric.unit else ""
+            better = f", {metric.better} is better" if metric.better else ""
+            print(f"{prefix}{name}  {metric.label}{unit}{better}{metrics.origin(name)}")
+            print(f"    {metric.meaning}")
 
 
-def list_perturbations() -> int:
+def list_perturbations() -> None:
     """List every perturbation in the order of propagation, with its kind, stage, order and parameters.
 
     Parameters are listed with their ranges and their values at severities 1 to 5.
@@ -99,6 +101,24 @@ def list_perturbations() -> int:
             levels = item.severities.get(name)
             at = f"; severities 1 to 5: {', '.join(f'{value:g}' for value in levels)}" if levels else ""
             print(f"    {name}: {meaning}{at}")
+
+
+_LISTED = {
+    "keys": list_preset_keys,
+    "sources": list_sources,
+    "layouts": list_layouts,
+    "channels": list_channels,
+    "metrics": list_metrics,
+    "perturbations": list_perturbations,
+    "presets": list_presets,
+}
+KNOWN = tuple(_LISTED)
+"""What can be listed without a preset."""
+
+
+def list_known(what: str) -> int:
+    """List what does not depend on a preset, one of KNOWN."""
+    _LISTED[what]()
     return 0
 
 

@@ -5,8 +5,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import add_preset_options, out_address, out_folder, positive, settled
+from .arguments import add_preset_options, add_progress_option, positive, settled
 from .command_lines import shard_lines
+from .destinations import destination_of
 from .ending import ended
 from .entry import Entry
 from .outcome import tell_outcome
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from ..core.errors import StorageError
     from ..core.planning.plan import Plan
     from ..core.planning.shards import Shard
-    from ..pipeline.run import Work
+    from ..pipeline.destination import Work
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -42,7 +43,7 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         type=positive,
         help="into how many shards the plan was cut; missing ones are named so",
     )
-    parser.add_argument("--progress", choices=["text", "json"], default="text", help="as for generate")
+    add_progress_option(parser)
     return settled(parser, parser.parse_args(arguments))
 
 
@@ -52,21 +53,16 @@ def do(options: argparse.Namespace) -> int:
     from .running import listener
 
     plan = planned(options)
-    address = out_address(options)
-    out = address or str(out_folder(options))
+    out = destination_of(plan, options)
     progress, stop = listener(options.progress)
 
     def missing(work: "Work", left: list[Path]) -> "StorageError":
         shards = missing_shards(plan, work, options.shards)
         for line in shard_lines(options, shards):
             print(line)
-        return _error(plan, out, work, shards, left)
+        return _error(plan, str(out), work, shards, left)
 
-    if address is not None:
-        from .at_address import run_at, told_of
-
-        return told_of(run_at(plan, options, progress, stop).merge(missing), options)
-    report = Run(plan, out_folder(options), progress=progress, stop=stop).merge(missing)
+    report = Run(plan, out, progress=progress, stop=stop).merge(missing)
     print(f"wrote {out}")
     tell_outcome(report, options)
     return 0
@@ -99,6 +95,7 @@ def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], le
     names = ", ".join(shard.name for shard in shards[:3]) + (f" and {len(shards) - 3} more" * (len(shards) > 3))
     begun = f"; {len(left)} shards are unfinished or under way" if left else ""
     return StorageError(
-        f"{out}: {count} of {plan.frame_count} source frames are missing{begun}; make the shards {names} (the commands "
-        "are on standard output), and merge again"
+        f"{count} of {plan.frame_count} source frames are missing{begun}",
+        file=out,
+        remedy=f"make the shards {names} (the commands are on standard output), and merge again",
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finding what this Python or this machine lacks, and how to get it."""
+"""Checks for packages and libraries that this Python or machine lacks, and says how to install them."""
 
 import os
 import sys

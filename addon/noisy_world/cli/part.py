@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 from ..core.home import with_home
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from ..core.planning.plan import Plan
+    from ..core.planning.shards import Shard
     from ..recipes.recipe import Recipe
 
 
@@ -29,8 +32,10 @@ def add_part_options(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def planned(options: argparse.Namespace) -> "Plan":
+def planned(options: argparse.Namespace, shards: "Sequence[Shard]" = ()) -> "Plan":
     """Return the plan of the preset and the part of it that the options name: with --set and --frames too.
+
+    shards: with some, the plan of their scenes alone.
 
     Raises InputError where there is no such preset, and for what is wrong in it or its files.
     """
@@ -42,7 +47,7 @@ def planned(options: argparse.Namespace) -> "Plan":
     if not options.preset.exists():
         raise no_such_preset(options.preset)
     preset = read_preset(options.preset, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
-    return make_plan(preset, options.frames)
+    return make_plan(preset, options.frames, shards)
 
 
 def recipe_part(recipe: "Recipe", options: argparse.Namespace) -> "Plan":

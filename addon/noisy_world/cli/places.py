@@ -5,7 +5,6 @@ import argparse
 from pathlib import Path
 
 from ..core.home import with_home
-from ..storage.address import address_of
 
 
 def path(text: str) -> Path:
@@ -26,8 +25,3 @@ def folder(text: str) -> Path:
     if "://" in text:
         raise argparse.ArgumentTypeError(f"{text} is an address, and a folder is needed; unpack its tars into one")
     return path(text)
-
-
-def address_text(given: Path | str) -> str:
-    """Return a place as an address: a folder's is file:// and its whole path."""
-    return given if isinstance(given, str) else address_of(given)

@@ -4,12 +4,13 @@
 import argparse
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.progress import duration_text
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
-from .command_lines import merge_words, shard_beginning_on, shard_words
+from .command_lines import merge_words, shard_beginning, shard_words
 from .ending import ended
 from .entry import Entry
 from .listing import print_plan
@@ -20,6 +21,7 @@ MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
+    from ..executors.jobs import Task
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -65,41 +67,40 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 
 def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
     """Print the shards, each with its command, and the command that merges them."""
-    from ..core.planning.shards import seconds_of, shards_of
+    from ..core.planning.shards import shards_of
+    from .shard_tasks import tasks_of
 
-    shards = shards_of(plan, options.shards)
-    seconds = seconds_of(plan, shards)
+    tasks = tasks_of(plan, shards_of(plan, options.shards))
     merging = merge_words(options, options.shards)
     if options.slurm:
-        print(_slurm(plan, options, [shard.name for shard in shards], max(seconds, default=0.0)), end="")
+        print(_slurm(plan, options, tasks), end="")
         return 0
     if options.format == "json":
         listed = [
-            {"name": shard.name, "command": shard_words(options, shard), "seconds": round(value, 1)}
-            for shard, value in zip(shards, seconds, strict=True)
+            {"name": task.name, "command": shard_words(options, task), "seconds": round(task.seconds, 1)}
+            for task in tasks
         ]
         print(json.dumps({"shards": listed, "merge": merging}, indent=1))
         return 0
-    for shard in shards:
-        print(shlex.join(shard_words(options, shard)))
-    longest = duration_text(max(seconds, default=0.0))
-    print(f"# {len(shards)} shards, {longest} each at most on two cores (rough); when all have ended:")
+    for task in tasks:
+        print(shlex.join(shard_words(options, task)))
+    longest = duration_text(max((task.seconds for task in tasks), default=0.0))
+    print(f"# {len(tasks)} shards, {longest} each at most on two cores (rough); when all have ended:")
     print(f"# {shlex.join(merging)}")
     return 0
 
 
-def _slurm(plan: "Plan", options: argparse.Namespace, names: list[str], longest_s: float) -> str:
-    """Return the script for Slurm. longest_s: what the longest shard takes on two cores."""
-    from ..cluster.slurm import SlurmJob, slurm_script
+def _slurm(plan: "Plan", options: argparse.Namespace, tasks: "tuple[Task, ...]") -> str:
+    """Return the script for Slurm. tasks: the shards, with what each takes on two cores."""
     from ..core.planning.estimate import estimate
+    from ..executors.slurm import SlurmJob, slurm_script
 
     job = SlurmJob(
         name=f"noisy-{options.preset.stem}",
         folder=Path.cwd(),
-        shards=names,
-        shard=shard_beginning_on(options, options.cpus),
+        shards=[replace(task, seconds=task.seconds * 2 / min(options.cpus, 2)) for task in tasks],
+        shard=shard_beginning(options, "--threads", str(options.cpus)),
         merge=merge_words(options, options.shards),
-        longest_s=longest_s * 2 / min(options.cpus, 2),
         merge_s=estimate(plan).bytes_written / MERGED_BYTES_PER_S,
         cpus=options.cpus,
     )

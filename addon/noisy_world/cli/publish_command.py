@@ -6,7 +6,7 @@ import argparse
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
-from .places import address_text, path, place
+from .places import path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -17,22 +17,22 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def pack(options: argparse.Namespace) -> int:
     """Pack the dataset, and print what was written."""
-    from ..storage.address import open_address
-    from ..storage.content import read_content
+    from ..storage.finished import read_content
+    from ..storage.open_store import open_store
     from ..storage.publishing import publish
     from .running import listener
 
     read_content(options.dataset)  # first: what is wrong with it comes before what packing needs
     progress, stop = listener("text")
     try:
-        address = open_address(address_text(options.address))
-        done = publish(options.dataset, address, progress, stop)
+        store = open_store(options.address)
+        done = publish(options.dataset, store, progress, stop)
     finally:
         progress.finish()
     if done.new:
-        print(f"wrote {address.text}: {done.sequences} tars, {done.frames} frames")
+        print(f"wrote {store.text}: {done.sequences} tars, {done.frames} frames")
     else:
-        print(f"{address.text}: holds this dataset already; nothing to do")
+        print(f"{store.text}: holds this dataset already; nothing to do")
     return 0
 
 

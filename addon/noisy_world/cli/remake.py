@@ -50,7 +50,7 @@ def make(options: argparse.Namespace, entry: Entry) -> int:
         return status
     progress, stop = listener("text")
     findings = verify(recipe, options.out, progress, stop)
-    for line in [*findings.lines(), *findings.told()]:
+    for line in [*findings.lines(), *findings.summary_lines()]:
         print(line)
     return 0 if findings.sound else 1
 

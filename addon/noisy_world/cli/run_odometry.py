@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.progress import JsonProgress, Progress
+from .arguments import add_progress_option
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
@@ -40,7 +41,7 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         action="append",
         help="only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
     )
-    parser.add_argument("--progress", choices=("text", "json"), default="text", help="for people, or for programs")
+    add_progress_option(parser)
     return parser.parse_args(arguments)
 
 
@@ -48,7 +49,7 @@ def track(options: argparse.Namespace) -> int:
     """Follow the camera through the sequences that are wanted, and say how far each could be followed."""
     from ..core.errors import InputError
     from ..core.presets.selection import selected
-    from ..core.schema import Place
+    from ..core.schema import ConfigPath
     from ..recipes.from_files import OpenedFolder, SequenceOfFiles
     from ..recipes.opening import open_path
     from .running import listener
@@ -58,7 +59,7 @@ def track(options: argparse.Namespace) -> int:
     opened = open_path(options.dataset)
     if not isinstance(opened, OpenedFolder):
         raise InputError(options.dataset, "holds sequences in tars, and their frames are read", remedy="unpack them")
-    names = selected(list(opened), options.only, Place(options.dataset).at("sequences"))
+    names = selected(list(opened), options.only, ConfigPath(options.dataset).at("sequences"))
     progress, stop = listener(options.progress)
     results = []
     for name in names:

@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The progress of a command that runs for long, and what stops it."""
+"""What long commands share: progress, stopping by a signal, and the executor of their tasks."""
 
+import argparse
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from types import FrameType
-from typing import IO, TextIO
+from typing import IO, TYPE_CHECKING, Any, TextIO
 
 from ..core.progress import JsonProgress, PlainProgress, Progress, TerminalProgress
+
+if TYPE_CHECKING:
+    from ..executors.jobs import Executor
+    from .entry import Entry
 
 
 def listener(form: str) -> tuple[Progress, threading.Event]:
@@ -52,3 +59,25 @@ def stop_on_signal(stream: IO[str] | None) -> threading.Event:
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)
     return stop
+
+
+def executor_of(options: argparse.Namespace, entry: "Entry", jobs: int) -> "AbstractContextManager[Executor]":
+    """Return what carries out tasks: the cluster that the options name, or else processes of this machine."""
+    if options.ray is not None:
+        from ..executors.ray_cluster import ray_cluster
+
+        return ray_cluster(options.ray, options.cpus)
+    from ..executors.processes import Processes
+
+    return nullcontext(Processes(entry.command(["--worker"]), jobs))
+
+
+def work_on(prepare: Callable[..., AbstractContextManager[Any]]) -> int:
+    """Be a worker: do tasks for the process that started this one; return the exit status.
+
+    prepare: as `executors.jobs.Prepare`, and takes the event that stops it as `stop`.
+    """
+    from ..executors.worker import work
+
+    stop = stop_on_signal(None)
+    return work(partial(prepare, stop=stop), stop)

@@ -105,7 +105,7 @@ def score(options: argparse.Namespace) -> int:
             options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
     if options.plot is not None:
         write_atomic(options.plot, picture(found, poses.truth, options.plot.suffix[1:].lower()), options.plot.parent)
-    print(json.dumps(content(found), indent=1, allow_nan=False) if options.json else told(found))
+    print(json.dumps(content(found), indent=1, allow_nan=False) if options.json else format_score(found))
     return 0
 
 
@@ -130,7 +130,7 @@ def content(score: "Score") -> dict[str, Any]:
 _SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "se3": "SE(3)", "sim3": "Sim(3)"}
 
 
-def told(score: "Score") -> str:
+def format_score(score: "Score") -> str:
     """Return a score as text: what was compared, how, and a row for each metric."""
     from ..evaluation.metrics import FAILURES, PROTOCOLS, metrics_of
 

@@ -104,7 +104,11 @@ def _score(options: argparse.Namespace) -> int:
             write_ply(options.write_map, mesh)
         score = score_map(mesh, truth, renders=truth.seen.view_count > 0, lpips=compare)
     failure = "" if path_score is None else path_score.failure
-    print(json.dumps(_content(score, failure), indent=1, allow_nan=False) if options.json else _told(score, failure))
+    print(
+        json.dumps(_content(score, failure), indent=1, allow_nan=False)
+        if options.json
+        else _format_score(score, failure)
+    )
     return 0
 
 
@@ -205,7 +209,7 @@ def _content(score: "MapScore", failure: str) -> dict[str, Any]:
     return said | {"values": score.values}
 
 
-def _told(score: "MapScore", failure: str) -> str:
+def _format_score(score: "MapScore", failure: str) -> str:
     """Return a score as text: what was compared, and a row for each metric."""
     from ..evaluation.maps.names import MAP_METRICS
     from ..evaluation.metrics import FAILURES

@@ -1,26 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`shard`: make one shard of the dataset that a preset describes, on any machine that sees the dataset's folder."""
+"""`shard`: make shards of the dataset that a preset describes, on any machine that sees the dataset's folder."""
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from .arguments import add_preset_options, out_address, out_folder, positive, preset_words, settled
+from ..core.exit_statuses import BUSY
+from .arguments import add_preset_options, add_progress_option, out_address, positive, preset_words, settled
+from .destinations import destination_of
 from .ending import CONTINUES, ended
-from .entry import BUSY, Entry
+from .entry import Entry
 from .generate import need_blender
 from .outcome import tell_outcome
 from .parser import Parser
 from .part import planned
 
 if TYPE_CHECKING:
-    from ..core.planning.plan import Plan
-    from ..core.planning.shards import Shard
+    from ..core.progress import Progress
 
 
 def main(arguments: list[str], entry: Entry) -> int:
     """Run the command line and return the exit status."""
     options = parse(arguments, entry)
-    again = entry.pasteable([*preset_words(options), "--shard", options.shard])
+    again = entry.pasteable([*preset_words(options), "--shard", *options.shard])
     return ended(lambda: do(options, entry), entry, stopped=f"{CONTINUES}:\n  {again}", busy=BUSY, options=options)
 
 
@@ -28,19 +32,26 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     """Parse the command line; exit with a usage line if it is wrong."""
     parser = Parser(
         prog=entry.name,
-        description="Make one shard of a dataset: a range of source frames of one render, with every image that shows "
-        "them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' puts shards together.",
-        epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file.",
+        description="Make shards of a dataset, one after another: each is a range of source frames of one render, with "
+        "every image that shows them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' "
+        "puts shards together.",
+        epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file. Where "
+        "one of several cannot be made, the others are.",
     )
     add_preset_options(parser)
     parser.add_argument(
-        "--shard", metavar="NAME", required=True, type=shard_name, help="the shard, such as room0.000000-000100"
+        "--shard",
+        metavar="NAME",
+        nargs="+",
+        required=True,
+        type=shard_name,
+        help="the shards, such as room0.000000-000100",
     )
     parser.add_argument(
         "--threads", metavar="N", type=positive, default=0, help="threads of the renderer (default: all there are)"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace what is finished of the shard")
-    parser.add_argument("--progress", choices=["text", "json"], default="text", help="as for generate")
+    add_progress_option(parser)
     return settled(parser, parser.parse_args(arguments))
 
 
@@ -55,43 +66,30 @@ def shard_name(text: str) -> str:
 
 
 def do(options: argparse.Namespace, entry: Entry) -> int:
-    """Make the shard, and print the outcome."""
+    """Make the shards, and print the outcome of each. Of several, the others are made where one cannot be."""
+    from ..core.datasets.shard_record import shard_folder
     from ..core.planning.shards import Shard, render_of
-
-    plan = planned(options)
-    shard = Shard.parse(options.shard)
-    render_of(plan, shard)
-    need_blender(plan.only(render_of(plan, shard)), entry)
-    if out_address(options) is not None:
-        return make_there(plan, shard, options)
-    return make(plan, shard, options)
-
-
-def make(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
-    """Make the shard in its folder in the dataset."""
-    from ..core.datasets.dataset import Dataset
-    from ..pipeline.shard import ShardMaker, shard_folder
+    from ..executors.jobs import InProcess, Job, Outcome, Perform, carry_out
+    from ..pipeline.report import Report
     from .running import listener
+    from .shard_tasks import tasks_of
 
+    shards = tuple(map(Shard.parse, options.shard))
+    plan = planned(options, shards)
+    for render in {render_of(plan, shard).name: render_of(plan, shard) for shard in shards}.values():
+        need_blender(plan.only(render), entry)
     progress, stop = listener(options.progress)
-    folder = shard_folder(out_folder(options), shard)
-    there = Dataset(out_folder(options), plan.format)
-    with ShardMaker(plan, progress=progress, stop=stop, threads=options.threads) as maker:
-        maker.check_dataset(there, shard)
-        report = maker.make(folder, shard, there, overwrite=options.overwrite)
-    print(f"wrote {folder}")
-    tell_outcome(report, options)
+    place = destination_of(plan, options)
+
+    @contextmanager
+    def ready(_: str, heard: "Progress") -> Iterator[Perform]:
+        with place.making(heard, stop, threads=options.threads, overwrite=options.overwrite) as make:
+            yield lambda name: asdict(make(Shard.parse(name)))
+
+    def done(outcome: Outcome) -> None:
+        print(f"wrote {out_address(options) or shard_folder(place.folder, Shard.parse(outcome.name))}")
+        tell_outcome(Report(**(outcome.report or {})), options)
+
+    job = Job("shards", "made", "shard", "", tasks_of(plan, shards))
+    carry_out(job, InProcess(ready, goes_on=len(shards) > 1), done, progress, stop)
     return 0
-
-
-def make_there(plan: "Plan", shard: "Shard", options: argparse.Namespace) -> int:
-    """Make the shard in the scratch folder, and put it to the address."""
-    from ..core.errors import StorageError
-    from .at_address import run_at, told_of
-    from .running import listener
-
-    if options.overwrite:
-        raise StorageError("--overwrite replaces shards in folders; remove the shard's .json at the address")
-    progress, stop = listener(options.progress)
-    run = run_at(plan, options, progress, stop)
-    return told_of(run.make_shard(shard, threads=options.threads), options)

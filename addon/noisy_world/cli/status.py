@@ -4,14 +4,13 @@
 import argparse
 import json
 import sys
-from pathlib import Path
 
 from .arguments import frame_slice
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
-from .places import address_text, place
-from .status_table import LONGEST_TABLE, content, told
+from .places import place
+from .status_table import LONGEST_TABLE, content, format_status
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -39,36 +38,12 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 
 
 def _tell(options: argparse.Namespace) -> int:
-    from ..core.progress import Progress
+    from ..core.progress import SilentProgress
     from ..perturbations import registry
     from ..pipeline.status import read_status
-    from ..pipeline.status_at import read_status_at
-    from ..storage.address import open_address
-    from ..storage.packed import is_packed
     from .running import text_listener
 
-    listener: Progress = text_listener(sys.stderr) if options.check else _Silent()
-    chosen, check = options.frames, options.check
-    if isinstance(options.out, Path) and not is_packed(options.out):
-        status = read_status(options.out, registry(), listener, chosen=chosen, check=check)
-    else:
-        address = open_address(address_text(options.out))
-        status = read_status_at(address, registry(), listener, chosen=chosen, check=check)
-    print(json.dumps(content(status), indent=1) if options.json else told(status, every_setting=options.all))
+    listener = text_listener(sys.stderr) if options.check else SilentProgress()  # without it, looking takes seconds
+    status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
+    print(json.dumps(content(status), indent=1) if options.json else format_status(status, every_setting=options.all))
     return 1 if status.lost or status.damaged else 0
-
-
-class _Silent:
-    """A listener that shows nothing: without --check, looking takes seconds."""
-
-    def start(self, label: str, total: int, done: int = 0) -> None:
-        """Show nothing."""
-
-    def advance(self, count: int = 1) -> None:
-        """Show nothing."""
-
-    def note(self, text: str, subject: str = "") -> None:
-        """Show nothing."""
-
-    def finish(self) -> None:
-        """Show nothing."""

@@ -18,7 +18,7 @@ LONGEST_TABLE = 40  # rows; with more settings than that, the severities of one 
 NAMED = 5  # files that are named of those that are lost or damaged; --json names all
 
 
-def told(status: "Status", *, every_setting: bool = False) -> str:
+def format_status(status: "Status", *, every_setting: bool = False) -> str:
     """Return a status as text. every_setting: each setting has a row of its own, however many there are."""
     lines = [_summary(status), "", *_table(status.sequences, every_setting), ""]
     lines += [*status.notes]
@@ -49,7 +49,7 @@ def content(status: "Status") -> dict[str, Any]:
         "frames_done": status.done,
         "frames": status.of,
         "sequences": {
-            f"{item.setting}/{item.scene}": {"frames_done": item.tally.done, "frames": item.of}
+            f"{item.setting}/{item.scene}": {"frames_done": item.inventory.done, "frames": item.of}
             for item in status.sequences
         },
         "lost": list(status.lost),
@@ -115,8 +115,8 @@ def cell(items: Iterable["SequenceStatus"]) -> str:
     found = list(items)
     if not found:
         return ""
-    done = sum(item.tally.done for item in found)
-    wrong = sum(len(item.tally.lost) + len(item.tally.damaged) for item in found)
+    done = sum(item.inventory.done for item in found)
+    wrong = sum(len(item.inventory.lost) + len(item.inventory.damaged) for item in found)
     of = "?" if any(item.of is None for item in found) else str(sum(item.of or 0 for item in found))
     text = "done" if all(item.whole for item in found) else "-" if not done else f"{done}/{of}"
     return f"{text} !{wrong}" if wrong else text

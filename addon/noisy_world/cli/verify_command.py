@@ -30,6 +30,6 @@ def compare(options: argparse.Namespace) -> int:
 
     progress, stop = listener("text")
     findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
-    for line in [*findings.lines(), *findings.told()]:
+    for line in [*findings.lines(), *findings.summary_lines()]:
         print(line)
     return 0 if findings.as_the_recipe else 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Values some at a time: Python has this from 3.12."""
+"""Batches of an iterable, which Python's itertools has from 3.12."""
 
 from collections.abc import Iterable, Iterator
 from itertools import islice

@@ -7,12 +7,31 @@ other exception is a bug and keeps its traceback.
 
 from pathlib import Path
 
+from .messages import Message, Part, Remedy, Subject, either
+
 
 class NoisyWorldError(Exception):
-    """What went wrong, where, and what to do about it, in one line."""
+    """What went wrong, where, and what to do about it, in one line: `FILE: WHERE: PROBLEM; REMEDY`.
 
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
+    message: the line in its parts, for a place that has words of its own for keys and remedies.
+    """
+
+    def __init__(self, problem: str, *, file: object = "", where: str = "", remedy: Part = "") -> None:
+        self.file, self.where, self.problem = str(file), where, problem
+        self.remedy = remedy if isinstance(remedy, Remedy) else either(remedy)
+        about = (Subject(self.file, where),) if self.file else ()
+        self.message = Message(*map(_in_one_line, Message(*about, problem, self.remedy).parts))
+        super().__init__(one_line(self.message))
+
+
+def _in_one_line(part: Part) -> Part:
+    match part:
+        case str():
+            return one_line(part)
+        case Subject(file, where):
+            return Subject(one_line(file), one_line(where))
+        case _:
+            return part
 
 
 def one_line(text: str) -> str:
@@ -23,18 +42,10 @@ def one_line(text: str) -> str:
 
 
 class InputError(NoisyWorldError):
-    """A file that the user gave is not what it should be.
+    """A file that the user gave is not what it should be. where: a key of a preset, or a line of a text file."""
 
-    The message reads `FILE: WHERE: PROBLEM; REMEDY`, where WHERE is a key of a preset or a line of a text file.
-    """
-
-    def __init__(self, file: str | Path, problem: str, *, where: str = "", remedy: str = "") -> None:
-        self.file = str(file)
-        self.where = where
-        self.problem = problem
-        self.remedy = remedy
-        place = f"{file}: {where}: " if where else f"{file}: "
-        super().__init__(place + problem + (f"; {remedy}" if remedy else ""))
+    def __init__(self, file: str | Path, problem: str, *, where: str = "", remedy: Part = "") -> None:
+        super().__init__(problem, file=file, where=where, remedy=remedy)
 
 
 class NotFiniteError(InputError):

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The extras of the Python package, and the command that installs one, however the package came here."""
 
-import importlib.metadata
 import importlib.util
 import json
 import shlex
@@ -9,8 +8,6 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from .errors import MissingDependencyError
 from .requirements import missing_packages, missing_sentence
@@ -20,7 +17,7 @@ DISTRIBUTION = "noisy-world"
 
 EXTRAS = {
     "blender": ('bpy==5.2.3; python_version == "3.13"',),
-    "embree": ("embreex>=4.4",),
+    "embree": ("embreex>=4.4", "numba>=0.63"),
     "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
     "cluster": ("ray>=2.50",),
     "strict": ("simplejpeg>=1.8",),
@@ -29,6 +26,7 @@ EXTRAS = {
         "gtsam>=4.3",
         "jinja2>=3.1",
         "matplotlib>=3.10",
+        "numba>=0.63",
         "pandas>=3",
         "scipy>=1.16",
         "tabulate>=0.9",
@@ -92,6 +90,8 @@ def pip_command(words: Iterable[str]) -> str:
 
 def _source(extra: str) -> list[str] | None:
     """Return the words that name the extra of where the package came from; None where that is unknown or gone."""
+    import importlib.metadata
+
     if (top := checkout()) is not None:
         return [f"{top}[{extra}]"]
     try:
@@ -105,9 +105,12 @@ def _source(extra: str) -> list[str] | None:
 
 def _named(record: dict[str, Any], extra: str) -> list[str] | None:
     """Return the words that name the extra of what `direct_url.json` records (PEP 610)."""
-    address = urlsplit(record["url"])
+    import urllib.parse  # noqa: PLC0415 - with the next
+    import urllib.request
+
+    address = urllib.parse.urlsplit(record["url"])
     if address.scheme == "file":
-        path = Path(url2pathname(address.path))
+        path = Path(urllib.request.url2pathname(address.path))
         return [f"{path}[{extra}]"] if path.exists() else None
     kind = f"{record['vcs_info']['vcs']}+" if "vcs_info" in record else ""
     at = f"@{record['vcs_info']['commit_id']}" if kind else ""

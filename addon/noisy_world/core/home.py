@@ -2,9 +2,10 @@
 """Paths that begin with ~, as shells write home folders; in a preset or after `--out=` no shell replaces it."""
 
 import os
+import sys
 from pathlib import Path
 
-from .schema import Place
+from .schema import ConfigPath
 
 
 def with_home(text: str) -> Path:
@@ -33,7 +34,7 @@ def split_home(text: str) -> tuple[Path | None, str]:
         ) from error
 
 
-def located(folder: Path, text: str, place: Place) -> tuple[Path, str]:
+def located(folder: Path, text: str, place: ConfigPath) -> tuple[Path, str]:
     """Return the folder that a path or glob pattern of a preset is relative to, and the path in it.
 
     folder: the preset's, which counts unless the path begins with ~ or ~user. place: of the path. Raises InputError
@@ -46,7 +47,28 @@ def located(folder: Path, text: str, place: Place) -> tuple[Path, str]:
     return (folder if home is None else home), rest
 
 
-def path_in(folder: Path, text: str, place: Place) -> Path:
+def path_in(folder: Path, text: str, place: ConfigPath) -> Path:
     """Return the file or folder that a path of a preset in `folder` means. Raises InputError as `located` does."""
     base, rest = located(folder, text, place)
     return base / rest
+
+
+def private_cache_folder() -> Path | None:
+    """Return the folder of this user's caches of ours, made where it was not.
+
+    None where there is no home, where it cannot be made or written, and where others could write into it.
+    """
+    try:
+        if sys.platform == "win32":
+            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+        elif sys.platform == "darwin":
+            base = Path.home() / "Library" / "Caches"
+        else:
+            base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        folder = base / "noisy-world"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.stat()
+    except (OSError, RuntimeError):
+        return None
+    theirs = sys.platform != "win32" and (found.st_uid != os.geteuid() or found.st_mode & 0o022)
+    return folder if not theirs and os.access(folder, os.W_OK) else None

@@ -8,15 +8,18 @@ point.
 
 import importlib
 import pkgutil
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from importlib.metadata import EntryPoint, entry_points
+from functools import cached_property, lru_cache
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ..other_name import give_other_name
 from .errors import NoisyWorldError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -76,10 +79,18 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
     root = __name__.removesuffix(".core.installed")
     if root != PACKAGE:
         give_other_name(PACKAGE, root)
-    found = [(_distribution(entry), entry) for entry in entry_points(group=group)]
+    found = [(_distribution(entry), entry) for entry in _entry_points(tuple(sys.path)).select(group=group)]
     for distribution, entry in sorted(found, key=lambda pair: (pair[0].name, pair[1].name)):
         where = f"{distribution}: the entry point {entry.name} = {entry.value}"
         yield Loaded(_loaded(entry.load, where), distribution, where)
+
+
+@lru_cache(maxsize=1)
+def _entry_points(_path: tuple[str, ...]) -> Any:  # EntryPoints; under Python 3.11 another class with its `select`
+    """Read the entry points of all that is installed on Python's path, once for all groups."""
+    from importlib.metadata import entry_points
+
+    return entry_points()
 
 
 def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
@@ -99,8 +110,9 @@ def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> 
     if name in found:
         other = found[name].distribution
         raise NoisyWorldError(
-            f"{new.distribution}: its {word} {name} has the name of one "
-            f"{f'of {other}' if other else 'of our own'}; rename it, or uninstall the package"
+            f"its {word} {name} has the name of one {f'of {other}' if other else 'of our own'}",
+            file=new.distribution,
+            remedy="rename it, or uninstall the package",
         )
     found[name] = new
 
@@ -170,7 +182,7 @@ def _name(item: Any) -> str:
     return item.name
 
 
-def _distribution(entry: EntryPoint) -> Distribution:
+def _distribution(entry: "EntryPoint") -> Distribution:
     assert entry.dist is not None  # entry_points() reads them from distributions
     return Distribution(entry.dist.name, entry.dist.version)
 
@@ -197,14 +209,14 @@ def _loaded(load: Callable[[], object], where: str) -> object:
     try:
         return load()
     except Exception as error:  # the package's code may raise anything; the user gets one line
-        told = " ".join(f"{type(error).__name__}: {error}".split())
-        raise NoisyWorldError(f"{where} cannot be loaded: {told}; mend or uninstall the package") from error
+        message = " ".join(f"{type(error).__name__}: {error}".split())
+        raise NoisyWorldError(f"{where} cannot be loaded: {message}; mend or uninstall the package") from error
 
 
 def _checked(found: object, where: str, door: Door[T]) -> T:
     if isinstance(found, door.kinds):
         if problem := door.problem(found):
-            raise NoisyWorldError(f"{where}: {problem}; mend or uninstall the package")
+            raise NoisyWorldError(problem, file=where, remedy="mend or uninstall the package")
         return found
     names = [kind.__name__ for kind in door.kinds]
     if any(base.__name__ in names for base in type(found).__mro__):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The name that a user may have meant: of keys, commands, options, presets, perturbations and folders."""
+"""Suggestions for misspelt names: keys, commands, options, presets, perturbations, folders."""
 
 import difflib
 from collections.abc import Iterable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a recording's cameras have beyond one pinhole for colour and depth: a lens that distorts, a second camera.
+"""Cameras beyond one pinhole: lens distortion, and a depth camera of its own.
 
 Models, both as OpenCV and EuRoC's files have them: radial-tangential (Brown-Conrady: k1, k2, p1, p2 and, where there
 are more, k3, k4, k5, k6 of OpenCV's rational model) and equidistant (Kannala-Brandt: k1 to k4).

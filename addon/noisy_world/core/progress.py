@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol, TextIO
 
+from .messages import Message, from_content, to_content
+
 # Begins each message to another process, which tells messages from other output on the stream, such as Blender's.
 MARK = "@noisy-world "
 KNOWN_FRAMES, KNOWN_S = 3, 3.0  # after the first report, before a pace is believed; chosen
@@ -28,6 +30,10 @@ class Progress(Protocol):
 
     def finish(self) -> None:
         """End the task."""
+
+
+class SilentProgress(Progress):
+    """A listener that shows nothing."""
 
 
 def duration_text(seconds: float) -> str:
@@ -57,7 +63,7 @@ class TimeLeft:
         if self._first is None:
             self._first = self._done, self._clock()
 
-    def told(self) -> str:
+    def to_text(self) -> str:
         """Return the rate and the time left as text; "" where they are not known yet."""
         if self._first is None:
             return ""
@@ -95,7 +101,7 @@ class TerminalProgress:
         """Move the bar."""
         self._left.advance(count)
         if self._bar is not None:
-            self._bar.set_postfix_str(self._left.told(), refresh=False)
+            self._bar.set_postfix_str(self._left.to_text(), refresh=False)
             self._bar.update(count)
 
     def note(self, text: str, subject: str = "") -> None:
@@ -145,8 +151,8 @@ class PlainProgress:
 
     def _say(self) -> None:
         self._last_s = self._clock()
-        told = self._left.told()
-        self.note(f"{self._label}: {self._done}/{self._total} frames" + (f", {told}" if told else ""))
+        remaining = self._left.to_text()
+        self.note(f"{self._label}: {self._done}/{self._total} frames" + (f", {remaining}" if remaining else ""))
 
     def note(self, text: str, subject: str = "") -> None:
         """Print a line."""
@@ -165,7 +171,7 @@ class JsonProgress:
 
     {"start": {"label": text, "total": frames, "done": frames}}, {"advance": frames}, {"note": sentence} (with
     "subject", if it has one), {"finish": true}; the command that runs the task adds {"error": sentence} or
-    {"result": sentence}.
+    {"result": sentence}. "parts" holds the parts of a sentence that has some, by its key.
     """
 
     def __init__(self, stream: TextIO, *, lost: Callable[[], object]) -> None:
@@ -175,8 +181,9 @@ class JsonProgress:
 
     def tell(self, message: dict[str, Any]) -> None:
         """Send a message."""
+        parts = {name: to_content(text) for name, text in message.items() if isinstance(text, Message)}
         try:
-            print(MARK + json.dumps(message), file=self._stream, flush=True)
+            print(MARK + json.dumps(message | ({"parts": parts} if parts else {})), file=self._stream, flush=True)
         except BrokenPipeError:
             self._lost()
 
@@ -209,4 +216,6 @@ def read_message(line: str) -> dict[str, Any] | None:
         message = json.loads(text)
     except ValueError:  # the message is cut off, or other output contains the mark
         return None
-    return message if isinstance(message, dict) else None
+    if not isinstance(message, dict):
+        return None
+    return message | {name: from_content(parts) for name, parts in message.pop("parts", {}).items()}

@@ -112,5 +112,5 @@ def _not_regular(kind: int, path: FileName) -> NotRegularError:
 
 
 def _too_large(found_bytes: int, largest_bytes: int, path: FileName) -> TooLargeError:
-    told = f"it has {found_bytes} bytes or more; at most {largest_bytes} are read"
-    return TooLargeError(errno.EFBIG, told, os.fspath(path))
+    message = f"it has {found_bytes} bytes or more; at most {largest_bytes} are read"
+    return TooLargeError(errno.EFBIG, message, os.fspath(path))

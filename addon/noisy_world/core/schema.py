@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError
+from .messages import Part
 from .near import did_you_mean
 
 InIdentity: TypeAlias = Literal["value", "meaning", "nothing"]
@@ -81,19 +82,19 @@ def key(
 
 
 @dataclass(frozen=True)
-class Place:
+class ConfigPath:
     """Where a value is in a preset: the file and the keys that lead to it."""
 
     file: str | Path
     path: str = ""
 
-    def at(self, name: str | int) -> "Place":
+    def at(self, name: str | int) -> "ConfigPath":
         """Return the place of a value inside this one."""
         text = str(name)
         step = text if text.isprintable() and 0 < len(text) <= LONGEST_SHOWN else shown(text)
-        return Place(self.file, f"{self.path}.{step}" if self.path else step)
+        return ConfigPath(self.file, f"{self.path}.{step}" if self.path else step)
 
-    def error(self, problem: str, remedy: str = "") -> InputError:
+    def error(self, problem: str, remedy: Part = "") -> InputError:
         """Return an error that names this place."""
         return InputError(self.file, problem, where=self.path, remedy=remedy)
 
@@ -101,7 +102,7 @@ class Place:
 T = TypeVar("T", bound=Dataclass)
 
 
-def parse(cls: type[T], value: object, place: Place) -> T:
+def parse(cls: type[T], value: object, place: ConfigPath) -> T:
     """Check `value` against the dataclass `cls` and build it; raise InputError on the first thing that is wrong.
 
     If `cls` has a class attribute `SHORTHAND`, a value that is not a mapping sets the field of that name.
@@ -126,7 +127,7 @@ def parse(cls: type[T], value: object, place: Place) -> T:
     return make(**arguments)
 
 
-def unknown_name(place: Place, kind: str, name: str, known: Sequence[str]) -> InputError:
+def unknown_name(place: ConfigPath, kind: str, name: str, known: Sequence[str]) -> InputError:
     """Return the error for an unknown name, with the nearest known one."""
     remedy = did_you_mean(name, known) or f"known here: {', '.join(known)}"
     return place.error(f"unknown {kind} {shown(name)}", remedy)
@@ -165,7 +166,7 @@ def _names(cls: type[Dataclass]) -> list[str]:
     return [item.name for item in fields(cls)]
 
 
-def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> Any:
+def _parse_value(hint: Any, value: object, place: ConfigPath, item: Field[Any]) -> Any:
     origin = get_origin(hint)
     if origin in (Union, types.UnionType):
         options = get_args(hint)
@@ -186,7 +187,7 @@ def _parse_value(hint: Any, value: object, place: Place, item: Field[Any]) -> An
     return _parse_plain(hint, value, place, item.metadata["key"])
 
 
-def _parse_choice(choices: tuple[str, ...], value: object, place: Place) -> str:
+def _parse_choice(choices: tuple[str, ...], value: object, place: ConfigPath) -> str:
     if isinstance(value, str) and value in choices:
         return value
     if isinstance(value, str):
@@ -196,7 +197,7 @@ def _parse_choice(choices: tuple[str, ...], value: object, place: Place) -> str:
     raise place.error(f"is {describe(value)}, but has to be one of {', '.join(choices)}")
 
 
-def _parse_list(hints: tuple[Any, ...], value: object, place: Place, item: Field[Any]) -> tuple[Any, ...]:
+def _parse_list(hints: tuple[Any, ...], value: object, place: ConfigPath, item: Field[Any]) -> tuple[Any, ...]:
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
         raise place.error(f"is {describe(value)}, but has to be a list")
     if len(hints) == 2 and hints[1] is Ellipsis:
@@ -209,7 +210,7 @@ def _parse_list(hints: tuple[Any, ...], value: object, place: Place, item: Field
     )
 
 
-def _parse_plain(hint: type, value: object, place: Place, info: KeyInfo) -> object:
+def _parse_plain(hint: type, value: object, place: ConfigPath, info: KeyInfo) -> object:
     if hint in (int, float) and isinstance(value, (int, float)) and not isinstance(value, bool):
         if hint is float or isinstance(value, int) or value.is_integer():
             return _parse_number(hint, value, place, info)
@@ -224,7 +225,7 @@ def _parse_plain(hint: type, value: object, place: Place, info: KeyInfo) -> obje
     raise place.error(f"is {describe(value)}, but has to be {wanted}", remedy)
 
 
-def _parse_number(hint: type, value: float, place: Place, info: KeyInfo) -> float:
+def _parse_number(hint: type, value: float, place: ConfigPath, info: KeyInfo) -> float:
     try:
         number = hint(value)
         finite = math.isfinite(number)
@@ -297,6 +298,19 @@ def list_leaves(cls: type[Dataclass], prefix: str = "") -> Iterator[tuple[str, K
             yield from list_leaves(hint, f"{name}.")
         else:
             yield name, item.metadata["key"]
+
+
+def fields_on(cls: Any, path: str) -> Iterator[tuple[Any, str, Any]]:
+    """Yield for each key on a path the dataclass that has it, its name and the type of its value, while one has it."""
+    for name in path.split("."):
+        if name.isdigit():  # the place in a list
+            continue
+        hint = get_type_hints(cls).get(name) if is_dataclass(cls) else None
+        if hint is None:
+            return
+        inside, _ = _unwrap(hint)
+        yield cls, name, inside
+        cls = inside
 
 
 def _unwrap(hint: Any) -> tuple[Any, str]:

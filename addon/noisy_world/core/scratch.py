@@ -12,6 +12,8 @@ import shutil
 import sys
 import tempfile
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StorageError
@@ -58,6 +60,20 @@ def sweep(parent: Path) -> None:
                     shutil.rmtree(left, ignore_errors=True)
             finally:
                 os.close(descriptor)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Wait until no other process is alone in a folder, and then be it, where there are such locks."""
+    descriptor = None if sys.platform == "win32" else os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        if descriptor is not None:
+            with contextlib.suppress(OSError):  # the file system has no locks
+                _lock(descriptor, wait=True)
+        yield
+    finally:
+        if descriptor is not None:
+            os.close(descriptor)
 
 
 def _make(parent: Path) -> tuple[Path, int | None]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work on items one after another, a few of them ahead in threads; what comes out keeps their order."""
+"""Processes items in threads, a few ahead of the consumer, and yields results in order."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable

@@ -64,9 +64,9 @@ def read_yaml(content: str | bytes, file: str | Path, where: str = "") -> Any:
         if problem.startswith("but ") and error.context:  # the only problems that are no sentence by themselves
             problem = f"{error.context}, {problem}"
         ours = isinstance(error, yaml.constructor.ConstructorError)
-        told = problem if ours else f"is not valid YAML: {_short(problem)}"
+        message = problem if ours else f"is not valid YAML: {_short(problem)}"
         remedy = error.note or ("indent with blanks, not with tabs" if "'\\t'" in problem else "")
-        raise _error(file, where, mark and (mark.line + 1, mark.column + 1), told, remedy) from error
+        raise _error(file, where, mark and (mark.line + 1, mark.column + 1), message, remedy) from error
 
 
 def _short(problem: str) -> str:

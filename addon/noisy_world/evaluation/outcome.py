@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a run of a SLAM system ended. Whatever a system does is a result; only a mistake of ours is an error."""
+"""How a run of a SLAM system ended. Whatever a system does is a result; an error is a fault of ours."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum

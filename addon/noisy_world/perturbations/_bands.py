@@ -7,8 +7,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.images import as_float, rgb_bytes
+
 T = TypeVar("T", bound=np.generic)
 U = TypeVar("U", bound=np.generic)
+Level = TypeVar("Level", np.float32, np.uint8)  # of a colour: from 0 to 1, or a byte
 
 # 32 rows x any width x 3 codes of 16 bits fill whole 64-bit words of Philox, so bands draw what whole frames would.
 ROWS = 32
@@ -33,3 +36,15 @@ def by_bands(
     for parts in zip(*map(bands, (result, image, *others)), strict=True):
         parts[0][:] = perturb(*parts[1:])
     return result
+
+
+def colour_by_bands(
+    rgb: NDArray[Level], perturb: Callable[..., NDArray[np.float32]], *others: NDArray[Any]
+) -> NDArray[Level]:
+    """Apply `perturb`, which takes and returns float colour, to bands of (H, W, 3), float32 or uint8, as `by_bands`.
+
+    Bytes are made float before it and rounded after it, as on the whole image, in half the time.
+    """
+    if rgb.dtype != np.uint8:
+        return by_bands(rgb, rgb.dtype, perturb, *others)
+    return by_bands(rgb, rgb.dtype, lambda band, *parts: rgb_bytes(perturb(as_float(band), *parts)), *others)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ice that has grown from an edge of a pane, as `headless/tools/draw_frost.py` grew it: how thick, and since when.
+"""Ice grown from a pane's edge by `headless/tools/draw_frost.py`: its thickness, and when it grew.
 
 The strip is grown once, beside one edge, with its ends joined. Each side of a frame shows another part of it.
 """

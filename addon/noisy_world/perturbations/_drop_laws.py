@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where drops sit on the glass, how large they are, how they dry and run: what both executions of lens_drops share.
+"""Position, size, drying and running of drops on the glass; shared by both executions of lens_drops.
 
 Drops of a class of diameters, an octave each, have cells of their own, and a drop lies within its cell. A cell's clock
 goes round as its drop dries; each turn draws, by a hash of cell and turn, whether a drop lands, where, and how large.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the node groups of rain and snow look particles up in: a tile that repeats, with a particle per unit of area.
+"""The repeating tile of particles that the node groups of rain and snow look up.
 
 Every texel holds the particle nearest to it: where it is, in units, and two numbers of its own. Streaks are put in
 place by stretching the tile, as points that are independent of each other stay so when they are stretched.

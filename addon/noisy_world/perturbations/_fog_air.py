@@ -49,10 +49,10 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     farthest_m = np.float32(FARTHEST * parameters.visibility_m)
     depth_m = context.depth_m
     distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
-    stance = camera_state_of(context.motion)
+    camera_state = camera_state_of(context.motion)
     found = distance_m * np.float32(EXTINCTION / parameters.visibility_m)
     if parameters.falloff_m > 0:
-        found *= thinned(distance_m, parameters, stance, pixel_rays(parameters, context, size, 1))
+        found *= thinned(distance_m, parameters, camera_state, pixel_rays(parameters, context, size, 1))
     if parameters.unevenness > 0:
         bank = Bank(
             parameters.clump_m,
@@ -60,7 +60,7 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
             parameters.visibility_m,
             key_of(seed_of(context.identifiers), context.index if context.temporal == "fresh" else 0),
         )
-        means = slab_means(bank, stance, pixel_rays(parameters, context, size, GRID_PX))
+        means = slab_means(bank, camera_state, pixel_rays(parameters, context, size, GRID_PX))
         mean = mean_before(means, bank.reach_m, distance_m)
         mean *= np.float32(parameters.unevenness)
         # 1 + mean, but 1 / (1 - mean) below 0: fog thins, and never to less than nothing.
@@ -68,13 +68,13 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     return found
 
 
-def thinned(distance_m: Float32, parameters: FogDepth, stance: CameraState, rays: Float32) -> Float32:
+def thinned(distance_m: Float32, parameters: FogDepth, camera_state: CameraState, rays: Float32) -> Float32:
     """Return (H, W): the mean density from the camera to each distance, where it is 1 at height 0.
 
     rays: (3, H, W) of depth 1.
     """
-    down = stance.rotation[1].astype(np.float32)
-    height_m = parameters.camera_height_m - stance.position_m[1]
+    down = camera_state.rotation[1].astype(np.float32)
+    height_m = parameters.camera_height_m - camera_state.position_m[1]
     rise = rays[0] * -down[0] - rays[1] * down[1] - down[2]
     rise *= distance_m
     rise *= np.float32(1 / parameters.falloff_m)

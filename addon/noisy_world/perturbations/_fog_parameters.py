@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fog by depth is told."""
+"""Parameters of fog by depth."""
 
 import math
 from dataclasses import dataclass

@@ -83,24 +83,24 @@ def key_of(seed: int, frame: int) -> tuple[int, int, int]:
     return seed % (1 << KEY_BITS), seed >> KEY_BITS, frame % (1 << KEY_BITS)
 
 
-def phases_rad(bank: Bank, stance: CameraState) -> Float64:
+def phases_rad(bank: Bank, camera_state: CameraState) -> Float64:
     """Return (N,): each wave's phase at the camera."""
-    right, down, forward = stance.position_m
+    right, down, forward = camera_state.position_m
     place = np.array([right - bank.blown_m, forward, -down]) / bank.clump_m
     parts = np.array(bank.key, np.float32) * np.array([wave.turns for wave in waves()], np.float32)
     turns = (parts - np.floor(parts)).sum(axis=1, dtype=np.float64)
     return 2 * np.pi * turns + np.array([wave.vector for wave in waves()]) @ place
 
 
-def slab_means(bank: Bank, stance: CameraState, rays: Float32) -> Float32:
+def slab_means(bank: Bank, camera_state: CameraState, rays: Float32) -> Float32:
     """Return (slabs, H, W): the field's mean in each slab along rays (3, H, W), right, down, forward, of depth 1."""
-    axes = stance.rotation
+    axes = camera_state.rotation
     directions = np.array([axes[0], axes[2], -axes[1]])  # right, forward, up of the air, by the camera's axes
     edges_m = np.array(EDGES) * bank.reach_m
     middles_m = ((edges_m[1:] + edges_m[:-1]) / 2).astype(np.float32)[:, None, None]
     halves_m = ((edges_m[1:] - edges_m[:-1]) / 2).astype(np.float32)[:, None, None]
     found = np.zeros((len(middles_m), *rays.shape[1:]), np.float32)
-    for wave, phase in zip(waves(), phases_rad(bank, stance), strict=True):
+    for wave, phase in zip(waves(), phases_rad(bank, camera_state), strict=True):
         x, y, z = (np.array(wave.vector) / bank.clump_m @ directions).astype(np.float32)
         rate = x * rays[0] + y * rays[1] + z * rays[2]  # radians for a metre of depth
         # numpy's sinc is of pi x.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What dirt on a lens does with the light that it scatters: a glare with long tails, in part drawn out to streaks.
+"""Glare of a dirty lens: scattered light with long tails, partly as streaks.
 
 The point spread is a sum of Gaussians, near, middle and far, of sum 1: the light is spread, none is lost. Grease that
 was wiped has grooves along the wiping, which scatter across them: a lamp's streak is at right angles to it.

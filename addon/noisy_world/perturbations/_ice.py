@@ -53,6 +53,7 @@ def ice(number: int) -> NDArray[np.uint8]:
     levels = np.arange(256, dtype=np.float32)[:, None] / np.float32(255)
     shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)
     table = levels * (shadow + (light - shadow) * levels)
-    picture = np.rint(np.clip(table, 0, 1) * np.float32(255)).astype(np.uint8)[grey]
+    tints = np.rint(np.clip(table, 0, 1) * np.float32(255)).astype(np.uint8)
+    picture = np.asarray(cv2.merge([cv2.LUT(grey, tint) for tint in np.ascontiguousarray(tints.T)]), np.uint8)
     picture.flags.writeable = False
     return picture

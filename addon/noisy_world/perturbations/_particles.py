@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the particles of rain and snow are at a moment: all that a camera can see, and few others.
+"""Positions of rain and snow particles at a time, for those that a camera can see.
 
 The air is divided into cubes, for each class of sizes its own, which fall and drift with the class. What is in a cube
 follows from a hash of the key, the class and the cube alone. So any moment is known without those before it, the air

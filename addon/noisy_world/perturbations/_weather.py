@@ -135,5 +135,7 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Air
     camera = camera_of(context.intrinsics, (width, height), parameters.view_deg)
     focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
     lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
-    stance = camera_state_of(None if context.temporal == "fixed" else context.motion)
-    return AirCamera(stance.rotation, stance.position_m, stance.velocity_m_s, stance.turning_rad_s, *lens)
+    camera_state = camera_state_of(None if context.temporal == "fixed" else context.motion)
+    return AirCamera(
+        camera_state.rotation, camera_state.position_m, camera_state.velocity_m_s, camera_state.turning_rad_s, *lens
+    )

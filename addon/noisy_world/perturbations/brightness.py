@@ -102,6 +102,7 @@ PERTURBATION = ColourPerturbation(
     severities={"offset": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # float colour is rounded before it
     repeatable=True,
     build=build,
     apply_bytes=apply_bytes,

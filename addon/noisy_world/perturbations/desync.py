@@ -37,7 +37,7 @@ def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[n
     """
     source = np.arange(count) + parameters.offset
     if parameters.mode == "dynamic":
-        source += np.array([context.stream(frame=k).integers(-1, 2) for k in range(count)], dtype=np.int64)
+        source += context.integers(count, -1, 2)
     if parameters.edge == "clamp":
         return np.clip(source, 0, count - 1)
     return np.where((source >= 0) & (source < count), source, -1)

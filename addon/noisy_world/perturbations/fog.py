@@ -12,7 +12,7 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
-from ._bands import by_bands
+from ._bands import Level, colour_by_bands
 from ._patterns import kept_for_sequence, three_channels, torus_window
 
 _LEAST_CELLS = 256  # least number of points along a side, however smooth the haze; chosen
@@ -37,22 +37,22 @@ class Fog:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:
+def apply(rgb: NDArray[Level], parameters: Fog, context: FrameContext) -> NDArray[Level]:
     """Put haze over (H, W, 3)."""
     thickness = parameters.thickness
-    brightest = float(rgb.max())
+    brightest = float(rgb.max()) if rgb.dtype == np.float32 else float(np.float32(rgb.max()) / np.float32(255))
     if thickness == 0:
         return rgb.copy()
     scale = np.float32(brightest / (brightest + thickness))
     if parameters.uniform:
-        return (rgb + np.float32(0.5 * thickness)) * scale
+        return colour_by_bands(rgb, lambda band: (band + np.float32(0.5 * thickness)) * scale)
 
     def hazy(band: NDArray[np.float32], haze: NDArray[np.float32]) -> NDArray[np.float32]:
         over = three_channels(haze * np.float32(thickness))
         over += band
         return np.multiply(over, scale, out=over)
 
-    return by_bands(rgb, rgb.dtype, hazy, _haze(rgb.shape[:2], parameters, context))
+    return colour_by_bands(rgb, hazy, _haze(rgb.shape[:2], parameters, context))
 
 
 def _haze(size: tuple[int, int], parameters: Fog, context: FrameContext) -> NDArray[np.float32]:
@@ -229,6 +229,8 @@ PERTURBATION = ColourPerturbation(
     severities={"thickness": (1.5, 2.0, 2.5, 2.5, 3.0), "smoothness": (2.0, 2.0, 1.7, 1.5, 1.4)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the plasma: ImageNet-C',
     apply=apply,
+    version=2,  # float colour is rounded before it
+    apply_bytes=apply,
     build=build,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -15,7 +15,7 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.regular_files import read_bytes
 from ..core.schema import key
 from . import _ice
-from ._bands import by_bands
+from ._bands import Level, colour_by_bands
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Frost:
     )
 
 
-def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
+def apply(rgb: NDArray[Level], parameters: Frost, context: FrameContext) -> NDArray[Level]:
     """Put ice over (H, W, 3)."""
     import cv2
 
@@ -45,7 +45,7 @@ def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) ->
         cv2.addWeighted(band, parameters.intensity, cold, parameters.influence / 255, 0.0, dst=cold)
         return cold
 
-    return by_bands(rgb, rgb.dtype, frosted, _crop(rgb.shape[:2], parameters, context))
+    return colour_by_bands(rgb, frosted, _crop(rgb.shape[:2], parameters, context))
 
 
 def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
@@ -141,6 +141,8 @@ PERTURBATION = ColourPerturbation(
     severities={"intensity": (1.0, 0.8, 0.7, 0.65, 0.6), "influence": (0.4, 0.6, 0.7, 0.7, 0.75)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the ice: our own',
     apply=apply,
+    version=2,  # float colour is rounded before it
+    apply_bytes=apply,
     build=build,
     temporals=("fresh", "fixed", "drift"),
 )

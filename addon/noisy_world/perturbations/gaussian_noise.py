@@ -74,6 +74,7 @@ PERTURBATION = ColourPerturbation(
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # float colour is rounded before it
     build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),

@@ -235,6 +235,7 @@ PERTURBATION = ColourPerturbation(
     severities={"factor": (0.6, 0.5, 0.4, 0.3, 0.25)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # float colour is rounded before it
     repeatable=True,
     build=build,
     apply_bytes=apply_bytes,

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,9 @@ from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import bands, by_bands
 from ._quantile_groups import poisson_quantile
-from ._quantiles import look_up, uniform_codes, uniform_words
+from ._quantiles import CODES, look_up, uniform_codes, uniform_words
 
-T = TypeVar("T", bound=np.integer | np.floating)
-
-OUTCOMES = 256  # columns of the alias table of a level: one for each value of 8 random bits
+OUTCOMES = 256  # columns of the alias table of a level, and codes of a column: one for each value of 8 random bits
 MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
 FEWEST_PHOTONS = 1e-6  # mean at full scale below which a frame is black: a megapixel expects a few photons at most
 BYTE_NOISE = np.float32(2**-10)  # of a byte: more than float32's error of a byte that was divided by 255 and multiplied
@@ -44,12 +42,14 @@ def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext
     if photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
     flat = rgb.reshape(len(rgb), -1)
-    tables, generator = _alias_tables(photons), context.pattern_stream()
+    (threshold, first, second), generator = _alias_tables(photons), context.pattern_stream()
     rests = context.pattern_stream("rest") if any(_split(band)[1].any() for band in bands(flat)) else None
 
     def count(band: NDArray[np.float32]) -> NDArray[np.float32]:
         levels, rest = _split(band)
-        counts = _draw(levels, generator, *tables).astype(np.float32)
+        low, columns = _columns(levels, generator)
+        is_second = low >= look_up(columns, threshold)
+        counts = np.where(is_second, look_up(columns, second), look_up(columns, first)).astype(np.float32)
         if rests is not None:
             rest *= np.float32(photons / 255)
             _add_few_photons(counts, rest, rests)
@@ -75,64 +75,66 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: ShotNoise, context: FrameCon
     """Count photons in (H, W, 3) bytes."""
     if parameters.photons < FEWEST_PHOTONS:
         return np.zeros_like(rgb)
-    flat, tables, generator = rgb.reshape(len(rgb), -1), _byte_tables(parameters.photons), context.pattern_stream()
-    return by_bands(flat, flat.dtype, lambda band: _draw(band, generator, *tables)).reshape(rgb.shape)
+    flat, table, generator = rgb.reshape(len(rgb), -1), _byte_table(parameters.photons), context.pattern_stream()
+    return by_bands(flat, flat.dtype, lambda band: _draw(band, generator, table)).reshape(rgb.shape)
 
 
-def _draw(
-    levels: NDArray[np.uint8],
-    generator: np.random.Generator,
-    threshold: NDArray[np.uint16],
-    first: NDArray[T],
-    second: NDArray[T],
-) -> NDArray[T]:
-    """Draw from the distribution of each level of a band, (rows, values).
-
-    8 random bits pick a column, 16 more one of the column's two outcomes.
-    """
+def _draw(levels: NDArray[np.uint8], generator: np.random.Generator, table: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Draw bytes from the distribution of each level of a band, (rows, values)."""
     import cv2
 
-    codes = uniform_codes(generator, levels.shape)
-    columns = uniform_codes(generator, ((levels.size + 1) // 2,)).view(np.uint8)[: levels.size].reshape(levels.shape)
-    positions = cv2.merge([columns, levels]).view(np.uint16).reshape(levels.shape)  # level x 256 + column
-    outcomes = look_up(positions, first)
-    is_second = cv2.compare(codes, look_up(positions, threshold), cv2.CMP_GE)
-    return np.asarray(cv2.copyTo(look_up(positions, second), is_second, outcomes), first.dtype)
+    low, columns = _columns(levels, generator)
+    found = look_up(columns, table).view(np.uint8).reshape(*levels.shape, 4)  # one look-up fetches all three
+    first, second, threshold, _ = cv2.split(found)
+    return np.asarray(cv2.copyTo(second, cv2.compare(low, threshold, cv2.CMP_GE), first), np.uint8)
+
+
+def _columns(levels: NDArray[np.uint8], generator: np.random.Generator) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+    """Draw for each level of a band, (rows, values), 8 bits, and with 8 more a column of its distribution."""
+    import cv2
+
+    codes = uniform_codes(generator, levels.shape).astype("<u2", copy=False)
+    low, high = cv2.split(codes.view(np.uint8).reshape(*levels.shape, 2))
+    columns = cv2.merge([high, levels]).view("<u2").reshape(levels.shape)  # level x 256 + column
+    return np.asarray(low, np.uint8), columns
 
 
 @lru_cache(maxsize=16)
-def _byte_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return `_alias_tables` with bytes as outcomes."""
+def _byte_table(photons: float) -> NDArray[np.int32]:
+    """Return for each column of `_alias_tables` four bytes: both outcomes, the threshold, and one that says nothing."""
     threshold, first, second = _alias_tables(photons)
     share = np.float32(1 / photons)
-    return threshold, rgb_bytes(first.astype(np.float32) * share), rgb_bytes(second.astype(np.float32) * share)
+    outcomes = [rgb_bytes((counts.astype(np.float32) * share)[:, None])[:, 0] for counts in (first, second)]
+    return np.stack([*outcomes, threshold, threshold], axis=-1).view(np.int32)[:, 0]
 
 
 @lru_cache(maxsize=16)
-def _alias_tables(photons: float) -> tuple[NDArray[np.uint16], NDArray[np.uint16], NDArray[np.uint16]]:
+def _alias_tables(photons: float) -> tuple[NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint16]]:
     """Tabulate the Poisson numbers of the 256 bytes for the alias method (Walker 1977), three arrays of 65,536.
 
-    Column c of level l, at l x 256 + c, has probability 1/256 and two outcomes: the first with probability threshold
-    / 65,536, otherwise the second. Every outcome's probability is exact to 1e-7.
+    The numbers of a byte share its 65,536 codes, so that its distribution function is at most 1 / 131,072 off. Column
+    c of level l, at l x 256 + c, has 256 codes and two outcomes: the first for codes below threshold, else the second.
     """
     offset, share = _poisson(np.arange(256, dtype=np.float64) * (photons / 255))
+    before = np.rint(np.cumsum(share, axis=1) * (CODES / share.sum(axis=1, keepdims=True))).astype(np.int64)
+    codes = np.diff(before, axis=1, prepend=0)
     rows = np.arange(256)
-    threshold = np.ones((256, OUTCOMES))
+    threshold = np.full((256, OUTCOMES), OUTCOMES)
     partner = np.tile(np.arange(OUTCOMES), (256, 1))
-    poor, rich = share.copy(), share.copy()
+    poor, rich = codes.copy(), codes.copy()
     for _ in range(OUTCOMES - 1):
-        # The column with the least probability keeps it; the one with the most fills it up.
+        # The column with the fewest codes keeps them; the one with the most fills it up.
         taker, giver = poor.argmin(axis=1), rich.argmax(axis=1)
         has = poor[rows, taker]
         threshold[rows, taker] = has
         partner[rows, taker] = giver
-        poor[rows, giver] += has - 1
+        poor[rows, giver] += has - OUTCOMES
         rich[rows, giver] = poor[rows, giver]
-        poor[rows, taker], rich[rows, taker] = np.inf, -np.inf
-    # A column that is never filled (up to rounding, it was full) is its own partner: its threshold has no effect.
-    steps = np.clip(np.rint(threshold * 65536), 0, 65535)
+        poor[rows, taker], rich[rows, taker] = CODES, -1
+    # A column that is full has itself as both outcomes: no byte holds its threshold.
+    partner = np.where(threshold == OUTCOMES, np.arange(OUTCOMES), partner)
     first = offset[:, None] + np.arange(OUTCOMES)
-    return _flat(steps), _flat(first), _flat(offset[:, None] + partner)
+    return np.minimum(threshold, 255).astype(np.uint8).reshape(-1), _flat(first), _flat(offset[:, None] + partner)
 
 
 def _flat(table: NDArray[Any]) -> NDArray[np.uint16]:
@@ -192,6 +194,7 @@ PERTURBATION = ColourPerturbation(
     severities={"photons": (60, 25, 12, 5, 3)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # a number takes 16 random bits, not 24, and float colour is rounded before it
     build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),

@@ -12,7 +12,7 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
-from ._bands import by_bands
+from ._bands import Level, colour_by_bands
 from ._full_size import full_size, with_full_sizes
 from ._kernels import correlate, line_kernel
 from ._patterns import kept_for_sequence, three_channels, torus_window
@@ -35,14 +35,14 @@ class Snow:
     fall_px: float = key("drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
+def apply(rgb: NDArray[Level], parameters: Snow, context: FrameContext) -> NDArray[Level]:
     """Let it snow on (H, W, 3)."""
 
     def snowed_on(band: NDArray[np.float32], flakes: NDArray[np.float32]) -> NDArray[np.float32]:
         image = _whitened(band, parameters.blending_ratio)
         return np.add(image, three_channels(flakes), out=image)
 
-    return by_bands(rgb, rgb.dtype, snowed_on, _flakes(rgb.shape[:2], parameters, context))
+    return colour_by_bands(rgb, snowed_on, _flakes(rgb.shape[:2], parameters, context))
 
 
 def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
@@ -321,6 +321,8 @@ PERTURBATION = ColourPerturbation(
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # float colour is rounded before it
+    apply_bytes=apply,
     build=build,
     capacity={"blur_radius_px": 12},
     temporals=("fresh", "fixed", "drift"),

@@ -12,9 +12,10 @@ from ..core.node_graphs.graph import INTERFACE, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
-from ._bands import by_bands
+from ._bands import Level, colour_by_bands
 from ._kernels import gaussian
 from ._patterns import kept_for_sequence, three_channels, torus_window
+from ._quantiles import look_up, normal_quantiles, uniform_codes
 
 # The colours, the distance and the kernel are ImageNet-C's.
 _WATER_RGB = (175, 238, 238)
@@ -48,14 +49,14 @@ class Spatter:
     run_px: float = key("drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000)
 
 
-def apply(rgb: NDArray[np.float32], parameters: Spatter, context: FrameContext) -> NDArray[np.float32]:
+def apply(rgb: NDArray[Level], parameters: Spatter, context: FrameContext) -> NDArray[Level]:
     """Spatter (H, W, 3)."""
     cover = _cover(context, rgb.shape[:2], parameters)
     if context.drift_frames:
         cover = torus_window(cover, rgb.shape[:2], start=(-context.drift_frames * parameters.run_px, 0.0))
     if not cover.any():
         return rgb.copy()
-    return by_bands(rgb, rgb.dtype, _under_mud if parameters.complexity else _under_water, cover)
+    return colour_by_bands(rgb, _under_mud if parameters.complexity else _under_water, cover)
 
 
 def _under_water(rgb: NDArray[np.float32], cover: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -80,9 +81,8 @@ def _cover(context: FrameContext, size: tuple[int, int], parameters: Spatter) ->
     """Return how much of each pixel the drops cover, (H, W); periodic if it drifts, so that it never ends."""
     import cv2
 
-    noise = context.pattern_stream().standard_normal(size, dtype=np.float32)
-    noise *= np.float32(parameters.std)
-    noise += np.float32(parameters.mean)
+    quantiles = (normal_quantiles() * parameters.std + parameters.mean).astype(np.float32)
+    noise = look_up(uniform_codes(context.pattern_stream(), size), quantiles)
     margin = _margin(parameters) if context.temporal == "drift" else 0
     if margin:
         noise = np.asarray(cv2.copyMakeBorder(noise, margin, margin, margin, margin, cv2.BORDER_WRAP), np.float32)
@@ -328,6 +328,8 @@ PERTURBATION = ColourPerturbation(
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the drops: ImageNet-C',
     apply=apply,
+    version=2,  # its noise is drawn by tables, and float colour is rounded before it
+    apply_bytes=apply,
     build=build,
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"complexity"}),

@@ -76,6 +76,7 @@ PERTURBATION = ColourPerturbation(
     severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    version=2,  # float colour is rounded before it
     build=build,
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),

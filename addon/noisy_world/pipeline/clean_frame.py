@@ -14,8 +14,9 @@ from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
+from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import FrameContext
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SourceFrame
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
@@ -26,16 +27,17 @@ class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
     def __init__(
-        self, source: int, image: SourceFrame, between: Registration | None = None, spent: StageTimer | None = None
+        self, source: int, image: SourceFrame, between: Registration | None = None, timer: StageTimer | None = None
     ) -> None:
         """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
 
-        spent: hears how long images take that are read from files; None where they are not.
+        timer: hears how long images take that are read from files; None where they are not.
         """
         self.source = source
+        self.shown: ShownSources = (source, None)
         self._image = image
         self._between = between
-        self._spent = spent
+        self._timer = timer
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
@@ -66,15 +68,20 @@ class CleanFrame:
                 return found
 
     def _decoding(self) -> contextlib.AbstractContextManager[None]:
-        return contextlib.nullcontext() if self._spent is None else self._spent.on(DECODING)
+        return contextlib.nullcontext() if self._timer is None else self._timer.on(DECODING)
 
     def float_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3) as float32 in [0, 1]."""
         return as_float(self.rgb)
 
+    @cached_property
     def byte_rgb(self) -> NDArray[np.uint8]:
-        """Return colour (H, W, 3) as uint8, rounded if it is float."""
+        """Colour (H, W, 3) as uint8, rounded if it is float."""
         return as_bytes(self.rgb)
+
+    def perturbed_rgb(self, work: ColourWork) -> NDArray[np.uint8] | None:
+        """Return colour (H, W, 3) after steps of colour; None where they are the identity."""
+        return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
 
     @cached_property
     def _depth_in_colour_m(self) -> NDArray[np.float32]:

@@ -5,9 +5,8 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from ..core.machine import keep_freed_memory
@@ -23,19 +22,19 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class ColourImage:
-    """The colour of a frame that shows a clean one perturbed.
+class PerturbedImage:
+    """Colour or depth of a frame that shows a clean one perturbed.
 
-    key: equal for equal work on a clean frame, in whatever sequences.
-    notes: what is done, for frames.jsonl. pixels: makes it, (H, W, 3) uint8; None where it is the clean image.
+    key: equal for equal work on a clean frame, in whatever sequences. notes: what is done, for frames.jsonl. pixels:
+    makes it: (H, W, 3) uint8, or (H, W) float32 metres; None where it is the clean image.
     """
 
     key: Hashable
     notes: Notes
-    pixels: Callable[[], NDArray[np.uint8] | None]
+    pixels: Callable[[], NDArray[Any] | None]
 
 
-Colours: TypeAlias = Mapping[tuple[str, int], Callable[[], ColourImage]]
+Colours: TypeAlias = Mapping[tuple[str, int], Callable[[], PerturbedImage]]
 """By a sequence's folder and a frame's number: a function that returns its colour; called once, in any thread."""
 
 
@@ -58,9 +57,9 @@ class ReferenceColour:
         """Return for each frame a function that perturbs it."""
         return {(sequence.folder, frame): partial(self._one, clean, sequence, frame) for sequence, frame in asked}
 
-    def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> ColourImage:
+    def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> PerturbedImage:
         work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
-        return ColourImage(("reference", work.key), work.notes, lambda: work.on(clean.rgb))
+        return PerturbedImage(("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work))
 
 
 class CompositorColour:
@@ -73,7 +72,7 @@ class CompositorColour:
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
         """Perturb all frames, several sequences in one evaluation; what several do alike is evaluated once."""
-        made: dict[tuple[str, int], Callable[[], ColourImage]] = {}
+        made: dict[tuple[str, int], Callable[[], PerturbedImage]] = {}
         waiting = asked
         while waiting:
             # A chain gives one image per evaluation; a sequence that shows the source frame twice takes another one.
@@ -89,7 +88,7 @@ class CompositorColour:
             pictures = self._compositor.perturb(clean.rgb, frames, depth_m, motions)
             for folder, (sequence, frame) in turn.items():
                 pixels, notes = pictures[folder]
-                image = ColourImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
+                image = PerturbedImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
                 made[folder, frame] = partial(_given, image)
         return made
 
@@ -112,7 +111,7 @@ class Colour:
 
     def of(self, clean: CleanFrame) -> Colours:
         """Return a function for the colour of each frame that shows the clean one perturbed."""
-        colours: dict[tuple[str, int], Callable[[], ColourImage]] = {}
+        colours: dict[tuple[str, int], Callable[[], PerturbedImage]] = {}
         for executor, sequences in self._executors.items():
             asked = [(sequence, frame) for sequence in sequences for frame in sequence.showing("rgb", clean.source)]
             if asked:

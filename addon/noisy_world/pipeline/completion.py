@@ -12,10 +12,11 @@ from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
 from ..core.datasets.records import FrameRecord
+from ..core.messages import Message
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
+from ..core.planning.scene import Scene
 from ..core.planning.sequence import Sequence, written_paths
-from ..core.planning.source import Scene
 from ..core.presets.preset import canonical
 from ..core.trajectories.sensor_paths import SensorPaths
 
@@ -24,7 +25,11 @@ def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
     """Return the files of a sequence that say what the values of its channels mean, by name."""
     texts: dict[str, str] = {}
     for item in surface_channels(format_.modalities):
-        if item.has_content and (mesh := scene.source.mesh) is not None:
+        if not item.has_content:
+            continue
+        if (objects := scene.source.capabilities.objects) is not None:
+            texts[f"{item.name}.json"] = canonical(item.content_of(objects()))
+        elif (mesh := scene.source.mesh) is not None:
             texts[f"{item.name}.json"] = canonical(item.content(mesh(), scene.source.location))
     return texts
 
@@ -96,7 +101,7 @@ class Completion:
             lost = {item.setting.name: losses[item.folder] for item in of_scene if item.folder in losses}
             frames = {item.setting.name: counts[item.folder] for item in of_scene if item.folder in losses}
             if lost:
-                self._note(f"{scene.name}: {self._plan.format.depth_range.told_of_scene(lost, frames)}")
+                self._note(Message(f"{scene.name}: ", self._plan.format.depth_range.format_scene_loss(lost, frames)))
 
     def _texts_beside(self) -> dict[str, object]:
         """Write the intrinsics of the sequences that stay beside the plan's: their settings' files no longer say them.
@@ -104,8 +109,8 @@ class Completion:
         Returns the files of these sequences by folder.
         """
         cameras = cameras_of(self._dataset.identity)
-        told = optics_of(self._dataset.identity)
-        beyond = {name: stated_optics(self._dataset.out, content) for name, content in told.items()}
+        optics = optics_of(self._dataset.identity)
+        beyond = {name: stated_optics(self._dataset.out, content) for name, content in optics.items()}
         files: dict[str, object] = {}
         for folder, there in self._dataset.kept.items():
             scene = folder.split("/")[1]

@@ -4,26 +4,32 @@
 import contextlib
 import threading
 import time
+from collections.abc import Hashable
 from collections.abc import Sequence as Many
 from functools import partial
 from typing import Generic, Self, TypeVar
 
+from ..core.channels import in_order, pair_channels
+from ..core.channels.depth import CHANNEL as DEPTH
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InterruptedRunError
+from ..core.messages import Message
 from ..core.planning.exposed import open_render
 from ..core.planning.plan import Plan, Render
 from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderOptions
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
+from .clean_files import CleanFiles
 from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
+from .completed_images import Finished
 from .frame_writer import FrameWriter, Lost
+from .pairs import OpenPairs, motion_of, view_of
 from .report import Report
 from .stage_timer import DECODING, LOADING, RENDERING, StageTimer
-from .stock import Finished
 
 T = TypeVar("T")
 
@@ -37,17 +43,33 @@ class FrameMaker:
     what was done since it was last replaced.
     """
 
-    def __init__(self, plan: Plan, *, progress: Progress, stop: threading.Event, threads: int = 0) -> None:
-        """Prepare. stop: when set, a piece ends after the current frame. threads: of the renderer; 0 for all."""
+    def __init__(
+        self,
+        plan: Plan,
+        *,
+        progress: Progress,
+        stop: threading.Event,
+        threads: int = 0,
+        scene: "KeptScene | None" = None,
+        clean: CleanFiles | None = None,
+    ) -> None:
+        """Prepare.
+
+        stop: when set, a piece ends after the current frame. threads: of the renderer; 0 for all. scene: what keeps
+        the scene in memory, if that outlives this maker. clean: where the clean frames of the plan's only render are
+        kept, if they are.
+        """
         self._plan = plan
         self._progress = progress
         self._stop = stop
         self._threads = threads
         self._paths: dict[str, SensorPaths] = {}
-        self._told_lost: set[str] = set()  # the scenes that a note on lost depth has named
-        self._scene = _Kept[PreparedSource]()
-        self._render = _Kept[OpenSource]()
-        self._colour = _Kept[Colour]()
+        self._noted_lost: set[str] = set()  # the scenes that a note on lost depth has named
+        self._scene = KeptScene() if scene is None else scene
+        self._clean = clean
+        self._render = Kept[OpenSource]()
+        self._colour = Kept[Colour]()
+        self._closed_at_end = (self._render, self._colour, *([self._scene] if scene is None else []))
         self.report = Report()
 
     def make(self, render: Render, frames: Many[int], target: Dataset, finished: Finished) -> None:
@@ -55,16 +77,18 @@ class FrameMaker:
 
         Raises InterruptedRunError when stopped.
         """
-        start_s, spent = time.perf_counter(), StageTimer()
-        with spent.rest_on(LOADING):
-            source = self._open(render, judging=bool(finished.lacking(render, self._modalities, render.frames[:1])))
+        start_s, timer = time.perf_counter(), StageTimer()
+        with timer.rest_on(LOADING):
+            source = self._open(
+                render, judging=bool(finished.sources_missing(render, self._modalities, render.frames[:1]))
+            )
         loaded_s = time.perf_counter()
         self.report.loading_s += loaded_s - start_s
-        with spent.rest_on(RENDERING):
+        with timer.rest_on(RENDERING):
             colour = self._colour_of(render, frames, finished)
-            with FrameWriter(target, render, finished, spent) as writer:
+            with FrameWriter(target, render, finished, timer) as writer:
                 self._write(render, frames, source, colour, writer)
-        self.report.add_processor_s(spent.seconds)
+        self.report.add_processor_s(timer.seconds)
         self.report.rendering_s += time.perf_counter() - loaded_s
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
@@ -85,22 +109,26 @@ class FrameMaker:
             return source
         self._colour.close()
         self._render.close()
-        scene = render.scene
-        if (prepared := self._scene.of((scene.name,))) is None:
-            prepared = self._scene.keep(
-                (scene.name,), scene.source.prepare(render.camera, partial(self._note, scene.name))
-            )
         options = render_options(self._plan, render, judging=judging, threads=self._threads)
-        opened = open_render(prepared, render, self.paths_of(render), options, partial(self._note, render.name))
+
+        def opening() -> OpenSource:
+            scene = render.scene
+            key = (scene.name, render.camera)
+            if (prepared := self._scene.of(key)) is None:
+                prepared = self._scene.keep(key, scene.source.prepare(render.camera, partial(self._note, scene.name)))
+            return open_render(prepared, render, self.paths_of(render), options, partial(self._note, render.name))
+
+        opened = opening() if self._clean is None else self._clean.through(in_order(options.channels), opening)
         if render.registration is not None and (render.needs_depth or render.needs_rgb):
-            told = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
-            self._note(render.name, told)
+            message = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
+            self._note(render.name, message)
         return self._render.keep((render.name,), contextlib.nullcontext(opened))
 
     def _note(self, name: str, text: str) -> None:
         """Say something about a scene or a render."""
-        self.report.notes.append(f"{name}: {text}")
-        self._progress.note(f"{name}: {text}")
+        note = Message(f"{name}: ", text)
+        self.report.notes.append(note)
+        self._progress.note(note)
 
     def _colour_of(self, render: Render, frames: Many[int], finished: Finished) -> Colour:
         """Return what perturbs the colour of those sequences that lack some of it."""
@@ -114,11 +142,18 @@ class FrameMaker:
         return self._colour.keep(key, colour_of(lacking, camera, size_px))
 
     def _write(
-        self, render: Render, frames: Many[int], source: OpenSource, colour: Colour, writer: FrameWriter
+        self,
+        render: Render,
+        frames: Many[int],
+        source: OpenSource,
+        colour: Colour,
+        writer: FrameWriter,
     ) -> None:
         paths = self.paths_of(render)
-        heard = None if render.scene.source.gives.rendered else writer.spent
-        for frame in frames:
+        heard = None if render.scene.source.capabilities.rendered else writer.timer
+        pairs = self._pairs(render, frames, writer.finished)
+        wanted = set(frames)
+        for frame in sorted(wanted | pairs.sources):
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
@@ -127,8 +162,19 @@ class FrameMaker:
             clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
-            self._count(writer.submit(clean, colour.of(clean)), writer)
+            if frame in wanted:
+                self._count(writer.submit(clean, colour.of(clean)), writer)
+            view = partial(view_of, lambda: source, paths, clean, render.camera)
+            for pair in pairs.take(frame, view, partial(motion_of, source, render, paths)):
+                self._count(writer.submit_pair(pair), writer)
         self._count(writer.drain(), writer)
+
+    def _pairs(self, render: Render, frames: Many[int], finished: Finished) -> OpenPairs:
+        """Return what leads from some source frames to others and is missing."""
+        channels = [channel.name for channel in pair_channels(self._modalities)]
+        sequences = [item for item in render.sequences if item.frames] if channels else []
+        lacking = (finished.pairs(sequences, channels, frame) for frame in frames)
+        return OpenPairs(set().union(*lacking), render.camera)
 
     def _count(self, frames: int, writer: FrameWriter) -> None:
         self._tell_lost(writer.first_lost)
@@ -138,19 +184,20 @@ class FrameMaker:
 
     def _tell_lost(self, lost: Lost | None) -> None:
         """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""
-        if lost is None or lost.sequence.scene in self._told_lost:
+        if lost is None or lost.sequence.scene in self._noted_lost:
             return
         scene, range_ = lost.sequence.scene, self._plan.format.depth_range
         camera = self._plan.depth_cameras[scene]
-        self._told_lost.add(scene)
-        told = range_.told_of_image(lost.out_of_range, camera.width_px * camera.height_px)
-        told = range_.with_remedy(told, lost.out_of_range.farthest_m)
-        self._progress.note(f"{scene}: frame {lost.frame} of {lost.sequence.setting.name}: {told}", subject=scene)
+        self._noted_lost.add(scene)
+        message = range_.format_image_loss(lost.out_of_range, camera.width_px * camera.height_px)
+        message = range_.with_remedy(message, lost.out_of_range.farthest_m)
+        where = f"{scene}: frame {lost.frame} of {lost.sequence.setting.name}: "
+        self._progress.note(Message(where, message), subject=scene)
 
     def close(self) -> None:
         """Close what is open."""
         with contextlib.ExitStack() as closing:
-            for kept in (self._scene, self._render, self._colour):
+            for kept in self._closed_at_end:
                 closing.callback(kept.close)
 
     def __enter__(self) -> Self:
@@ -160,19 +207,19 @@ class FrameMaker:
         self.close()
 
 
-class _Kept(Generic[T]):
+class Kept(Generic[T]):
     """What a context manager gave, kept open until something else takes its place."""
 
     def __init__(self) -> None:
-        self._key: tuple[str, ...] | None = None
+        self._key: Hashable = None
         self._value: T | None = None
         self._opened = contextlib.ExitStack()
 
-    def of(self, key: tuple[str, ...]) -> T | None:
+    def of(self, key: Hashable) -> T | None:
         """Return what is kept under a key; None where something else is, or nothing."""
         return self._value if self._key == key else None
 
-    def keep(self, key: tuple[str, ...], made: contextlib.AbstractContextManager[T]) -> T:
+    def keep(self, key: Hashable, made: contextlib.AbstractContextManager[T]) -> T:
         """Close what was kept, and open and keep something else."""
         self.close()
         value = self._opened.enter_context(made)
@@ -185,6 +232,10 @@ class _Kept(Generic[T]):
         self._opened.close()
 
 
+class KeptScene(Kept[PreparedSource]):
+    """The scene that was prepared last: loading one takes longer than rendering small frames."""
+
+
 def render_options(plan: Plan, render: Render, *, judging: bool = False, threads: int = 0) -> RenderOptions:
     """Return how frames of a render are made.
 
@@ -192,17 +243,21 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
     see nothing. threads: of the renderer, 0 for all that there are.
     """
     spec = plan.preset.spec
-    told = OwnRendering(spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m)
-    rendering = render.scene.source.gives.own or told
-    looked_at = tuple(render.frames[:FIRST_FRAMES]) if judging and not spec.render.allow_empty else ()
+    rendering_spec = OwnRendering(
+        spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m
+    )
+    rendering = render.scene.source.capabilities.own or rendering_spec
+    led_on = pair_channels(plan.format.modalities)
+    channels = frozenset(plan.format.modalities).union(render.needed_besides, [DEPTH.name] if led_on else ())
+    needed_frames = tuple(render.frames[:FIRST_FRAMES]) if judging and not spec.render.allow_empty else ()
     return RenderOptions(
         near_m=rendering.near_m,
         far_m=rendering.far_m,
         samples=rendering.samples,
-        seed=render_seed(spec.seed),
+        seed=0 if rendering.engine == "embree" else render_seed(spec.seed),  # rays need none, so a scene serves any
         engine=rendering.engine,
         device=spec.render.device,
-        channels=frozenset(plan.format.modalities).union(render.needed_besides),
+        channels=channels.difference(item.name for item in led_on),
         threads=threads,
-        first_frames=looked_at,
+        first_frames=needed_frames,
     )

@@ -8,12 +8,13 @@ from collections.abc import Hashable, Iterator
 from collections.abc import Sequence as Many
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from ..core.channels import CHANNELS, in_order
+from ..core.channels import CHANNELS, in_order, pair_channels
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.journal import Journal
@@ -25,9 +26,10 @@ from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
-from .colour import ColourImage, Colours
+from .colour import Colours, PerturbedImage
+from .completed_images import Finished
+from .pairs import CleanPair
 from .stage_timer import StageTimer
-from .stock import Finished
 
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
@@ -55,19 +57,19 @@ class Lost:
 class FrameWriter:
     """Perturbs, encodes and writes frames in threads beside the rendering, for every sequence that shows them.
 
-    An image that several sequences share is written once and linked. first_lost: the first frame that was
-    written whose depth 16 bits do not hold, None while there is none.
+    An image that several sequences share is written once and linked. finished: what is not to be written again.
+    first_lost: the first frame that was written whose depth 16 bits do not hold, None while there is none.
     """
 
-    def __init__(self, dataset: Dataset, render: Render, finished: Finished, spent: StageTimer) -> None:
-        """Open the journals. finished: what is not to be written again. spent: hears how long what took."""
+    def __init__(self, dataset: Dataset, render: Render, finished: Finished, timer: StageTimer) -> None:
+        """Open the journals. finished: what is not to be written again. timer: hears how long what took."""
         self._dataset = dataset
-        self.spent = self._spent = spent
+        self.timer = self._timer = timer
         self._stamps = render.scene.source.frame_stamps
         self._camera = Camera(render.depth_camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
-        self._finished = finished
+        self.finished = finished
         self._exposure = exposure_notes(render.exposure)
         self._journals: list[Journal] = []
         with contextlib.ExitStack() as opened:
@@ -76,7 +78,7 @@ class FrameWriter:
                 opened.callback(self._journals[-1].close)
             opened.pop_all()  # all of them could be opened
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
-        self._waiting: deque[Future[Lost | None]] = deque()
+        self._waiting: deque[tuple[Future[Lost | None], int]] = deque()  # and how many frames are finished with it
         self._lock = threading.Lock()
         self.first_lost: Lost | None = None
 
@@ -87,93 +89,96 @@ class FrameWriter:
 
         Raises the error of an earlier frame, if there was one.
         """
-        self._waiting.append(self._pool.submit(self._write, clean, colours))
+        return self._queue(self._pool.submit(self._write, clean, colours), 1)
+
+    def submit_pair(self, pair: CleanPair) -> int:
+        """Queue what leads from a clean frame to another, as `submit`."""
+        return self._queue(self._pool.submit(self._write_pair, pair), 0)
+
+    def _queue(self, writing: Future[Lost | None], frames: int) -> int:
+        self._waiting.append((writing, frames))
         finished = 0
-        while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0].done()):
-            self._take_next()
-            finished += 1
+        while len(self._waiting) > WAITING_FRAMES or (self._waiting and self._waiting[0][0].done()):
+            finished += self._take_next()
         return finished
 
     def drain(self) -> int:
         """Wait for all queued frames; return how many were finished."""
-        finished = len(self._waiting)
-        while self._waiting:
-            self._take_next()
-        return finished
+        return sum(self._take_next() for _ in range(len(self._waiting)))
 
-    def _take_next(self) -> None:
+    def _take_next(self) -> int:
         # In the frames' order, so that the first to lose depth is the same in every run.
-        lost = self._waiting.popleft().result()
+        writing, frames = self._waiting.popleft()
+        lost = writing.result()
         self.first_lost = self.first_lost or lost
+        return frames
 
     def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
         """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
         lost = None
-        files = FrameFiles(self._dataset, clean, self._finished, self._spent)
+        files = FrameFiles(self._dataset, clean, self.finished, self._timer)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [
                 record
                 for modality in in_order(self._dataset.format.modalities)
+                if not CHANNELS[modality].pairs
                 for record in self._write_images(modality, sequence, clean, files, colours)
             ]
-            with self._lock, self._spent.on("journals"):
-                for record in records:
-                    journal.append(record)
+            self._append(journal, records)
             for record in records:
                 if lost is None and record.out_of_range is not None:
                     lost = Lost(sequence, record.frame, record.out_of_range)
         return lost
 
+    def _write_pair(self, pair: CleanPair) -> None:
+        """Write all that leads from one clean frame to another."""
+        files = FrameFiles(self._dataset, pair, self.finished, self._timer)
+        for sequence, journal in zip(self._sequences, self._journals, strict=True):
+            for channel in pair_channels(self._dataset.format.modalities):
+                with self._timer.on(f"making {channel.spoken}"):
+                    written = list(self._write_images(channel.name, sequence, pair, files, {}))
+                self._append(journal, written)
+
+    def _append(self, journal: Journal, records: list[FrameRecord]) -> None:
+        with self._lock, self._timer.on("journals"):
+            for record in records:
+                journal.append(record)
+
     def _write_images(
-        self, modality: Modality, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
+        self,
+        modality: Modality,
+        sequence: Sequence,
+        clean: CleanFrame | CleanPair,
+        files: "FrameFiles",
+        colours: Colours,
     ) -> Iterator[FrameRecord]:
-        """Write the images of a channel that show a clean frame."""
-        match CHANNELS[modality].steps:
-            case "rgb":
-                return self._write_rgb(sequence, clean, files, colours)
-            case "depth":
-                return self._write_depth(sequence, clean, files)
-            case None:
-                return self._write_clean(modality, sequence, clean, files)
-
-    def _write_clean(
-        self, modality: Modality, sequence: Sequence, clean: CleanFrame, files: "FrameFiles"
-    ) -> Iterator[FrameRecord]:
-        for frame in self._finished.missing(sequence, modality, clean.source):
-            name = self._names.image(modality, frame)
-            yield self._record(frame, {name: files.give(modality, sequence.folder, name).sha256}, {})
-
-    def _write_rgb(
-        self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles", colours: Colours
-    ) -> Iterator[FrameRecord]:
-        for frame in self._finished.missing(sequence, "rgb", clean.source):
-            name, steps = self._names.rgb(frame), sequence.setting.rgb
-            if not steps:
-                yield self._record(frame, {name: files.give("rgb", sequence.folder, name).sha256}, {})
+        """Write the images of a channel that show a clean frame, or lead from one to another."""
+        channel, steps = CHANNELS[modality], sequence.setting.on(modality)
+        for frame in self.finished.missing(sequence, modality, clean.shown[0]):
+            if sequence.shows(modality, frame) != clean.shown:
                 continue
-            image = colours[sequence.folder, frame]()
-            digest = files.give_colour(image, _stage(steps), sequence.folder, name).sha256
-            yield self._record(frame, {name: digest}, {"rgb": image.notes})
-
-    def _write_depth(self, sequence: Sequence, clean: CleanFrame, files: "FrameFiles") -> Iterator[FrameRecord]:
-        for frame in self._finished.missing(sequence, "depth", clean.source):
-            name, steps = self._names.depth(frame), sequence.setting.depth
-            taken = sequence.shown(frame).depth_frame
-            done: dict[str, Any] = {}
-            if steps:
-                work = DepthWork.of(steps, self._camera.context(sequence, taken, clean))
-                written = files.give_depth(work, _stage(steps), sequence.folder, name)
-                done["depth"] = work.notes
+            name, done = self._names.image(modality, frame), dict[str, Any]()
+            if channel.steps is None or not steps:
+                written = files.give(modality, sequence.folder, name)
             else:
-                written = files.give("depth", sequence.folder, name)
-            if sequence.paired:
-                done["pairing"] = {"depth_of_frame": taken}
+                assert isinstance(clean, CleanFrame), "nothing perturbs what leads on"
+                image = self._depth(sequence, frame, clean) if channel.paired else colours[sequence.folder, frame]()
+                written = files.give_perturbed(modality, image, _stage(steps), sequence.folder, name)
+                done[channel.steps] = image.notes
+            if channel.paired and sequence.paired:
+                done["pairing"] = {"depth_of_frame": sequence.shown(frame).depth_frame}
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
+
+    def _depth(self, sequence: Sequence, frame: int, clean: CleanFrame) -> PerturbedImage:
+        """Return the depth of a frame that a setting perturbs."""
+        taken = sequence.shown(frame).depth_frame
+        work = DepthWork.of(sequence.setting.depth, self._camera.context(sequence, taken, clean))
+        return PerturbedImage(work.key, work.notes, partial(work.on, clean.depth_m))
 
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
-        time_s, depth_time_s = self._stamps.told(frame)
+        time_s, depth_time_s = self._stamps.frame_times(frame)
         if self._exposure:
             done = {**done, "exposure": self._exposure}
         return FrameRecord(frame, time_s, files, done, lost, depth_time_s)
@@ -194,43 +199,29 @@ class FrameFiles:
     A clean one that a sequence of the dataset has already is linked too.
     """
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame, finished: Finished, spent: StageTimer) -> None:
+    def __init__(self, dataset: Dataset, clean: CleanFrame | CleanPair, finished: Finished, timer: StageTimer) -> None:
         self._dataset = dataset
-        self._spent = spent
+        self._timer = timer
         self._clean = clean
         self._finished = finished
         self._written: dict[Modality, WrittenImage] = {}
         self._perturbed: dict[Hashable, WrittenImage] = {}  # by modality and what was done to the clean image
 
-    def give_colour(self, image: ColourImage, stage: str, folder: str, name: str) -> WrittenImage:
-        """Put a colour image under a name into a sequence; return the file that it was first written to.
+    def give_perturbed(
+        self, modality: Modality, image: PerturbedImage, stage: str, folder: str, name: str
+    ) -> WrittenImage:
+        """Put a perturbed image under a name into a sequence; return the file that it was first written to.
 
         stage: to which the making of its pixels belongs.
         """
-        key = ("rgb", image.key)
+        key = (modality, image.key)
         if (there := self._perturbed.get(key)) is not None:
             return self._linked(there, folder, name)
-        with self._spent.on(stage):
+        with self._timer.on(stage):
             pixels = image.pixels()
         if pixels is None:
-            return self.give("rgb", folder, name)
-        self._perturbed[key] = written = self._put_image("rgb", pixels, folder, name)
-        return written
-
-    def give_depth(self, work: DepthWork, stage: str, folder: str, name: str) -> WrittenImage:
-        """Put perturbed depth under a name into a sequence; return the file that it was first written to.
-
-        stage: to which the making of its pixels belongs.
-        """
-        key = ("depth", work.key)
-        if (there := self._perturbed.get(key)) is not None:
-            return self._linked(there, folder, name)
-        clean_m = self._clean.depth_m
-        with self._spent.on(stage):
-            depth_m = work.on(clean_m)
-        if depth_m is None:
-            return self.give("depth", folder, name)
-        self._perturbed[key] = written = self._put_image("depth", depth_m, folder, name)
+            return self.give(modality, folder, name)
+        self._perturbed[key] = written = self._put_image(modality, pixels, folder, name)
         return written
 
     def give(self, modality: Modality, folder: str, name: str) -> WrittenImage:
@@ -249,26 +240,26 @@ class FrameFiles:
         """Return the source's own file that holds the image, or one that is finished; None where there is none."""
         if whole := self._clean.file_as(modality, self._dataset.format):
             return WrittenImage(whole.path, whole.sha256)
-        found = self._finished.clean_image(modality, self._clean.source)
+        found = self._finished.clean_image(modality, self._clean.shown)
         return None if found is None else WrittenImage(found[0], found[1], out_of_range=found[2])
 
     def _put_image(self, modality: Modality, pixels: NDArray[Any], folder: str, name: str) -> WrittenImage:
         """Write an image of a channel under a name into a sequence."""
         channel, format_ = CHANNELS[modality], self._dataset.format
-        with self._spent.on(f"encoding {channel.spoken}"):
+        with self._timer.on(f"encoding {channel.spoken}"):
             data, lost = channel.encode(pixels, format_), channel.lost(pixels, format_)
         return replace(self._put(folder, name, data), out_of_range=lost)
 
     def _put(self, folder: str, name: str, data: bytes) -> WrittenImage:
-        with self._spent.on("hashing"):
+        with self._timer.on("hashing"):
             digest = sha256_of_bytes(data)
-        with self._spent.on("writing"):
+        with self._timer.on("writing"):
             self._dataset.write_file(folder, name, data)
         return WrittenImage(self._dataset.out / folder / name, digest)
 
     def _linked(self, there: WrittenImage, folder: str, name: str) -> WrittenImage:
         """Give a file that is written a name in a sequence; return the file."""
-        with self._spent.on("linking"):
+        with self._timer.on("linking"):
             self._dataset.link_file(there.path, folder, name)
         return there
 

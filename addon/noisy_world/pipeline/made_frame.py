@@ -10,26 +10,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.channels import CHANNELS
+from ..core.channels import CHANNELS, in_order
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import InputError
-from ..core.perturbing.execution import Notes, perturb_depth, perturb_rgb
-from ..core.planning.sequence import Sequence
+from ..core.perturbing.execution import ColourWork, Notes, perturb_depth
+from ..core.planning.sequence import Sequence, ShownSources
 from ..core.regular_files import read_bytes
 from .clean_frame import Camera, CleanFrame
+from .pairs import CleanPair
 
 
 @dataclass(frozen=True)
 class SequenceMaker:
     """Makes frames of a sequence.
 
-    colour, depth: the cameras of both images. clean: returns a source frame by its number.
+    colour, depth: the cameras of both images. clean: returns a source frame by its number. pair:
+    returns what leads from one to another; None where nothing does.
     """
 
     sequence: Sequence
     colour: Camera
     depth: Camera
     clean: Callable[[int], CleanFrame]
+    pair: Callable[[ShownSources], CleanPair] | None = None
 
     def frame(self, index: int) -> "MadeFrame":
         """Return a frame of the sequence; nothing is done before it is asked. Raises ValueError if it is left out."""
@@ -54,8 +57,9 @@ class MadeFrame:
     @cached_property
     def _rgb(self) -> tuple[NDArray[np.uint8] | None, Notes]:
         maker, clean = self._maker, self._clean_rgb
-        steps = maker.sequence.setting.rgb
-        return perturb_rgb(steps, clean.rgb, maker.colour.context(maker.sequence, self._index, clean))
+        where = maker.colour.context(maker.sequence, self._index, clean)
+        work = ColourWork.of(maker.sequence.setting.rgb, where)
+        return clean.perturbed_rgb(work), work.notes
 
     @cached_property
     def _depth_m(self) -> tuple[NDArray[np.float32] | None, Notes]:
@@ -67,7 +71,7 @@ class MadeFrame:
     def rgb(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), RGB, before it is encoded."""
         pixels, _ = self._rgb
-        return self._clean_rgb.byte_rgb() if pixels is None else pixels
+        return self._clean_rgb.byte_rgb if pixels is None else pixels
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
@@ -80,41 +84,32 @@ class MadeFrame:
         pixels, _ = self._rgb
         return written.stored_rgb(self._clean_rgb.rgb if pixels is None else pixels)
 
+    def image(self, modality: Modality) -> NDArray[Any]:
+        """Return the image of another channel than colour and depth, before it is encoded."""
+        if not CHANNELS[modality].pairs:
+            return self._clean_rgb.image(modality)
+        assert self._maker.pair is not None, "what perturbs images has no such channels"
+        return self._maker.pair(self._maker.sequence.shows(modality, self._index)).image(modality)
+
     def image_bytes(self, modality: Modality, written: OutputFormat) -> bytes:
         """Return the image of a channel as a dataset holds it."""
-        match modality:
-            case "rgb":
-                return self.rgb_bytes(written)
-            case "depth":
-                return self.depth_bytes(written)
-            case _:
-                return CHANNELS[modality].encode(self._clean_rgb.image(modality), written)
-
-    def rgb_bytes(self, written: OutputFormat) -> bytes:
-        """Return the colour image as a dataset holds it."""
-        pixels, _ = self._rgb
-        if pixels is not None:
-            return written.encode_rgb(pixels)
-        if (whole := self._clean_rgb.file_as("rgb", written)) is not None:
+        channel = CHANNELS[modality]
+        if channel.steps is None:
+            return channel.encode(self.image(modality), written)
+        clean = self._clean_depth if channel.paired else self._clean_rgb
+        pixels, _ = self._depth_m if channel.paired else self._rgb
+        if pixels is None and (whole := clean.file_as(modality, written)) is not None:
             return _content(whole.path)
-        return written.encode_rgb(self._clean_rgb.rgb)
-
-    def depth_bytes(self, written: OutputFormat) -> bytes:
-        """Return the depth image as a dataset holds it."""
-        depth_m, _ = self._depth_m
-        if depth_m is None and (whole := self._clean_depth.file_as("depth", written)) is not None:
-            return _content(whole.path)
-        return written.encode_depth(self.depth_m)
+        return channel.encode(clean.image(modality) if pixels is None else pixels, written)
 
     def done(self, written: OutputFormat) -> dict[str, Any]:
         """Return what was done to the images, as frames.jsonl has it; motion is not in it."""
         found: dict[str, Any] = {}
-        if "rgb" in written.modalities and (notes := self._rgb[1]):
-            found["rgb"] = notes
-        if "depth" in written.modalities and (notes := self._depth_m[1]):
-            found["depth"] = notes
-        if "depth" in written.modalities and self._maker.sequence.paired:
-            found["pairing"] = {"depth_of_frame": self._depth_frame}
+        for channel in map(CHANNELS.__getitem__, in_order(written.modalities)):
+            if channel.steps is not None and (notes := (self._depth_m if channel.paired else self._rgb)[1]):
+                found[channel.steps] = notes
+            if channel.paired and self._maker.sequence.paired:
+                found["pairing"] = {"depth_of_frame": self._depth_frame}
         return found
 
 

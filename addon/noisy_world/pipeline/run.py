@@ -1,52 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run: it renders a plan's frames once, writes them for every setting, and completes the dataset."""
+"""A run takes a plan to a dataset in one pass: what is there, what is to be made, make it, complete it, seal it.
 
-import shutil
+Where the dataset lies, its destination knows (`destination`, `address_destination`).
+"""
+
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-from ..core.datasets.dataset import Dataset
-from ..core.datasets.dataset_state import MANIFEST_SHA256, RUN
-from ..core.datasets.differences import why_not
+from ..core.datasets.dataset_state import MANIFEST_SHA256
 from ..core.datasets.provenance import plain_identity
-from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
-from ..core.planning.estimate import image_bytes, size_text
 from ..core.planning.plan import Plan
-from ..core.planning.shards import Shard, shards_of
+from ..core.planning.shards import Shard
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
+from .completed_images import CompletedImages, Finished, find_missing
 from .completion import Completion
+from .destination import SHARDS_PER_JOB, Destination, Made, Work
 from .frame_maker import FrameMaker
 from .report import Report, processors_of
-from .stock import Finished, Holding, take_stock
+from .shard import ShardMaker
 from .versions import versions_of
-
-SHARDS_PER_JOB = 8  # chosen: the last shard of a run is a sixteenth of a job's work on average, so none waits long
-
-Work: TypeAlias = dict[str, list[int]]
-"""The source frames to render, by the name of the render."""
-
-Made: TypeAlias = Callable[[Shard], None]
-"""What is called with each shard that is finished, in its folder in the dataset."""
 
 Workers: TypeAlias = Callable[[tuple[Shard, ...], Made, Progress], Report]
 """A function that makes shards in several processes, and returns when all are made."""
 
 
 class Run:
-    """A run: one execution of a plan into a folder."""
+    """A run: one execution of a plan."""
 
     def __init__(
         self,
         plan: Plan,
-        out: Path,
+        out: Path | Destination,
         *,
         progress: Progress,
         stop: threading.Event,
@@ -54,46 +45,34 @@ class Run:
         jobs: int = 1,
         workers: Workers | None = None,
         shards: int | None = None,
+        frames: FrameMaker | None = None,
     ) -> None:
         """Prepare a run.
 
-        stop: when set, the run ends after the current frame. workers: what starts the processes where there are
-        several. shards: about how many shards they make; by default some for each of the jobs, if there are several.
+        out: a folder, or another destination. stop: when set, the run ends after the current frame. workers: what
+        starts the processes where there are several. shards: about how many shards they make; by default some for each
+        of the jobs, if there are several. frames: makes those that this process makes, where it has a scene or clean
+        frames already.
         """
         self._plan = plan
         self._progress = progress
+        self._stop = stop
         self._overwrite = overwrite
         self._jobs = jobs
-        self._workers = workers
-        self._shards = shards if shards is not None or jobs == 1 else SHARDS_PER_JOB * jobs
-        self._dataset = Dataset(out, plan.format)
-        self._frames = FrameMaker(plan, progress=progress, stop=stop)
+        self._workers = workers if jobs > 1 or shards is not None else None
+        self._shards = shards
+        self._out = Destination(plan, out) if isinstance(out, Path) else out
+        self._frames = FrameMaker(plan, progress=progress, stop=stop) if frames is None else frames
+        self._notes_told = 0
         self.report = Report(jobs=jobs)
 
     def make_dataset(self) -> Report:
         """Make the dataset, or the part of it that is missing.
 
-        Raises InterruptedRunError when stopped, StorageError when the disk cannot be written. Finished frames stay, and
-        another run of the same plan continues from there.
+        Raises InterruptedRunError when stopped, StorageError when the disk or a store cannot be written. Finished
+        frames stay, and another run of the same plan continues from there.
         """
-        start_s = time.perf_counter()
-        self._open(unfinished=True)
-        try:
-            work, needed_bytes = self._missing()
-            self._check_space(needed_bytes)
-            self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
-            if self._plan.format.note:
-                self._progress.note(self._plan.format.note)
-            if self._shards is not None and self._workers is not None and work:
-                self._make_apart(shards_of(self._plan, self._shards, work), self._workers)
-            else:
-                self._make_here(work)
-            self._progress.finish()
-            self._complete(start_s)
-        finally:
-            self._progress.finish()
-            self._dataset.close()
-        return self.report
+        return self._through(self._make, unfinished=True)
 
     def merge(self, missing: Callable[[Work, list[Path]], StorageError]) -> Report:
         """Merge the shards that are finished, and complete the dataset.
@@ -103,106 +82,117 @@ class Run:
 
         Raises that error; what was merged stays, and another merge continues from there.
         """
-        start_s = time.perf_counter()
-        self._open(unfinished=False)
-        try:
-            work, _ = self._missing()
+
+        def merge(work: Work, needed_bytes: int) -> None:
+            del needed_bytes
             if work:
-                raise missing(work, self._dataset.shards_left)
-            if self._plan.chosen is None:
-                drop_unfinished(self._dataset.shards_left)
-            for summary in merged_shards(self._dataset.out):
+                raise missing(work, self._out.dataset.shards_left)
+            self._out.drop_unfinished()
+            for summary in self._out.merged():
                 self.report.add(summary["report"])
             self.report.frames_kept = max(0, self.report.frames_kept - self.report.frames_rendered)
-            self._complete(start_s)
+
+        return self._through(merge, unfinished=False)
+
+    # --- the pass ---
+
+    def _through(self, make: Callable[[Work, int], None], *, unfinished: bool) -> Report:
+        """Go from the plan to the sealed dataset.
+
+        make: makes what is missing, given that and roughly its bytes. unfinished: whether what is finished of
+        unfinished shards is merged too.
+        """
+        start_s = time.perf_counter()
+        try:
+            made_from = plain_identity(self._plan, versions_of(self._plan))
+            if self._out.open(made_from, overwrite=self._overwrite, unfinished=unfinished):
+                self._tell_notes()
+                make(*self._missing())
+                self._seal(start_s)
+            else:
+                self._progress.note(f"{self._out}: holds this dataset already; nothing to do")
+                self.report.frames_kept = self._plan.frame_count
         finally:
-            self._dataset.close()
+            self._progress.finish()
+            self._out.close()
         return self.report
 
-    def _open(self, *, unfinished: bool) -> None:
-        """Take the folder, where what it holds can grow into the plan, with the shards that lie there."""
-        made_from = plain_identity(self._plan, versions_of(self._plan))
-        any_processor = self._plan.preset.spec.render.processors == "any"
-
-        def refusal(there: dict[str, Any]) -> str | None:
-            return why_not(there, made_from, self._plan)
-
-        rules = ShardRules(unfinished=unfinished, any_processor=any_processor)
-        self._dataset.open(made_from, refusal, overwrite=self._overwrite, shards=rules)
-        for text in self._dataset.notes:
-            self._note(text)
-
     def _missing(self) -> tuple[Work, int]:
-        """Find what is to be rendered: the source frames that a sequence needs for a missing file.
+        """Find what is to be made: the source frames that a sequence needs for a missing file, and roughly the bytes.
 
-        Returns that, and roughly how many bytes the missing files will have.
+        Files that are there are hashed, where they lie in a folder.
         """
-        if self._dataset.holds_frames():
-            self._progress.note("checking the frames that are there")
+        if self._out.dataset.holds_frames():
+            self._progress.note(self._out.looking)
         work: Work = {}
-        needed_bytes, told = 0, len(self._dataset.notes)
+        needed_bytes = 0
         for render in self._plan.renders:
-            lacking = take_stock(self._dataset, self._plan, render)
-            needed_bytes += lacking.bytes_to_write
-            self.report.frames_kept += len(render.frames) - len(lacking.sources)
-            if lacking.sources:
-                work[render.name] = lacking.sources
-        for text in self._dataset.notes[told:]:
-            self._note(text)
+            missing = find_missing(self._plan, render, self._out.completed(render))
+            needed_bytes += missing.bytes_to_write
+            self.report.frames_kept += len(render.frames) - len(missing.sources)
+            if missing.sources:
+                work[render.name] = missing.sources
+        self._tell_notes()
         return work, needed_bytes
 
-    def _check_space(self, needed_bytes: int) -> None:
-        """Say where the disk is too small; raise StorageError where not even a frame fits. The sizes are rough."""
-        out, free_bytes = self._dataset.out, shutil.disk_usage(self._dataset.out).free
-        if needed_bytes <= free_bytes:
-            return
-        told = f"about {size_text(needed_bytes)} are to be written and {size_text(free_bytes)} are free"
-        render = self._plan.renders[0]
-        frame_bytes = sum(image_bytes(self._plan, render, modality) for modality in self._plan.format.modalities)
-        if free_bytes < min(needed_bytes, frame_bytes):
-            remedy = "make room there and run the same command again, or choose another folder with --out"
-            raise StorageError(f"{out}: no space left: {told}; {remedy}")
-        self._note(f"this will hardly fit: {told} in {out}; a run that fills the disk goes on once there is room")
+    def _make(self, work: Work, needed_bytes: int) -> None:
+        """Make what is missing: straight into the dataset, or in shards, which other processes may make."""
+        count = None if self._workers is None else self._shards or SHARDS_PER_JOB * self._jobs
+        shards = self._out.cut(work, needed_bytes, count, self._jobs)
+        self._tell_notes()
+        self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+        if self._plan.format.note:
+            self._progress.note(self._plan.format.note)
+        if shards is None:
+            self._make_here(work)
+        elif shards:
+            with self._out.taking() as made:
+                if self._workers is not None:
+                    self.report.merge(self._workers(shards, made, self._progress))
+                else:
+                    self._make_shards_here(shards, made)
+        self._progress.finish()
+
+    def _make_here(self, work: Work) -> None:
+        """Make frames in this process, in the dataset's own folder; a scene is in memory once for all its renders."""
+        dataset = self._out.dataset
+        with self._frames as maker:
+            for render in self._plan.renders:
+                if frames := work.get(render.name):
+                    maker.make(render, frames, dataset, Finished([CompletedImages(dataset, render)]))
+        self.report.merge(maker.report)
+
+    def _make_shards_here(self, shards: tuple[Shard, ...], made: Made) -> None:
+        dataset = self._out.dataset
+        with ShardMaker(self._plan, progress=self._progress, stop=self._stop) as maker:
+            for shard in shards:
+                report = maker.make(shard_folder(dataset.out, shard), shard, dataset, joining=True)
+                self.report.add(report.content())
+                made(shard)
+
+    def _seal(self, start_s: float) -> None:
+        """Write the text files beside the images, and seal the dataset."""
+        self._out.fetch_pictured()
+        manifest_sha256 = Completion(self._plan, self._out.dataset, self._frames.paths_of, self._note).write()
+
+        def run_text() -> str:
+            self.report.processors = processors_of(self._out.merged())
+            self.report.total_s = time.perf_counter() - start_s
+            self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
+            return canonical({**self.report.content(), MANIFEST_SHA256: manifest_sha256})
+
+        self._out.seal(run_text, self._progress, self._stop)
+
+    def _tell_notes(self) -> None:
+        """Say what the dataset has noted since this was called last."""
+        notes = self._out.dataset.notes
+        for text in notes[self._notes_told :]:
+            self._note(text)
+        self._notes_told = len(notes)
 
     def _note(self, text: str) -> None:
         self.report.notes.append(text)
         self._progress.note(text)
-
-    # --- frames ---
-
-    def _make_here(self, work: Work) -> None:
-        """Make frames in this process, in the dataset's own folder; a scene is in memory once for all its renders."""
-        with self._frames as maker:
-            for render in self._plan.renders:
-                if frames := work.get(render.name):
-                    maker.make(render, frames, self._dataset, Finished([Holding(self._dataset, render)]))
-        self.report.merge(maker.report)
-
-    def _make_apart(self, shards: tuple[Shard, ...], workers: Workers) -> None:
-        """Let other processes make shards, and merge each while they make the next."""
-        merging: list[Future[Merged]] = []
-        with ThreadPoolExecutor(1, thread_name_prefix="merging") as pool:
-
-            def made(shard: Shard) -> None:
-                folder = shard_folder(self._dataset.out, shard)
-                merging.append(pool.submit(merge_shard, self._dataset, folder))
-
-            self.report.merge(workers(shards, made, self._progress))
-        for merged in (future.result() for future in merging):
-            if merged.damaged:
-                where = f"{self._dataset.out / merged.damaged[0]}"
-                raise StorageError(f"{where}: is not as it was written; look after the disk, and run it again")
-
-    # --- text files ---
-
-    def _complete(self, start_s: float) -> None:
-        """Write the text files beside the images, and seal the dataset."""
-        manifest_sha256 = Completion(self._plan, self._dataset, self._frames.paths_of, self._note).write()
-        self.report.processors = processors_of(merged_shards(self._dataset.out))
-        self.report.total_s = time.perf_counter() - start_s
-        self.report.merge(Report(peak_memory_bytes=peak_memory_bytes()))
-        self._dataset.write_text(RUN, canonical({**self.report.content(), MANIFEST_SHA256: manifest_sha256}))
-        self._dataset.seal()
 
 
 def threads_of_each(jobs: int) -> int:

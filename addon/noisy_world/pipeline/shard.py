@@ -7,42 +7,26 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
-from ..core.datasets.agreement import identity_mismatch
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.differences import why_not
+from ..core.datasets.hashing import Hasher
+from ..core.datasets.identity_mismatch import identity_mismatch
 from ..core.datasets.provenance import plain_identity
-from ..core.datasets.shard_merging import merge_shard, remove_shard, take_up, tidy
-from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard, shard_folder
-from ..core.datasets.storage import FolderLock, Hasher
+from ..core.datasets.shard_merging import remove_shard, take_up, tidy
+from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard
+from ..core.datasets.storage import FolderLock
 from ..core.errors import StorageError
 from ..core.machine import peak_memory_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.shards import Shard, render_of
 from ..core.progress import Progress
+from .completed_images import CompletedImages, Finished, keep_intact
 from .frame_maker import FrameMaker
 from .report import Report
-from .stock import Finished, Holding, stock_of
 from .versions import versions_of
 
-__all__ = ["ShardMaker", "make_shard", "merge_shard", "shard_folder"]
-
 REPLACE = "remove that folder, or replace the shard with --overwrite"
-
-
-def make_shard(
-    plan: Plan,
-    folder: Path,
-    shard: Shard,
-    *,
-    progress: Progress,
-    stop: threading.Event,
-    there: Dataset | None = None,
-    threads: int = 0,
-) -> Report:
-    """Make a shard of a plan in a folder, or the part of it that is missing there; see `ShardMaker.make`."""
-    with ShardMaker(plan, progress=progress, stop=stop, threads=threads) as maker:
-        return maker.make(folder, shard, there)
 
 
 class ShardMaker:
@@ -54,7 +38,7 @@ class ShardMaker:
         self._progress = progress
         self._frames = FrameMaker(plan, progress=progress, stop=stop, threads=threads)
         self._identities: dict[str, dict[str, Any]] = {}
-        self._there: tuple[str, Holding] | None = None  # of the render that was made last
+        self._there: tuple[str, CompletedImages] | None = None  # of the render that was made last
 
     def make(
         self,
@@ -87,11 +71,11 @@ class ShardMaker:
             report.frames_kept = len(shard.frames_of(render.frames))
             report.total_s = time.perf_counter() - start_s
             return report
-        holding = None if there is None else self._holding(there, render, shard, joining=joining)
+        completed = None if there is None else self._completed_images(there, render, shard, joining=joining)
         made = Dataset(folder, self._plan.format)
         made.open(identity, lambda other: self._why_not(other, identity), overwrite=overwrite)
         try:
-            self._make_missing(made, render, shard, holding)
+            self._make_missing(made, render, shard, completed)
             report.total_s = time.perf_counter() - start_s
             made.finish_as_shard(self._record(made, render, shard, identity))
         finally:
@@ -134,7 +118,7 @@ class ShardMaker:
             record = self._read(folder)
             if record is not None and not overwrite:
                 if problem := self._why_not(record.identity, identity):
-                    raise StorageError(f"{folder}: holds another shard: {problem}")
+                    raise StorageError(f"holds another shard: {problem}", file=folder)
                 hasher = Hasher()
                 if all(hasher.sha256(folder / path) == digest for path, _, digest in record.files()):
                     tidy(folder)
@@ -154,27 +138,27 @@ class ShardMaker:
             self._progress.note(f"{folder / SHARD} {error}; the shard is made again")
             return None
 
-    def _make_missing(self, made: Dataset, render: Render, shard: Shard, there: Holding | None) -> None:
+    def _make_missing(self, made: Dataset, render: Render, shard: Shard, there: CompletedImages | None) -> None:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
-            stock_of(made, sequence, names)
-        finished = Finished([Holding(made, render), *([] if there is None else [there])])
+            keep_intact(made, sequence, names)
+        finished = Finished([CompletedImages(made, render), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
-        lacking = finished.lacking(render, self._plan.format.modalities, wanted)
-        self._frames.report.frames_kept = len(wanted) - len(lacking)
-        self._progress.start(shard.name, len(wanted), len(wanted) - len(lacking))
+        sources_missing = finished.sources_missing(render, self._plan.format.modalities, wanted)
+        self._frames.report.frames_kept = len(wanted) - len(sources_missing)
+        self._progress.start(shard.name, len(wanted), len(wanted) - len(sources_missing))
         try:
-            if lacking:
-                self._frames.make(render, lacking, made, finished)
+            if sources_missing:
+                self._frames.make(render, sources_missing, made, finished)
         finally:
             self._progress.finish()
 
-    def _holding(self, there: Dataset, render: Render, shard: Shard, *, joining: bool) -> Holding:
+    def _completed_images(self, there: Dataset, render: Render, shard: Shard, *, joining: bool) -> CompletedImages:
         """Return what the dataset has of a render. Its journals are read once: others add no frames of this process."""
         if not joining:
-            return Holding(there, render, checked=shard)
+            return CompletedImages(there, render, checked=shard)
         if self._there is None or self._there[0] != render.name:
-            self._there = render.name, Holding(there, render)
+            self._there = render.name, CompletedImages(there, render)
         return self._there[1]
 
     def _record(self, made: Dataset, render: Render, shard: Shard, identity: dict[str, Any]) -> ShardRecord:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How far a dataset has come: what is done, what is missing or damaged, and how long the rest will take.
 
-Everything is read from the dataset's folder, while a run writes to it or after that; the preset is not needed.
+Everything is read from the dataset's folder or address, while a run writes there or after that; the preset is not
+needed, and nothing is changed.
 """
 
+import contextlib
+import threading
 import time
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,19 +20,38 @@ from ..core.datasets.dataset_state import (
     UNCHECKED,
     WORK_FOLDER,
     DatasetState,
-    manifest_is_changed,
+    identity_problem,
+    manifest_sha256_in,
     read_dataset_state,
 )
-from ..core.datasets.file_inventory import Digests, FileInventory, ImageLocation, counted, journals_of, tally
-from ..core.datasets.json_text import read_json
+from ..core.datasets.file_inventory import (
+    FileInventory,
+    FolderPart,
+    HashedPart,
+    counted,
+    inventory,
+    journals_of,
+)
+from ..core.datasets.hashing import Hasher
+from ..core.datasets.json_text import parse_json, read_json
 from ..core.datasets.merging import merged_identity
 from ..core.datasets.place import check_no_links
+from ..core.datasets.provenance import FORMAT
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.perturbing.reading import Registry
 from ..core.planning.described import Described, described_sequences
 from ..core.progress import Progress
+from ..storage.dataset_files import PackedFiles, SequenceInTar
+from ..storage.finished import Packed, is_packed, sealed_state
+from ..storage.open_store import open_store
+from ..storage.packed_names import tar_name
+from ..storage.packing import CLAIM, PACKED_SEQUENCES, claimed
+from ..storage.store import Store
 from .pace import Pace, pace_of
-from .shard_status import Shards, read_shards
+from .shard_status import Shards, read_shards, read_shards_at
+
+NOTHING = "holds no dataset of Noisy World, nor one that was begun"
 
 
 @dataclass(frozen=True)
@@ -38,12 +61,12 @@ class SequenceStatus:
     setting: str
     scene: str
     of: int | None
-    tally: FileInventory
+    inventory: FileInventory
 
     @property
     def whole(self) -> bool:
         """Whether every frame is done."""
-        return self.of is not None and self.tally.done >= self.of
+        return self.of is not None and self.inventory.done >= self.of
 
 
 @dataclass(frozen=True)
@@ -69,7 +92,7 @@ class Status:
     @property
     def done(self) -> int:
         """The frames that are done."""
-        return sum(item.tally.done for item in self.sequences)
+        return sum(item.inventory.done for item in self.sequences)
 
     @property
     def of(self) -> int | None:
@@ -84,131 +107,265 @@ class Status:
 
 
 def read_status(
-    out: Path, registry: Registry, progress: Progress, *, chosen: slice | None = None, check: bool = False
+    place: Path | str, registry: Registry, progress: Progress, *, chosen: slice | None = None, check: bool = False
 ) -> Status:
-    """Return how far the dataset in a folder has come.
+    """Return how far the dataset in a folder or at an address has come.
 
     registry: the perturbations that there are. chosen: the frames of each sequence that are asked for, if not all.
     check: whether to hash every file.
 
-    Raises StorageError where the folder holds no dataset, or one that cannot be understood.
+    Raises StorageError where nothing is there, or nothing that can be understood, and where a store refuses.
     """
-    if not out.is_dir():
-        raise StorageError(f"{out}: {'is not a folder' if out.exists() else 'there is no such folder'}")
-    shards = read_shards(out)
-    standing = _standing(out, shards)
-    assert standing.identity is not None
-    check_no_links(out, standing.sequences)
-    described = described_sequences(standing.identity, registry, chosen)
-    begun = (out / WORK_FOLDER / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
-    ended = standing.manifest is not None and not begun
-    reader = _Reader(out, standing, shards, ended=ended, digest=Digests() if check else None)
+    seen = _read_place(place, chosen, progress, check=check)
+    described = described_sequences(seen.identity, registry, seen.chosen)
+    seen.begin(described)
     progress.start("checking", sum(len(item.frames or ()) for item in described))
     found: list[SequenceStatus] = []
     for item in described:
-        found.append(reader.sequence(item, chosen))
+        found.append(SequenceStatus(item.setting, item.scene, seen.count(item), seen.inventory(item)))
         progress.advance(len(item.frames or ()))
     progress.finish()
-    lost, damaged = reader.texts()
-    notes = [standing.note] if standing.note else []
-    if check and ended:
-        changed = manifest_is_changed(out)
-        damaged += [MANIFEST] if changed else []
-        notes += [UNCHECKED] if changed is None else []
-    for item in found:
-        folder = f"{item.setting}/{item.scene}"
-        lost += [f"{folder}/{name}" for name in item.tally.lost]
-        damaged += [f"{folder}/{name}" for name in item.tally.damaged]
-    costs = {item.folder: item.seconds_each for item in described}
-    left = {f"{item.setting}/{item.scene}": item.of - item.tally.done for item in found if item.of is not None}
-    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.tally.written]
-    known = len(left) == len(found)
+    seen.check_texts()
+    if check and seen.ended:
+        seen.check_manifest()
     return Status(
-        out,
-        ended,
+        seen.out,
+        seen.ended,
         check,
         tuple(found),
-        tuple(lost),
-        tuple(damaged),
-        pace_of(written, costs, left if known else None, time.time()),
-        total_s_of(_run(out)) if ended else None,
-        shards,
-        (*notes, *shards.notes),
+        tuple(dict.fromkeys((*seen.lost, *(name for item in found for name in item.inventory.lost)))),
+        tuple(dict.fromkeys((*seen.damaged, *(name for item in found for name in item.inventory.damaged)))),
+        _pace(described, found),
+        _total_s(seen.run) if seen.ended else None,
+        seen.shards,
+        (*seen.notes, *seen.shards.notes),
     )
 
 
-def _standing(out: Path, shards: Shards) -> DatasetState:
+def _read_place(place: Path | str, chosen: slice | None, progress: Progress, *, check: bool) -> "_Seen":
+    if isinstance(place, Path) and not is_packed(place):
+        return _Folder(place, chosen, check=check)
+    store = open_store(place)
+    state = sealed_state(store)
+    if state is not None and (state.problem or state.manifest is None):
+        raise StorageError(state.problem, file=store.text)
+    if state is not None and state.manifest is not None:
+        return _Packed(Packed(store, state.manifest), chosen, check=check)
+    begun = claimed(store)
+    if begun is None:
+        raise StorageError(NOTHING, file=store.text)
+    if problem := identity_problem(begun["identity"]):
+        raise StorageError(problem, file=store.of(CLAIM))
+    return _UnderWay(store, begun, chosen, read_shards_at(store, progress, check=check))
+
+
+def _pace(described: Sequence[Described], found: Sequence[SequenceStatus]) -> Pace:
+    costs_s = {item.folder: item.seconds_each for item in described}
+    left = {f"{item.setting}/{item.scene}": item.of - item.inventory.done for item in found if item.of is not None}
+    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.inventory.written]
+    return pace_of(written, costs_s, left if len(left) == len(found) else None, time.time())
+
+
+def _total_s(run: Any) -> float | None:
+    """Return how long the run took that has ended, by what run.json says; None where it does not say so."""
+    found = run.get("total_s") if isinstance(run, dict) else None
+    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
+
+
+class _Seen:
+    """What is seen of a dataset.
+
+    identity, manifest: as of `DatasetState`. chosen: the frames that are asked for, or that it is made of. ended:
+    whether its run has come to its end. run: what run.json says. lost, damaged: files that are no images.
+    """
+
+    manifest: dict[str, Any] | None = None
+    ended = False
+    run: Any = None
+
+    def __init__(self, out: Path | str, identity: dict[str, Any], chosen: slice | None, shards: Shards) -> None:
+        self.out = out
+        self.identity = identity
+        self.chosen = chosen
+        self.shards = shards
+        self.notes: list[str] = []
+        self.lost: list[str] = []
+        self.damaged: list[str] = []
+        self._images_each = len(identity["output"].get("modalities") or ("rgb", "depth"))
+
+    def begin(self, described: Sequence[Described]) -> None:
+        """Hear which sequences will be asked for."""
+
+    def count(self, item: Described) -> int | None:
+        """Return how many frames a sequence has to have."""
+        made = self.manifest["frames"].get(item.folder) if self.manifest and self.ended else None
+        if made is not None and self.chosen is None:
+            return made  # by --frames it may have fewer than its path
+        return None if item.frames is None else len(item.frames)
+
+    def _asked(self, item: Described) -> Container[int] | None:
+        return None if self.chosen is None or item.frames is None else frozenset(item.frames)
+
+    def inventory(self, item: Described) -> FileInventory:
+        """Return what there is of a sequence."""
+        return inventory(item.folder, self.shards.parts.get(item.folder, ()), self._images_each, self._asked(item))
+
+    def check_texts(self) -> None:
+        """Find the dataset's files other than images that are lost or damaged; after the sequences."""
+        for name, wanted in _texts(self.manifest).items():
+            digest = self._digest(name, wanted)
+            if digest != wanted:
+                (self.lost if digest is None else self.damaged).append(name)
+
+    def check_manifest(self) -> None:
+        """Compare the manifest with what run.json says of it."""
+        known = manifest_sha256_in(self.run)
+        if known is None:
+            self.notes.append(UNCHECKED)
+        elif known != self._manifest_sha256():
+            self.damaged.append(MANIFEST)
+
+    def _digest(self, name: str, wanted: str) -> str | None:
+        """Return the SHA-256 of a text file, `wanted` where it is there and not to be hashed; None where it is not."""
+        del name
+        return wanted
+
+    def _manifest_sha256(self) -> str | None:
+        return None
+
+
+def _texts(manifest: dict[str, Any] | None) -> dict[str, str]:
+    """Return the files that a manifest names, SHA-256 by name from the dataset on; none of another version's."""
+    named: dict[str, str] = {}
+    if manifest is not None and manifest["identity"]["format"] == FORMAT:
+        for name, found in manifest["files"].items():
+            named |= {name: found} if isinstance(found, str) else {f"{name}/{key}": found[key] for key in found}
+    return named
+
+
+class _UnderWay(_Seen):
+    """A dataset that is being made at an address."""
+
+    def __init__(self, store: Store, begun: dict[str, Any], chosen: slice | None, shards: Shards) -> None:
+        made = None if begun["chosen"] is None else slice(*begun["chosen"])
+        super().__init__(store.text, begun["identity"], chosen or made, shards)
+        self._packed = len([name for name in store.sizes(PACKED_SEQUENCES) if name.endswith(".json")])
+
+    def begin(self, described: Sequence[Described]) -> None:
+        if self._packed:
+            self.notes.append(f"{self._packed} of {len(described)} tars are packed from the shards")
+
+
+class _Folder(_Seen):
+    """A dataset in a folder, finished or under way."""
+
+    def __init__(self, out: Path, chosen: slice | None, *, check: bool) -> None:
+        if not out.is_dir():
+            raise StorageError("is not a folder" if out.exists() else "there is no such folder", file=out)
+        shards = read_shards(out)
+        state = _state(out, shards)
+        assert state.identity is not None
+        super().__init__(out, state.identity, chosen, shards)
+        check_no_links(out, state.sequences)
+        self._folder, self._work = out, out / WORK_FOLDER
+        self.manifest = state.manifest
+        self.notes += [state.note] if state.note else []
+        begun = (self._work / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
+        self.ended = state.manifest is not None and not begun
+        with contextlib.suppress(FileNotFoundError, ValueError):
+            self.run = read_json(out / RUN)
+        self._hasher = Hasher() if check else None
+
+    def inventory(self, item: Described) -> FileInventory:
+        made = self.manifest["frames"].get(item.folder) if self.manifest else None
+        own = FolderPart(self._folder / item.folder, journals_of(self._work / item.folder))
+        of_shards = self.shards.parts.get(item.folder, [])
+        if self._hasher is None and self.chosen is None and made is not None and not (own.journals or of_shards):
+            quick = counted(own.images, made, self._images_each)
+            if quick is not None:
+                return quick
+        return inventory(item.folder, (*of_shards, own), self._images_each, self._asked(item), self._hasher)
+
+    def _digest(self, name: str, wanted: str) -> str | None:
+        path = self._folder / name
+        if not path.is_file():
+            return None
+        return wanted if self._hasher is None else self._hasher.sha256(path) or ""
+
+    def _manifest_sha256(self) -> str | None:
+        return Hasher().sha256(self._folder / MANIFEST)
+
+
+def _state(out: Path, shards: Shards) -> DatasetState:
     """Return what the folder holds; where no run has begun to merge, what its shards say."""
-    standing = read_dataset_state(out)
-    if standing is None and shards.identities:
+    state = read_dataset_state(out)
+    if state is None and shards.identities:
         identity = shards.identities[0]
         for other in shards.identities[1:]:
             identity = merged_identity(other, identity, set(other["sequences"]) - set(identity["sequences"]))
         note = "only the shards that were begun are known, as no run has begun to merge; the preset may have more"
         return DatasetState(identity, None, frozenset(identity["sequences"]), holds_frames=True, note=note)
-    if standing is None:
-        raise StorageError(f"{out}: holds no dataset of Noisy World, nor one that was begun")
-    if standing.problem:
-        raise StorageError(f"{out}: {standing.problem}")
-    return standing
+    if state is None:
+        raise StorageError(NOTHING, file=out)
+    if state.problem:
+        raise StorageError(state.problem, file=out)
+    return state
 
 
-class _Reader:
-    """Looks at the files of a dataset."""
+class _Packed(_Seen):
+    """A finished packed dataset."""
 
-    def __init__(
-        self, out: Path, standing: DatasetState, shards: Shards, *, ended: bool, digest: Digests | None
-    ) -> None:
-        self._out = out
-        self._work = out / WORK_FOLDER
-        self._standing = standing
-        self._shards = shards
-        self._ended = ended
-        self._digest = digest
-        assert standing.identity is not None
-        self._images_each = len(standing.identity["output"].get("modalities") or ("rgb", "depth"))
+    ended = True
 
-    def sequence(self, item: Described, chosen: slice | None) -> SequenceStatus:
-        """Return how far a sequence has come."""
-        frames = item.frames
-        count = None if frames is None else len(frames)
-        made = self._standing.manifest["frames"].get(item.folder) if self._standing.manifest else None
-        if self._ended and chosen is None and made is not None:
-            count = made  # by --frames it may have fewer than its path
-        places = self._places(item.folder)
-        quick = self._digest is None and chosen is None and made is not None
-        quick = quick and not any(place.journals or place.records for place in places)
-        found = counted(self._out / item.folder, made or 0, self._images_each) if quick else None
-        if found is None:
-            asked = None if chosen is None or frames is None else frozenset(frames)
-            found = tally(places, self._images_each, asked, self._digest)
-        return SequenceStatus(item.setting, item.scene, count, found)
+    def __init__(self, packed: Packed, chosen: slice | None, *, check: bool) -> None:
+        super().__init__(packed.store.text, packed.identity, chosen, Shards())
+        self.manifest = packed.manifest
+        self._packed = packed
+        self._check = check
+        self._files = PackedFiles(packed, check=check)
+        self.lost, self.damaged = self._files.own_problems()
+        with contextlib.suppress(ValueError):
+            self.run = parse_json((packed.store.read(RUN) or b"").decode())
+        self._tars: Iterator[tuple[str, SequenceInTar]] = iter(())
+        self._hashed: dict[str, str | None] = {}  # the texts of sequences
 
-    def _places(self, folder: str) -> tuple[ImageLocation, ...]:
-        own = ImageLocation(self._out / folder, journals_of(self._work / folder))
-        return (*self._shards.places.get(folder, ()), own)
+    def begin(self, described: Sequence[Described]) -> None:
+        if self._check:
+            there = [item.folder for item in described if self._there(item)]
+            self._tars = self._files.each(there, threading.Event())
 
-    def texts(self) -> tuple[list[str], list[str]]:
-        """Return the dataset's files other than images that are lost, and those that are damaged."""
-        named: dict[str, str] = {}
-        for name, content in self._standing.files.items():
-            named |= {name: content} if isinstance(content, str) else {f"{name}/{k}": v for k, v in content.items()}
-        lost = [name for name in named if not (self._out / name).is_file()]
-        if self._digest is None:
-            return lost, []
-        gone = set(lost)
-        return lost, [name for name in named if name not in gone and self._digest(self._out / name) != named[name]]
+    def _there(self, item: Described) -> bool:
+        return item.folder in self._packed.sequences and self._files.has(item.folder)
 
+    def inventory(self, item: Described) -> FileInventory:
+        tar, asked = tar_name(item.folder), self._asked(item)
+        if not self._there(item):
+            return FileInventory(0, lost=(tar,) if item.folder in self._packed.sequences else ())
+        if self._check:
+            return self._read(item, asked)
+        description = self._packed.described.get(tar)
+        if description is not None and description.size != self._packed.store.size(tar):
+            return FileInventory(0, damaged=(tar,))
+        if asked is None:
+            return FileInventory(self._packed.manifest["frames"][item.folder])
+        return FileInventory(sum(frame in asked for frame, _ in self._packed.files(item.folder)))
 
-def _run(out: Path) -> Any:
-    """Return what run.json says; None where it says nothing."""
-    try:
-        return read_json(out / RUN)
-    except (FileNotFoundError, ValueError):
-        return None
+    def _read(self, item: Described, asked: Container[int] | None) -> FileInventory:
+        """Return what a tar holds."""
+        _, own = next(self._tars)
+        found = inventory(item.folder, [HashedPart(own.records().values(), own.digest)], self._images_each, asked)
+        texts: dict[str, str] = self._packed.manifest["files"][item.folder]
+        digests = dict(zip(texts, own.digests(list(texts)), strict=True))
+        self._hashed |= {f"{item.folder}/{name}": digest for name, digest in digests.items()}
+        if found.lost or found.damaged or digests != texts or not (tar := own.damaged_whole()):
+            return found
+        return FileInventory(found.done, damaged=(tar,))  # in headers, or in samples' descriptions
 
+    def _digest(self, name: str, wanted: str) -> str | None:
+        folder = name.rpartition("/")[0]
+        if self._check and folder.count("/"):
+            return self._hashed.get(name, wanted)  # of a tar that is not there the tar is named alone
+        return self._files.digest(name) if self._check else wanted if folder or self._files.beside_has(name) else None
 
-def total_s_of(run: Any) -> float | None:
-    """Return how long the run took that has ended, by what run.json says; None where it does not say so."""
-    found = run.get("total_s") if isinstance(run, dict) else None
-    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
+    def _manifest_sha256(self) -> str | None:
+        return sha256_of_bytes(self._packed.store.read(MANIFEST) or b"")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The versions of what renders a plan, and of what perturbs its colour."""
+"""Versions of the renderers and of the compositor that a plan uses."""
 
 from ..core.planning.plan import Plan
 
@@ -19,7 +19,7 @@ def versions_of(plan: Plan) -> dict[str, str]:
             from ..blender.session import renderer_versions
 
             versions |= renderer_versions(engine, device if engine == "cycles" else "cpu")
-    if plan.composites or any(scene.source.gives.imported for scene in plan.scenes):
+    if plan.composites or any(scene.source.capabilities.imported for scene in plan.scenes):
         from ..blender.session import blender_version
 
         versions |= blender_version()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import MissingDependencyError
 from ..core.extras import install_command
+from ..core.messages import Message, PresetKey, either
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Hits:
 
 
 class TracedTriangles:
-    """Triangles in Embree, seen from both sides. Rays can be cast in several threads at once."""
+    """Triangles in Embree, seen from both sides. Rays can be cast in several threads at once. scene: embreex's."""
 
     def __init__(self, vertices_m: NDArray[np.float32], triangles: NDArray[np.int32]) -> None:
         """Copy the vertices (V, 3) and the vertices of triangles (T, 3), and build the tree.
@@ -38,21 +39,26 @@ class TracedTriangles:
         """
         scenes, meshes = _embreex()
         # Robust: no ray slips through between two triangles. It is no slower.
-        self._scene = scenes.EmbreeScene(robust=True)
-        self._mesh = meshes.TriangleMesh(self._scene, np.ascontiguousarray(vertices_m), np.ascontiguousarray(triangles))
+        self.scene = scenes.EmbreeScene(robust=True)
+        self._mesh = meshes.TriangleMesh(self.scene, np.ascontiguousarray(vertices_m), np.ascontiguousarray(triangles))
         nothing = np.zeros((1, 3), np.float32)
-        self._scene.run(nothing, nothing + 1, output=True)  # the first call builds the tree, before threads begin
+        self.scene.run(nothing, nothing + 1, output=True)  # the first call builds the tree, before threads begin
 
     def first(self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
         """Cast rays from origins (N, 3) along directions (N, 3), which may have any length. Lets other threads run."""
-        found = self._scene.run(origins_m, directions, output=True)
+        found = self.scene.run(origins_m, directions, output=True)
         return Hits(found["primID"], found["u"], found["v"], found["tfar"])
 
 
 def embree_version() -> dict[str, str]:
     """Return the version of what decides rendered bytes. Raises MissingDependencyError where embreex is missing."""
-    _embreex()
+    check_embree()
     return {"embreex": version("embreex")}
+
+
+def check_embree() -> None:
+    """Raise MissingDependencyError where embreex cannot be imported."""
+    _embreex()
 
 
 def _embreex() -> tuple[Any, Any]:
@@ -63,5 +69,6 @@ def _embreex() -> tuple[Any, Any]:
         python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
         missing = isinstance(error, ModuleNotFoundError)
         problem = f"is missing in this {python}" if missing else f"cannot be imported: {error}"
-        remedy = f"run: {install_command('embree')}, or use render.engine: cycles"
-        raise MissingDependencyError(f"render.engine is embree, but embreex {problem}; {remedy}") from error
+        message = Message(PresetKey("render.engine"), f" is embree, but embreex {problem}")
+        remedy = either(f"run: {install_command('embree')}", Message("use ", PresetKey("render.engine", "cycles")))
+        raise MissingDependencyError(message, remedy=remedy) from error

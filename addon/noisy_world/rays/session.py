@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh in Embree, ready to be seen from any pose: the session of `engine: embree`, which needs no Blender."""
 
-from collections.abc import Callable, Iterable
+import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,15 @@ from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
-from .colours import colours_of
-from .embree import Hits, TracedTriangles
+from .casters import caster_of
+from .casting import TILE_PX, Images, View
 from .triangles import triangle_corners, triangle_faces, triangle_normals
-
-_Take: TypeAlias = Callable[[slice, NDArray[np.float32], Hits, NDArray[np.intp]], None]
-
-RAYS_AT_ONCE = 96_000  # chosen: as fast as any number from 48,000 on, and 15 MB a thread
 
 
 class RaySession:
     """One mesh in Embree, from its first frame to its last.
 
-    origin_m: (3,) float64, around which it is seen. triangles: the mesh as rays meet it, moved by that.
+    origin_m: (3,) float64, around which it is seen. notes: what a user should know about how its rays are cast.
     """
 
     def __init__(self, mesh: Mesh, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions) -> None:
@@ -43,16 +39,17 @@ class RaySession:
         self._options = options
         vertices_m = (mesh.vertices_m - self.origin_m).astype(np.float32)
         corners = triangle_corners(mesh, vertices_m)
-        self.triangles = TracedTriangles(vertices_m, mesh.corner_vertices[corners])
-        self._colours = colours_of(mesh, corners) if options.rgb else None
+        self._width, self._height = intrinsics.width_px, intrinsics.height_px
+        rays = self._width * self._height * len(paths)
+        self._caster, self.notes = caster_of(mesh, vertices_m, corners, options, rays)
         self._images = SurfaceImages(options.channels, mesh)
         needs = self._images.needs
         self._normals = triangle_normals(mesh, corners) if "normals" in needs else None
         self._faces = triangle_faces(mesh) if "faces" in needs else None
-        self._width, self._height = intrinsics.width_px, intrinsics.height_px
         self._right = (np.arange(self._width) - intrinsics.cx_px) / intrinsics.fx_px
         self._down = (np.arange(self._height) - intrinsics.cy_px) / intrinsics.fy_px
         self._threads = ThreadPoolExecutor(options.threads or available_threads(), thread_name_prefix="rays")
+        self._process = os.getpid()
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -61,109 +58,71 @@ class RaySession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Return the frame of a request: one ray through the centre of each pixel of each sensor."""
-        others = self._images.of(self._surface(request.rgb_c2w)) if self._images.needs else {}
-        wants_depth = self._options.depth
-        if self._colours is None:
-            return RenderedFrame(None, self._seen(request.depth_c2w, rgb=False, depth=True)[1], others)
-        together = wants_depth and np.array_equal(request.rgb_c2w, request.depth_c2w)
-        rgb, depth_m = self._seen(request.rgb_c2w, rgb=True, depth=together)
-        if wants_depth and not together:
-            depth_m = self._seen(request.depth_c2w, rgb=False, depth=True)[1]
-        return RenderedFrame(rgb, depth_m, others)
+        view, rgb = self._view(request.rgb_c2w), self._options.rgb
+        depth = self._options.depth or not rgb  # without colour it tells whether anything is seen
+        apart = depth and not np.array_equal(request.rgb_c2w, request.depth_c2w)
+        seen = self._seen(view, rgb=rgb, depth=depth and not apart, triangles=bool(self._images.needs))
+        others = {} if seen.triangles is None else self._images.of(self._surface(view, request.rgb_c2w, seen.triangles))
+        depth_m = self._seen(self._view(request.depth_c2w), depth=True).depth_m if apart else seen.depth_m
+        return RenderedFrame(seen.rgb, depth_m, others)
 
-    def _seen(
-        self, c2w: NDArray[np.float64], *, rgb: bool, depth: bool
-    ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-        """Return what a pose (4, 4) sees: colour (H, W, 3) and planar depth (H, W), None for what is not asked for."""
+    def _view(self, c2w: NDArray[np.float64]) -> View:
+        """Return the rays of a pose (4, 4)."""
+        right, down, forward = (c2w[:3, axis, None] for axis in range(3))
+        return View(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
+
+    def _seen(self, view: View, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> Images:
+        """Return what is asked for of what a view sees."""
         size = (self._height, self._width)
-        colours = np.empty((*size, 3), dtype=np.float32) if rgb else None
-        depth_m = np.empty(size, dtype=np.float32) if depth else None
+        images = Images(
+            np.empty((*size, 3), dtype=np.float32) if rgb else None,
+            np.empty(size, dtype=np.float32) if depth else None,
+            np.empty(size, dtype=np.int32) if triangles else None,
+        )
+        if rgb or depth or triangles:
+            self._each_band(lambda rows: self._caster.cast(view, rows, images))
+        return images
 
-        def take(rows: slice, _directions: NDArray[np.float32], hits: Hits, missed: NDArray[np.intp]) -> None:
-            if colours is not None and self._colours is not None:
-                planes = self._colours(hits)
-                planes[:, missed] = 0
-                colours[rows] = planes.T.reshape(-1, self._width, 3)
-            if depth_m is not None:
-                hits.lengths[missed] = 0
-                depth_m[rows] = hits.lengths.reshape(-1, self._width)
-
-        self._cast(c2w, take)
-        return colours, depth_m
-
-    def _surface(self, c2w: NDArray[np.float64]) -> Surface:
-        """Return what a pose (4, 4) sees of the mesh, as far as it is asked for."""
-        size = (self._height, self._width)
+    def _surface(self, view: View, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
+        """Return what is asked for of the mesh, where a view of a pose (4, 4) sees these triangles (H, W)."""
+        size = triangles.shape
         normals = None if self._normals is None else np.empty((*size, 3), dtype=np.float32)
         faces = None if self._faces is None else np.empty(size, dtype=np.int32)
 
-        def take(rows: slice, directions: NDArray[np.float32], hits: Hits, missed: NDArray[np.intp]) -> None:
+        def look(rows: slice) -> None:
+            seen = triangles[rows].ravel()
+            missed = np.flatnonzero(seen < 0)
             if normals is not None and self._normals is not None:
-                there = np.take(self._normals, hits.triangles, axis=0, mode="clip")
-                behind = np.einsum("nk,nk->n", there, directions) > 0  # the other side of the face is seen
+                there = np.take(self._normals, seen, axis=0, mode="clip")
+                behind = np.einsum("nk,nk->n", there, view.directions(rows)) > 0  # the other side of the face is seen
                 there[behind] *= -1
                 there[missed] = 0
                 normals[rows] = (there @ c2w[:3, :3]).reshape(-1, self._width, 3)
             if faces is not None and self._faces is not None:
-                seen = np.take(self._faces, hits.triangles, mode="clip")
-                seen[missed] = -1
-                faces[rows] = seen.reshape(-1, self._width)
+                face = np.take(self._faces, seen, mode="clip")
+                face[missed] = -1
+                faces[rows] = face.reshape(-1, self._width)
 
-        self._cast(c2w, take)
+        self._each_band(look)
         return Surface(normals, faces)
 
-    def _cast(self, c2w: NDArray[np.float64], take: _Take) -> None:
-        """Cast a ray through the centre of each pixel of a pose (4, 4), in bands of rows; `take` is given each band's.
+    def _each_band(self, work: Callable[[slice], None]) -> None:
+        """Do something for each band of rows: in several threads, but where this process was forked meanwhile.
 
-        It is called in several threads, with the rows, the rays' directions (N, 3), what they meet, and which of them
-        meet nothing.
+        Threads do not outlive a fork, and those who fork workers have one for each processor.
         """
-        origin_m = c2w[:3, 3] - self.origin_m
-        # Of component 1 along the optical axis, so that lengths are planar depths; in float64, rounded once.
-        across, down = self._right[:, None] * c2w[:3, 0] + c2w[:3, 2], self._down[:, None] * c2w[:3, 1]
-
-        bands = self._bands()
-        origins_m = np.full((bands[0].stop * self._width, 3), origin_m, dtype=np.float32)
-
-        def cast(rows: slice) -> None:
-            directions = np.empty((*down[rows].shape[:1], self._width, 3), dtype=np.float32)
-            np.add(across, down[rows, None], out=directions, dtype=np.float64, casting="same_kind")
-            flat = directions.reshape(-1, 3)
-            hits = self._first(origin_m, origins_m[: len(flat)], flat)
-            take(rows, flat, hits, np.flatnonzero(hits.triangles < 0))
-
-        self._each(cast, bands)
-
-    def _first(
-        self, origin_m: NDArray[np.float64], origins_m: NDArray[np.float32], directions: NDArray[np.float32]
-    ) -> Hits:
-        """Return what rays from a point (3,), given for each of them (N, 3) too, meet between near and far plane.
-
-        Rays that meet something before the near plane are cast again, from there.
-        """
-        near_m, far_m = self._options.near_m, self._options.far_m
-        hits = self.triangles.first(origins_m, directions)
-        near = np.flatnonzero(hits.lengths < near_m)
-        if near.size:
-            onward = directions[near]
-            again = self.triangles.first((origin_m + near_m * onward).astype(np.float32), onward)
-            hits.triangles[near], hits.lengths[near] = again.triangles, again.lengths + np.float32(near_m)
-            hits.second[near], hits.third[near] = again.second, again.third
-        hits.triangles[hits.lengths > far_m] = -1
-        return hits
-
-    def _bands(self) -> list[slice]:
-        """Return the rows that are cast together, the first as many as any."""
-        rows = max(1, RAYS_AT_ONCE // self._width)
-        return [slice(top, min(top + rows, self._height)) for top in range(0, self._height, rows)]
-
-    def _each(self, work: Callable[[slice], None], bands: Iterable[slice]) -> None:
-        for done in [self._threads.submit(work, band) for band in bands]:
-            done.result()
+        bands = [slice(top, min(top + TILE_PX, self._height)) for top in range(0, self._height, TILE_PX)]
+        if os.getpid() != self._process:
+            for band in bands:
+                work(band)
+        else:
+            for done in [self._threads.submit(work, band) for band in bands]:
+                done.result()
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads, and free the mesh."""
         self._threads.shutdown()
+        self._caster.close()
 
     def __enter__(self) -> "RaySession":
         return self

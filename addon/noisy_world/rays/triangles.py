@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
-from .ears import cut_ears, turn
+from .ear_clipping import clip_ears, turn
 
 Points: TypeAlias = NDArray[np.float32]
 
@@ -77,9 +77,9 @@ def _split(vertices_m: Points, faces: NDArray[np.int32]) -> NDArray[np.int32]:
     convex = (turn(before, at, after) > 0).all(axis=1)
     split = np.empty((count, size - 2, 3), dtype=np.int32)
     if convex.any():
-        split[convex] = cut_ears(_regular(size))  # the ears of convex faces depend on nothing but their number
+        split[convex] = clip_ears(_regular(size))  # the ears of convex faces depend on nothing but their number
     for face in np.flatnonzero(~convex).tolist():
-        split[face] = cut_ears(points[face])
+        split[face] = clip_ears(points[face])
     return split
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Making a store of clean frames: each render's frames once, hashed, and taken up again where it was stopped."""
+"""Making a store of clean frames: each render's frames once, and taken up again where it was stopped."""
 
-import io
-import json
 import shutil
 import threading
 from collections.abc import Mapping
@@ -12,18 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..core.channels import CHANNELS, in_order
-from ..core.datasets.dataset import Journal
+from ..core.channels import in_order
 from ..core.datasets.dataset_state import WORK_FOLDER
+from ..core.datasets.float_files import encode_npy
 from ..core.datasets.layouts import Modality
-from ..core.datasets.provenance import identity
-from ..core.datasets.records import FRAMES, FrameRecord, joined_records, read_records
+from ..core.datasets.provenance import plain_identity
 from ..core.datasets.storage import (
     FolderLock,
+    own_scratch,
     sha256_of_bytes,
-    sha256_of_regular_file,
+    sha256_of_file,
     storage_errors,
     write_atomic,
 )
@@ -35,9 +32,10 @@ from ..core.planning.source import PreparedSource, RenderOptions
 from ..core.planning.source_paths import source_paths
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
+from ..pipeline.clean_files import frames_bytes
 from ..pipeline.frame_maker import render_options
 from ..pipeline.versions import versions_of
-from .clean_store import CLEAN, FORMAT, KIND, PATH, CleanStore, image_name, read_store
+from .clean_store import CLEAN, FORMAT, KIND, PATH, CleanStore, read_store
 
 ANOTHER = "choose another folder with --out"
 
@@ -61,19 +59,18 @@ class _Making:
         self._out = out
         self._progress = progress
         self._stop = stop
-        self._scratch = out / WORK_FOLDER / "unfinished"
 
     def make(self) -> int:
         """Make what is missing."""
         if self._out.exists() and not (self._out / CLEAN).is_file() and _holds_something(self._out):
-            raise StorageError(f"{self._out}: is not empty and holds no clean frames; {ANOTHER}")
+            raise StorageError("is not empty and holds no clean frames", file=self._out, remedy=ANOTHER)
         lock = FolderLock(self._out / WORK_FOLDER / "lock")
         try:
-            with storage_errors(self._scratch):
-                shutil.rmtree(self._scratch, ignore_errors=True)
-                self._scratch.mkdir(parents=True)
-            self._describe()
-            missing = {render.name: self._missing(render) for render in self._plan.renders}
+            store = self._describe()
+            missing = {
+                render.name: store.files(render.name).lacking(render.frames, self._modalities(render))
+                for render in self._plan.renders
+            }
             self._check_space(missing)
             there = self._plan.frame_count - sum(map(len, missing.values()))
             self._progress.start("rendering", self._plan.frame_count, there)
@@ -82,10 +79,10 @@ class _Making:
                 if renders:
                     with scene.source.prepare(renders[0].camera, partial(self._note, scene.name)) as prepared:
                         for render in renders:
-                            self._render(render, prepared, missing[render.name])
-            shutil.rmtree(self._scratch, ignore_errors=True)
+                            self._render(render, prepared, missing[render.name], store)
         finally:
             self._progress.finish()
+            shutil.rmtree(own_scratch(self._out / WORK_FOLDER).parent, ignore_errors=True)
             lock.release()
         return sum(map(len, missing.values()))
 
@@ -94,9 +91,9 @@ class _Making:
 
     # --- what it is made from ---
 
-    def _describe(self) -> None:
+    def _describe(self) -> CleanStore:
         """Write what the frames are made from, and the paths that they lie on, beside what is there of others."""
-        here: dict[str, Any] = json.loads(canonical(identity(self._plan, versions_of(self._plan))))
+        here = plain_identity(self._plan, versions_of(self._plan))
         for scene in self._plan.scenes:
             here["scenes"][scene.name]["robot_axes"] = scene.source.robot_axes
         if (self._out / CLEAN).is_file():
@@ -107,104 +104,59 @@ class _Making:
         for scene in self._plan.scenes:
             path = scene.source.trajectory()
             rows = np.concatenate([path.stamps_s[:, None], path.c2w.reshape(-1, 16)], axis=1)
-            self._write(self._out / scene.name / PATH, _npy(rows))
-        text = canonical({"kind": KIND, "format": FORMAT, "identity": here})
-        self._write(self._out / CLEAN, text.encode())
+            self._write(self._out / scene.name / PATH, encode_npy(rows))
+        self._write(self._out / CLEAN, canonical({"kind": KIND, "format": FORMAT, "identity": here}).encode())
+        return CleanStore(self._out, here)
 
     def _check_same(self, there: CleanStore, here: dict[str, Any]) -> None:
         for name, value in (("versions", here["versions"]), ("processor", here["processor"])):
             if there.identity[name] != value:
-                raise StorageError(f"{self._out}: was made with other {name}; {ANOTHER}")
+                raise StorageError(f"was made with other {name}", file=self._out, remedy=ANOTHER)
         for folder in here["sequences"]:
             setting, scene = folder.split("/")
             known = scene in there.identity["scenes"] and setting in there.identity["settings"]
             if known and (problem := there.difference(here, scene, setting)):
-                raise StorageError(f"{self._out}: holds frames of something else: {problem}; {ANOTHER}")
+                raise StorageError(f"holds frames of something else: {problem}", file=self._out, remedy=ANOTHER)
 
     def _check_space(self, missing: Mapping[str, list[int]]) -> None:
         needed = sum(
-            len(missing[render.name]) * render.camera.width_px * render.camera.height_px * _bytes_of(modality)
+            frames_bytes(render.camera, len(missing[render.name]), self._modalities(render))
             for render in self._plan.renders
-            for modality in self._modalities(render)
         )
         free = shutil.disk_usage(self._out).free
         self._progress.note(f"{sum(map(len, missing.values()))} frames, {size_text(needed)}")
         if needed > free:
-            told = f"no space left: {size_text(needed)} are to be written and {size_text(free)} are free"
-            raise StorageError(f"{self._out}: {told}; choose a part with --scenes, --settings or --frames")
+            message = f"no space left: {size_text(needed)} are to be written and {size_text(free)} are free"
+            raise StorageError(message, file=self._out, remedy="choose a part with --scenes, --settings or --frames")
+
+    def _write(self, path: Path, data: bytes) -> None:
+        if sha256_of_file(path) == sha256_of_bytes(data):
+            return
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(path, data, own_scratch(self._out / WORK_FOLDER))
 
     # --- frames ---
 
     def _options(self, render: Render, frames: list[int]) -> RenderOptions:
         return render_options(self._plan, render, judging=render.frames[0] in frames)
 
-    def _modalities(self, render: Render) -> list[Modality]:
-        return list(in_order(self._options(render, []).channels))
+    def _modalities(self, render: Render) -> tuple[Modality, ...]:
+        return in_order(self._options(render, []).channels)
 
-    def _missing(self, render: Render) -> list[int]:
-        """Return the source frames of which a file is not there as it was written."""
-        folder = self._out / render.name
-        records = joined_records(read_records(folder / FRAMES))
-        names = {frame: [image_name(item, frame) for item in self._modalities(render)] for frame in render.frames}
-        return [
-            frame
-            for frame in render.frames
-            if (record := records.get(frame)) is None
-            or any(
-                name not in record.files or sha256_of_regular_file(folder / name) != record.files[name]
-                for name in names[frame]
-            )
-        ]
-
-    def _render(self, render: Render, prepared: PreparedSource, frames: list[int]) -> None:
-        paths = source_paths(self._plan, render)
-        options = self._options(render, frames)
-        source = open_render(prepared, render, paths, options, partial(self._note, render.name))
-        folder = self._out / render.name
-        with storage_errors(folder):
-            for modality in self._modalities(render):
-                (folder / modality).mkdir(parents=True, exist_ok=True)
-        journal = Journal(folder / FRAMES)
-        try:
-            for frame in frames:
-                if self._stop.is_set():
-                    raise InterruptedRunError("stopped; finished frames stay, and the same command goes on")
-                image = source.frame(paths.request(frame))
-                images = {image_name(item, frame): image.image(item) for item in self._modalities(render)}
-                files = {
-                    name: self._write(folder / name, _npy(pixels))
-                    for name, pixels in images.items()
-                    if pixels is not None
-                }
-                journal.append(FrameRecord(frame, float(paths.rgb.stamps_s[frame]), files))
-                self._progress.advance()
-        finally:
-            journal.close()
-
-    def _write(self, path: Path, data: bytes) -> str:
-        digest = sha256_of_bytes(data)
-        if sha256_of_regular_file(path) != digest:
-            with storage_errors(path):
-                path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(path, data, self._scratch)
-        return digest
-
-
-def _bytes_of(modality: Modality) -> int:
-    """Return how many bytes a pixel of a channel takes in a store."""
-    return CHANNELS[modality].components * np.dtype(CHANNELS[modality].dtype).itemsize
+    def _render(self, render: Render, prepared: PreparedSource, frames: list[int], store: CleanStore) -> None:
+        paths, files = source_paths(self._plan, render), store.files(render.name)
+        source = open_render(prepared, render, paths, self._options(render, frames), partial(self._note, render.name))
+        for frame in frames:
+            if self._stop.is_set():
+                raise InterruptedRunError("stopped; finished frames stay, and the same command goes on")
+            files.keep(frame, source.frame(paths.request(frame)), self._modalities(render))
+            self._progress.advance()
 
 
 def rendered(plan: Plan) -> Plan:
     """Return the part of a plan whose scenes are rendered."""
-    return replace(plan, renders=tuple(item for item in plan.renders if item.scene.source.gives.rendered))
-
-
-def _npy(values: NDArray[Any]) -> bytes:
-    """Return an array as the bytes of a .npy file."""
-    data = io.BytesIO()
-    np.save(data, np.ascontiguousarray(values), allow_pickle=False)
-    return data.getvalue()
+    return replace(plan, renders=tuple(item for item in plan.renders if item.scene.source.capabilities.rendered))
 
 
 def _holds_something(folder: Path) -> bool:

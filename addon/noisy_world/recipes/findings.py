@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What comparing a dataset with a recipe has found, and saying it."""
+"""The result of comparing a dataset with a recipe, and its text."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -88,31 +88,31 @@ class Findings:
 
     def lines(self) -> list[str]:
         """Return what is wrong, line by line."""
-        told = [line for found in self.all_found for line in found.lines()]
-        told += [f"{_listed(self.missing)}: missing"] if self.missing else []
-        told += [f"{_listed(self.unknown)}: not in the recipe"] if self.unknown else []
-        return told
+        lines = [line for found in self.all_found for line in found.lines()]
+        lines += [f"{_listed(self.missing)}: missing"] if self.missing else []
+        lines += [f"{_listed(self.unknown)}: not in the recipe"] if self.unknown else []
+        return lines
 
-    def told(self) -> list[str]:
+    def summary_lines(self) -> list[str]:
         """Return what is there and what is not, line by line; the last one is the outcome."""
         there, absent = len(self.sequences), len(self.not_there)
-        told = []
+        lines = []
         if absent:
-            told.append(f"a part of the recipe: {absent} of its {there + absent} sequences were not made here")
+            lines.append(f"a part of the recipe: {absent} of its {there + absent} sequences were not made here")
         if lacking := sum(found.absent for found in self.sequences):
-            told.append(f"a part of the recipe: {_frames(lacking)} of these sequences were not made here")
+            lines.append(f"a part of the recipe: {_frames(lacking)} of these sequences were not made here")
         alone = [found for found in self.sequences if found.alone]
         if alone:
             count = sum(found.alone for found in alone)
             problem = "could not be compared, only checked against the dataset's own records"
-            told.append(f"{count} images {problem}: their blocks need {alone[0].cut} whole")
+            lines.append(f"{count} images {problem}: their blocks need {alone[0].cut} whole")
         if self.made_otherwise:
-            told.append(self.made_otherwise)
+            lines.append(self.made_otherwise)
         checked = sum(found.checked for found in self.sequences)
-        told.append(
+        lines.append(
             f"{there} sequence{'' if there == 1 else 's'}, {checked} images as the recipe says{self._outcome()}"
         )
-        return told
+        return lines
 
     def _outcome(self) -> str:
         kinds = {kind: self.count(kind) for kind in MEANINGS if self.count(kind)}

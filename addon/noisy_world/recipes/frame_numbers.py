@@ -74,9 +74,9 @@ class FrameNumbers(Sequence[int]):
 
     def __str__(self) -> str:
         """Tell the numbers, as in "0 to 3, 7"; of many ranges the first ones."""
-        told = [str(part.start) if len(part) == 1 else f"{part.start} to {part.stop - 1}" for part in self.ranges[:4]]
-        more = len(self.ranges) - len(told)
-        return ", ".join(told) + (f" and {more} more ranges" if more else "")
+        lines = [str(part.start) if len(part) == 1 else f"{part.start} to {part.stop - 1}" for part in self.ranges[:4]]
+        more = len(self.ranges) - len(lines)
+        return ", ".join(lines) + (f" and {more} more ranges" if more else "")
 
 
 def _least(stop: int, asked: int | None) -> int:

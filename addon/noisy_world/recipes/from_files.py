@@ -12,17 +12,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.datasets.dataset_state import MANIFEST, DatasetState, read_dataset_state
 from ..core.datasets.images import as_bytes
-from ..core.datasets.layouts import LAYOUTS, find_sequence
+from ..core.datasets.layouts import LAYOUTS, file_of, find_sequence
 from ..core.datasets.records import FRAMES
+from ..core.datasets.storage import sha256_of_bytes
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.regular_files import open_regular, read_bytes
 from .digests import series_of
 from .frame_numbers import FrameNumbers
-from .opened import Frame, Opened, OpenedSequence
+from .opened import Frame, Opened, OpenedSequence, decoded
 
 KEPT = 64  # sequences whose files and poses stay in memory, a megabyte or two each
 AGAIN = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
@@ -36,11 +38,11 @@ class OpenedFolder(Opened):
         """Find the sequences. Raises InputError where there is none."""
         super().__init__(str(folder))
         self._folder = folder
-        standing = read_dataset_state(folder)
-        if standing is None:
+        state = read_dataset_state(folder)
+        if state is None:
             self._places, self._whole = _plain_sequences(folder), dict[str, int]()
         else:
-            self._places, self._whole = _finished(folder, standing)
+            self._places, self._whole = _finished(folder, state)
         self._opened = lru_cache(maxsize=KEPT)(self._open)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -61,17 +63,17 @@ class OpenedFolder(Opened):
         return SequenceOfFiles(name, self._places[name])
 
 
-def _finished(folder: Path, standing: DatasetState) -> tuple[dict[str, Path], dict[str, int]]:
+def _finished(folder: Path, state: DatasetState) -> tuple[dict[str, Path], dict[str, int]]:
     """Return the folders of a dataset's sequences by name, and the number of frames of those that have all of them."""
-    if standing.problem and (folder / MANIFEST).exists():
-        raise InputError(folder, standing.problem)  # without one, somebody copied sequences, which say enough
-    there = {name: folder / name for name in sorted(standing.sequences) if (folder / name / FRAMES).is_file()}
+    if state.problem and (folder / MANIFEST).exists():
+        raise InputError(folder, state.problem)  # without one, somebody copied sequences, which say enough
+    there = {name: folder / name for name in sorted(state.sequences) if (folder / name / FRAMES).is_file()}
     if not there:
         problem = "holds no finished sequence"
         raise InputError(folder, problem, remedy="run the command that makes it again; it goes on where it stopped")
-    if standing.manifest is None:
+    if state.manifest is None:
         return there, {}
-    frames, paths = standing.manifest["frames"], standing.manifest["identity"]["sequences"]
+    frames, paths = state.manifest["frames"], state.manifest["identity"]["sequences"]
     whole = {name: frames[name] for name in there if name in frames and frames[name] == paths.get(name)}
     return there, whole
 
@@ -178,6 +180,8 @@ class FrameOfFiles(Frame):
         self.depth_stamp_s = float(record.get("depth_time_s", depth_s))
         self.c2w = stored.trajectory.c2w[place].copy()
         self._files = _files(stored, place, record, records.path)
+        self._digests: dict[str, str] = record.get("sha256", {})
+        self._folder = stored.folder
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -198,18 +202,29 @@ class FrameOfFiles(Frame):
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
         return self._files.depth_m
 
+    def image_bytes(self, channel: str) -> bytes:
+        """Return the content of the file of a channel's image."""
+        if channel in COLOUR_AND_DEPTH:
+            return _content(self._files.depth_file if CHANNELS[channel].paired else self._files.rgb_file)
+        data = _content(self._other_file(channel))
+        if sha256_of_bytes(data) not in self._digests.values():
+            raise InputError(self._other_file(channel), "is not as it was written", remedy=AGAIN)
+        return data
+
+    def _other(self, channel: str) -> NDArray[Any]:
+        path = self._other_file(channel)
+        return decoded(channel, path.name, self.image_bytes(channel), str(path))
+
+    def _other_file(self, channel: str) -> Path:
+        name = file_of(channel, self._digests)
+        if name is None:
+            raise InputError(self._folder / FRAMES, f"names no {CHANNELS[channel].spoken}", where=f"frame {self.index}")
+        return self._folder / name
+
     @property
     def done(self) -> dict[str, Any]:
         """What frames.jsonl says was done to it; {} where there is none."""
         return self._done
-
-    def rgb_bytes(self) -> bytes:
-        """Return the content of the colour image's file."""
-        return _content(self._files.rgb_file)
-
-    def depth_bytes(self) -> bytes:
-        """Return the content of the depth image's file."""
-        return _content(self._files.depth_file)
 
 
 def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Path) -> StoredFrame:

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Collection
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,10 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..storage.packed import Packed, open_packed
-from ..storage.packed_table import AGAIN, PackedTable
+from ..storage.finished import Packed, open_packed
+from ..storage.packed_table import AGAIN
 from .frame_numbers import FrameNumbers
-from .opened import Frame, Opened, OpenedSequence
+from .opened import Frame, Opened, OpenedSequence, decoded
 
 KEPT = 64  # sequences whose rows stay in memory, a megabyte each for some thousand frames
 
@@ -28,20 +29,21 @@ KEPT = 64  # sequences whose rows stay in memory, a megabyte each for some thous
 class OpenedPacked(Opened):
     """A packed dataset. It can be pickled, and used in a process that was forked: each opens the address itself."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, place: Path | str) -> None:
         """Read the manifest and the table's index. Raises InputError where no finished packed dataset is there."""
-        super().__init__(text)
+        super().__init__(str(place))
+        self._place = place
         self._lock = threading.Lock()
         self._open()
 
     def _open(self) -> None:
         self._process = os.getpid()
-        self._packed = open_packed(self.place)
-        self._table = PackedTable(self._packed.address)
+        self._packed = open_packed(self._place)
+        _ = self._packed.table
         self._opened = lru_cache(maxsize=KEPT)(self._read)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return OpenedPacked, (self.place,)
+        return OpenedPacked, (self._place,)
 
     @property
     def packed(self) -> Packed:
@@ -70,8 +72,7 @@ class OpenedPacked(Opened):
 
     def rows(self, name: str, columns: list[str]) -> Any:
         """Return columns of a sequence's rows."""
-        _ = self.packed
-        return self._table.rows(name, columns)
+        return self.packed.table.rows(name, columns)
 
 
 class PackedSequence(OpenedSequence):
@@ -103,7 +104,7 @@ class PackedSequence(OpenedSequence):
     @property
     def camera(self) -> Intrinsics:
         """The intrinsics of its frames."""
-        return self._opened.packed.cameras[self.name.split("/")[1]]
+        return self._opened.packed.camera(self.name)
 
     def _frame(self, index: int) -> "PackedFrame":
         (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()
@@ -137,7 +138,7 @@ class PackedFrame(Frame):
         """Colour (H, W, 3), RGB. Raises InputError where the file is damaged."""
         import cv2
 
-        return np.ascontiguousarray(self._decoded("rgb", cv2.IMREAD_COLOR)[..., ::-1])
+        return self._decoded("rgb", cv2.IMREAD_COLOR_RGB)
 
     @property
     def rgb_uncompressed(self) -> NDArray[np.uint8]:
@@ -153,35 +154,31 @@ class PackedFrame(Frame):
         import cv2
 
         steps = self._decoded("depth", cv2.IMREAD_UNCHANGED)
-        return (steps / np.float64(self._opened.packed.manifest["depth_scale_per_m"])).astype(np.float32)
+        return (steps / self._opened.packed.depth_scale_per_m).astype(np.float32)
 
-    def rgb_bytes(self) -> bytes:
-        """Return the colour image's file. Raises InputError where it is not as it was written."""
-        return self._content("rgb")
+    def _other(self, channel: str) -> NDArray[Any]:
+        return decoded(channel, self._row.get(f"{channel}_file", ""), self.image_bytes(channel), self._place(channel))
 
-    def depth_bytes(self) -> bytes:
-        """Return the depth image's file. Raises InputError where it is not as it was written."""
-        return self._content("depth")
+    def image_bytes(self, channel: str) -> bytes:
+        """Return the file of a channel's image. Raises InputError where it is not there, or not as it was written."""
+        packed, row = self._opened.packed, self._row
+        if f"{channel}_offset" not in row:
+            raise InputError(packed.store.text, f"holds no {CHANNELS[channel].spoken}")
+        start = row[f"{channel}_offset"]
+        data = packed.store.read_range(row["tar"], start, start + row[f"{channel}_size"])
+        if sha256_of_bytes(data) != row[f"{channel}_sha256"]:
+            raise InputError(self._place(channel), "is not as it was written", remedy=AGAIN)
+        return data
 
     def _decoded(self, modality: Modality, mode: int) -> NDArray[Any]:
         import cv2
 
-        data = self._content(modality)
+        data = self.image_bytes(modality)
         image = None if damage(data) else cv2.imdecode(np.frombuffer(data, np.uint8), mode)
         if image is None:
             raise InputError(self._place(modality), "is no image", remedy=AGAIN)
         return image
 
-    def _content(self, modality: Modality) -> bytes:
-        packed, row = self._opened.packed, self._row
-        if f"{modality}_offset" not in row:
-            raise InputError(packed.address.text, f"holds no {CHANNELS[modality].spoken}")
-        start = row[f"{modality}_offset"]
-        data = packed.address.read_range(row["tar"], start, start + row[f"{modality}_size"])
-        if sha256_of_bytes(data) != row[f"{modality}_sha256"]:
-            raise InputError(self._place(modality), "is not as it was written", remedy=AGAIN)
-        return data
-
     def _place(self, modality: Modality) -> str:
         packed = self._opened.packed
-        return f"{packed.address.of(self._row['tar'])}: {self._row.get(f'{modality}_file', CHANNELS[modality].spoken)}"
+        return f"{packed.store.of(self._row['tar'])}: {self._row.get(f'{modality}_file', CHANNELS[modality].spoken)}"

@@ -15,21 +15,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.channels import COLOUR_AND_DEPTH
+from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
+from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings
-from ..core.planning.sequence import written_paths
-from ..core.planning.source import OpenSource, PreparedSource, Scene, SourceFrame
+from ..core.planning.scene import Scene
+from ..core.planning.sequence import ShownSources, written_paths
+from ..core.planning.source import OpenSource, PreparedSource, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.frame_maker import render_options
 from ..pipeline.made_frame import MadeFrame, SequenceMaker
+from ..pipeline.pairs import CleanPair, view_of
 from ..pipeline.versions import versions_of
 from ..sources import find_scenes
 from .clean_store import CleanStore, read_store
@@ -141,6 +144,12 @@ class OpenedRecipe(Opened):
                     self._recent.popitem(last=False)
             return self._recent[key]
 
+    def view(self, sequence: "SequenceOfRecipe", source: int) -> View:
+        """Return what the colour camera sees at a source frame of a sequence's render."""
+        clean, paths, camera = self.clean(sequence, source), sequence.paths, sequence.render.camera
+        with self._lock:
+            return view_of(lambda: self._open_source(sequence), paths, clean, camera)
+
     def _clean_image(self, sequence: "SequenceOfRecipe", source: int) -> SourceFrame:
         stored = None if self._store is None else self._store.frame(sequence.render.name, source)
         return stored or self._open_source(sequence).frame(sequence.paths.request(source))
@@ -161,8 +170,8 @@ class OpenedRecipe(Opened):
             self._check_renderer(plan)
             prepared = real.source.prepare(render.camera, _ignore)
             self._prepared[scene] = self._closing.enter_context(prepared)
-        told = render_options(sequence.plan, render)
-        options = replace(told, channels=told.channels | COLOUR_AND_DEPTH)
+        rendered_with = render_options(sequence.plan, render)
+        options = replace(rendered_with, channels=rendered_with.channels | COLOUR_AND_DEPTH)
         self._live[scene] = render.name, open_render(self._prepared[scene], render, sequence.paths, options, _ignore)
         return self._live[scene][1]
 
@@ -182,6 +191,11 @@ class OpenedRecipe(Opened):
         command = f"noisy-world render-clean {self.place} --out {where} --scenes {scene} --settings {setting}"
         opening = "" if self._store is not None else ", and open(..., clean=DIR) takes them"
         return InputError(self.place, problem, remedy=f"'{command}' makes them{opening}")
+
+    def load(self, name: str, index: int) -> None:
+        """Make the clean colour frame that a frame shows, for which its scene is loaded."""
+        sequence = self._opened(name)
+        self.clean(sequence, sequence.sequence.shown(index).rgb_source)
 
     def close(self) -> None:
         """Let go of the sources that are open."""
@@ -217,7 +231,7 @@ class SequenceOfRecipe(OpenedSequence):
         self.stamps = scene.source.frame_stamps
         colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb)
         depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
-        self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self))
+        self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self), self.pair)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _sequence_of, (self._opened, self.name)
@@ -244,6 +258,17 @@ class SequenceOfRecipe(OpenedSequence):
             remedy = "'noisy-world remake' makes its files; with render.backend: reference colour needs no Blender"
             raise InputError(self._opened.place, problem, remedy=remedy)
 
+    def pair(self, shown: ShownSources) -> CleanPair:
+        """Return what is seen at a source frame and at the next. Raises InputError where that needs Blender."""
+        sources = [source for source in shown if source is not None and None not in shown]
+        elsewhere = self.paths.depth is not None and self.plan.renders_in_blender
+        if sources and (elsewhere or self.render.scene.source.capabilities.moving):
+            what = "depth from colour's place, beside a depth sensor," if elsewhere else "how things move"
+            problem = f"{self.name}: {what} is rendered by Blender alone"
+            raise InputError(self._opened.place, problem, remedy="open the dataset, which has its files")
+        views = (self._opened.view(self, source) for source in sources)
+        return CleanPair(shown, self.render.camera, *views)
+
     def _frame(self, index: int) -> "FrameOfRecipe":
         return FrameOfRecipe(self, index)
 
@@ -261,7 +286,7 @@ class FrameOfRecipe(Frame):
         self.index = index
         self._in = made_in
         self._format = made_in.plan.format
-        self.stamp_s, depth_s = made_in.stamps.told(index)
+        self.stamp_s, depth_s = made_in.stamps.frame_times(index)
         self.depth_stamp_s = self.stamp_s if depth_s is None else depth_s
         self.c2w = made_in.written.c2w[index].copy()
 
@@ -298,6 +323,11 @@ class FrameOfRecipe(Frame):
         self._check("depth", "depth")
         return self._format.stored_depth_m(self._made.depth_m)
 
+    def _other(self, channel: str) -> NDArray[Any]:
+        item = CHANNELS[channel]
+        self._check(channel, item.spoken)
+        return item.stored(self._made.image(channel), item.suffix(self._format))
+
     @property
     def done(self) -> dict[str, Any]:
         """What was done to it, as frames.jsonl has it; both images are made for that."""
@@ -312,14 +342,13 @@ class FrameOfRecipe(Frame):
             found["motion"] = motion[self.index]
         return json.loads(json.dumps({name: found[name] for name in sorted(found)}))
 
-    def rgb_bytes(self) -> bytes:
-        """Return the colour image's file. Raises InputError where Blender's compositor makes it."""
-        return self._coloured().rgb_bytes(self._format)
-
-    def depth_bytes(self) -> bytes:
-        """Return the depth image's file."""
-        self._check("depth", "depth")
-        return self._made.depth_bytes(self._format)
+    def image_bytes(self, channel: str) -> bytes:
+        """Return the file of a channel's image. Raises InputError where Blender's compositor makes it."""
+        item = CHANNELS[channel]
+        self._check(channel, item.spoken)
+        if item.steps == "rgb":
+            self._in.check_executable()
+        return self._made.image_bytes(channel, self._format)
 
 
 def _frame_of(sequence: OpenedSequence, index: int) -> Frame:
@@ -329,6 +358,6 @@ def _frame_of(sequence: OpenedSequence, index: int) -> Frame:
 def _decoded(data: bytes) -> NDArray[np.uint8]:
     import cv2
 
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
     assert image is not None, "what was encoded can be decoded"
-    return np.ascontiguousarray(image[..., ::-1]).astype(np.uint8, copy=False)
+    return np.asarray(image, np.uint8)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the inputs of a scene are those that a recipe was made from."""
+"""Checks that a scene's inputs are those that a recipe was made from."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 
 from ..core.datasets.provenance import path_sha256, plain_values
 from ..core.errors import InputError
-from ..core.planning.source import Scene
+from ..core.planning.scene import Scene
 
 HASHED = "_sha256"
 
@@ -21,7 +21,7 @@ def different_input(wanted: Mapping[str, Any], here: Mapping[str, Any]) -> tuple
         hashed = f"{name}{HASHED}"
         renamed = bool(wanted.get(hashed)) and wanted.get(hashed) == here.get(hashed)
         if wanted.get(name) != here.get(name) and not renamed:
-            return name, f"is {_told(here.get(name))}, and the recipe's {_told(wanted.get(name))}"
+            return name, f"is {_format_value(here.get(name))}, and the recipe's {_format_value(wanted.get(name))}"
     return None
 
 
@@ -32,10 +32,11 @@ def check_inputs(file: Path, wanted: Mapping[str, Any], scene: Scene) -> None:
     """
     here = plain_values(scene.source.hashes())
     if found := different_input(wanted["inputs"], here):
-        name, told = found
+        name, difference = found
         key = name.removesuffix(HASHED)
-        what = scene.source.location if key in ("mesh", "sequence") else f"{here.get(key, key)}"
-        problem = f"{what} is not what the recipe was made from: its {name} {told}"
+        named, location = f"{here.get(key, key)}", scene.source.location
+        what = location if Path(location).name == named else named
+        problem = f"{what} is not what the recipe was made from: its {name} {difference}"
         raise InputError(file, problem, where=f"scenes: {scene.name}", remedy="--data DIR names the folder of another")
 
 
@@ -47,5 +48,5 @@ def same_path(wanted: Mapping[str, Any], scene: Scene) -> bool:
     return path_sha256(source.trajectory(), source.stamps_s, path["frames"]) == path["sha256"]
 
 
-def _told(value: object) -> str:
+def _format_value(value: object) -> str:
     return f"{value[:12]}..." if isinstance(value, str) and len(value) == 64 else repr(value)

@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.provenance import told_entry
+from ..core.datasets.provenance import relevant_entry
 from ..core.errors import InputError
 from ..core.planning.plan import Plan, Render, needed_sources, read_settings
 from ..core.presets.preset import Preset, check_document
 from ..core.presets.selection import chosen_part
 from ..perturbations import registry
 from ..planning import make_plan
+from ..sources import read_scenes
 from .inputs import check_inputs
 from .recipe import Recipe
 
@@ -54,8 +55,8 @@ def plan_of(
         check_inputs(recipe.path, recipe.identity["scenes"].get(scene.name, {"inputs": {}}), scene)
     renders = tuple(filter(None, (_within(recipe, plan, render) for render in plan.renders)))
     if not renders:
-        told = ", ".join(sequence.folder for sequence in plan.sequences[:NAMED])
-        raise InputError(recipe.path, f"knows nothing of {told}", remedy=f"it holds {_listed(named)}")
+        message = ", ".join(sequence.folder for sequence in plan.sequences[:NAMED])
+        raise InputError(recipe.path, f"knows nothing of {message}", remedy=f"it holds {_listed(named)}")
     return replace(plan, renders=renders)
 
 
@@ -80,7 +81,7 @@ def _named(recipe: Recipe) -> list[str]:
     """Return the sequences of a recipe that its preset names."""
     preset = preset_of(recipe)
     settings = {setting.name for setting in read_settings(preset, registry())}
-    entries = [told_entry(spec) for spec in preset.spec.scenes]
+    entries = [relevant_entry(entry) for entry in read_scenes(preset)]
     scenes = {name for name, scene in recipe.identity["scenes"].items() if scene["entry"] in entries}
     parts = [(name, *name.split("/")) for name in recipe.names]
     return [name for name, setting, scene in parts if setting in settings and scene in scenes]

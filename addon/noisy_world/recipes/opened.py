@@ -14,10 +14,14 @@ from typing import Any, Self, TypedDict, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.channels import CHANNELS, COLOUR_AND_DEPTH, in_order
+from ..core.channels.depth import CHANNEL as DEPTH
+from ..core.channels.rgb import CHANNEL as RGB
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.machine import end_opencv_threads_before_forks
 from ..core.presets.selection import near_names, selected
-from ..core.schema import Place, shown
+from ..core.schema import ConfigPath, shown
 from .frame_numbers import FrameNumbers
 
 
@@ -58,18 +62,36 @@ class Frame(ABC):
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void, as the file decodes."""
 
+    def image(self, channel: str) -> NDArray[Any]:
+        """Return the image of a channel as its file decodes: (H, W) or (H, W, components), as docs/channels.md says.
+
+        Those of rgb and depth are `rgb` and `depth_m`. Raises InputError where there is none, or its file is damaged.
+        """
+        if channel in COLOUR_AND_DEPTH:
+            return self.depth_m if CHANNELS[channel].paired else self.rgb
+        in_order([channel])
+        return self._other(channel)
+
+    @abstractmethod
+    def _other(self, channel: str) -> NDArray[Any]:
+        """Return the image of another channel than colour and depth."""
+
     @property
     @abstractmethod
     def done(self) -> dict[str, Any]:
         """What was done to it."""
 
     @abstractmethod
+    def image_bytes(self, channel: str) -> bytes:
+        """Return the file of a channel's image. Raises InputError where there is none, or it is damaged."""
+
     def rgb_bytes(self) -> bytes:
         """Return the colour image's file."""
+        return self.image_bytes(RGB.name)
 
-    @abstractmethod
     def depth_bytes(self) -> bytes:
         """Return the depth image's file."""
+        return self.image_bytes(DEPTH.name)
 
 
 class OpenedSequence(ABC):
@@ -134,7 +156,8 @@ class Opened(Mapping[str, OpenedSequence]):
     """A dataset or a recipe that is open: its sequences by name, such as "fog_s3_static/room0"."""
 
     def __init__(self, place: str) -> None:
-        """Keep the place, the file or folder that messages name."""
+        """Keep the place, the file or folder that messages name. Loops that are fed from here fork their workers."""
+        end_opencv_threads_before_forks()
         self.place = place
 
     @property
@@ -170,6 +193,9 @@ class Opened(Mapping[str, OpenedSequence]):
             raise self._unknown(name)
         return self._sequence(name)
 
+    def load(self, name: str, index: int) -> None:
+        """Load what a frame of a sequence is made from; nothing where it is read from a file."""
+
     def close(self) -> None:
         """Let go of what is in memory; a `with` does it too."""
 
@@ -203,15 +229,17 @@ class Opened(Mapping[str, OpenedSequence]):
         frames: slice = slice(None),
         *,
         compressed: bool = True,
+        channels: Sequence[str] = (),
     ) -> "FrameList":
         """Return all frames of some sequences as one list, in order, as a map-style dataset of PyTorch.
 
         settings, scenes: names or globs. frames: start and stop of their numbers, if not all. compressed: whether
-        colour is as the file decodes; False spares the time of encoding and decoding a JPEG.
+        colour is as the file decodes; False spares the time of encoding and decoding a JPEG. channels: those
+        beside colour and depth that each sample has, under their names.
 
         Raises InputError where a name or glob matches nothing.
         """
-        place = Place(self.place)
+        place = ConfigPath(self.place)
         of_settings = set(selected(self.settings, _globs(settings), place.at("settings")))
         of_scenes = set(selected(self.scenes, _globs(scenes), place.at("scenes")))
         if frames.step not in (None, 1):
@@ -221,7 +249,7 @@ class Opened(Mapping[str, OpenedSequence]):
             for name in self._names
             if name.split("/")[0] in of_settings and name.split("/")[-1] in of_scenes
         ]
-        return FrameList(self, [part for part in parts if part[1]], compressed=compressed)
+        return FrameList(self, [part for part in parts if part[1]], compressed=compressed, channels=in_order(channels))
 
     def _unknown(self, name: object) -> InputError:
         near = ", ".join(near_names(str(name), list(self._names)))
@@ -247,11 +275,19 @@ class Sample(TypedDict):
 class FrameList(Sequence[Sample]):
     """Frames of several sequences in a row: a map-style dataset, for PyTorch's DataLoader and any number of workers."""
 
-    def __init__(self, opened: Opened, parts: list[tuple[str, FrameNumbers]], *, compressed: bool = True) -> None:
+    def __init__(
+        self,
+        opened: Opened,
+        parts: list[tuple[str, FrameNumbers]],
+        *,
+        compressed: bool = True,
+        channels: tuple[str, ...] = (),
+    ) -> None:
         """Take sequences with the numbers of their frames, at least one each."""
         self._opened = opened
         self._parts = parts
         self._compressed = compressed
+        self._channels = channels
 
     @cached_property
     def _ends(self) -> list[int]:
@@ -262,6 +298,17 @@ class FrameList(Sequence[Sample]):
 
     def __repr__(self) -> str:
         return f"<{len(self):,} frames of {len(self._parts):,} sequences of {self._opened.place}>"
+
+    def load(self) -> Self:
+        """Load what the frames of each scene are made from, meshes above all; return the list.
+
+        Workers that are forked from this process later share it. Those that are spawned load it themselves, each for
+        itself, when they first need it.
+        """
+        of_scenes = {name.split("/")[-1]: (name, numbers) for name, numbers in reversed(self._parts)}
+        for name, numbers in of_scenes.values():
+            self._opened.load(name, numbers[0])
+        return self
 
     def where(self, place: int) -> tuple[str, int]:
         """Return the sequence and the number of a frame in the list. Raises IndexError."""
@@ -287,7 +334,7 @@ class FrameList(Sequence[Sample]):
                 yield self._sample(sequence[index])
 
     def _sample(self, frame: Frame) -> Sample:
-        return {
+        sample: Sample = {
             "rgb": frame.rgb if self._compressed else frame.rgb_uncompressed,
             "depth_m": frame.depth_m,
             "c2w": frame.c2w,
@@ -296,6 +343,16 @@ class FrameList(Sequence[Sample]):
             "sequence": frame.sequence,
             "index": frame.index,
         }
+        more: Any = {name: frame.image(name) for name in self._channels}
+        return sample | more
+
+
+def decoded(channel: str, name: str, data: bytes, place: str) -> NDArray[Any]:
+    """Return the image of a channel in a file. place: of the file, for messages. Raises InputError."""
+    try:
+        return CHANNELS[channel].decode(data, name.rpartition(".")[2])
+    except ValueError as error:
+        raise InputError(place, str(error), remedy="make that dataset anew") from error
 
 
 def _whole_number(value: Any) -> int:

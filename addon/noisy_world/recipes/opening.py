@@ -7,8 +7,8 @@ from pathlib import Path
 from ..core.errors import InputError
 from ..core.home import with_home
 from ..core.near import nearest
-from ..storage.address import address_of, is_address
-from ..storage.packed import is_packed
+from ..storage.finished import is_packed
+from ..storage.open_store import is_address
 from .clean_store import read_store
 from .from_files import OpenedFolder
 from .from_packed import OpenedPacked
@@ -26,7 +26,7 @@ def open_path(path: str | Path, clean: str | Path | None = None, data: str | Pat
     place = _place(path)
     if place.is_dir():
         _refuse_inputs(place, "a folder", clean, data)
-        return OpenedPacked(address_of(place)) if is_packed(place) else OpenedFolder(place)
+        return OpenedPacked(place) if is_packed(place) else OpenedFolder(place)
     if not place.exists():
         raise _not_there(place)
     recipe = read_recipe(place)

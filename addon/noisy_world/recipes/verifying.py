@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Holding a dataset against a recipe: every file is hashed.
+"""Verification of a dataset against a recipe: every file is hashed.
 
 A file that is not as the dataset's own record says is damaged; one that is, in a block whose digest differs, was made
 otherwise. A sequence or a frame that the dataset's manifest does not name is not missing: somebody made a part.
@@ -13,9 +13,7 @@ from pathlib import Path
 from ..core.datasets.dataset_state import DatasetState
 from ..core.datasets.records import FRAMES, FrameRecord
 from ..core.progress import Progress
-from ..storage.address import address_of
-from ..storage.packed import is_packed, open_packed
-from .dataset_files import DatasetFiles, FolderFiles, PackedFiles, SequenceFiles
+from ..storage.dataset_files import DatasetFiles, SequenceFiles, files_of
 from .digests import block_digests, block_slice, blocks_of, series_of, short_of_hex
 from .findings import DAMAGED, EXTRA, MISSING, NOT_COMPARABLE, OTHER, Findings, Found
 from .frame_numbers import FrameNumbers
@@ -29,18 +27,18 @@ def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: thread
     dataset: a folder, or the address of a packed dataset. stop: when set, InterruptedRunError is raised after the
     current sequence. Raises InputError where there is no dataset, StorageError where a store refuses.
     """
-    files = _files_of(dataset)
-    standing = files.standing
-    here = standing.identity
+    files = files_of(dataset)
+    state = files.state
+    here = state.identity
     findings = Findings("" if here is None else made_otherwise(recipe.identity, here))
-    known = standing.finished if standing.manifest is not None else standing.sequences
+    known = state.finished if state.manifest is not None else state.sequences
     there = {name for name in recipe.sequences if files.has(name)}
     findings.missing = sorted(known & set(recipe.sequences) - there)
     findings.not_there = sorted(set(recipe.sequences) - known - there)
     findings.unknown = sorted((files.recorded() | known) - set(recipe.sequences))
     progress.start("verifying", sum(len(recipe.sequences[name].frames) for name in there))
     for name, own in files.each(sorted(there), stop):
-        found = _Sequence(name, recipe.sequences[name], own, standing, bool(findings.made_otherwise)).compared()
+        found = _Sequence(name, recipe.sequences[name], own, state, bool(findings.made_otherwise)).compared()
         findings.sequences.append(found)
         if not found.problems and (tar := own.damaged_whole()):
             findings.rest.add(DAMAGED, tar)  # in what no file of the dataset is: headers, samples' descriptions
@@ -50,12 +48,6 @@ def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: thread
     return findings
 
 
-def _files_of(dataset: Path | str) -> DatasetFiles:
-    if isinstance(dataset, Path) and not is_packed(dataset):
-        return FolderFiles(dataset)
-    return PackedFiles(open_packed(dataset if isinstance(dataset, str) else address_of(dataset)))
-
-
 @dataclass
 class _Sequence:
     """A sequence of the recipe that has files."""
@@ -63,13 +55,13 @@ class _Sequence:
     name: str
     wanted: SequenceDigests
     files: SequenceFiles
-    standing: DatasetState
+    state: DatasetState
     made_otherwise: bool
 
     def compared(self) -> Found:
         """Hash its files, and return what was found."""
         found = Found(self.name)
-        written: Mapping[str, str] = self.standing.files.get(self.name, {})
+        written: Mapping[str, str] = self.state.files.get(self.name, {})
         records = self.files.records()
         (recorded,) = self.files.digests([FRAMES])
         intact = recorded is not None and written.get(FRAMES) in (None, recorded)
@@ -140,9 +132,9 @@ class _Sequence:
 
 def _compare_rest(recipe: Recipe, files: DatasetFiles, findings: Findings) -> None:
     """Compare the files beside the sequences, and look for what belongs to nothing."""
-    standing = files.standing
-    settings = {name.split("/")[0] for name in standing.sequences}
-    loose = {name: digest for name, digest in standing.files.items() if isinstance(digest, str)}
+    state = files.state
+    settings = {name.split("/")[0] for name in state.sequences}
+    loose = {name: digest for name, digest in state.files.items() if isinstance(digest, str)}
     wanted = {name: digest for name, digest in recipe.texts.items() if name.split("/")[0] in settings}
     for name in sorted({*loose, *wanted}):
         digest = files.digest(name)
@@ -152,8 +144,9 @@ def _compare_rest(recipe: Recipe, files: DatasetFiles, findings: Findings) -> No
             findings.rest.add(DAMAGED, name)
         elif name in wanted and short_of_hex(digest) != wanted[name]:
             findings.rest.add(NOT_COMPARABLE if findings.made_otherwise else OTHER, name)
-    for kind, name in files.own_problems():
-        findings.rest.add(kind, name)
-    sequences = {*recipe.sequences, *standing.sequences, *findings.unknown}
+    for kind, names in zip((MISSING, DAMAGED), files.own_problems(), strict=True):
+        for name in names:
+            findings.rest.add(kind, name)
+    sequences = {*recipe.sequences, *state.sequences, *findings.unknown}
     for name in sorted(files.beside(sequences) - {*loose, *wanted}):
         findings.rest.add(EXTRA, name)

@@ -1,153 +1,141 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources of clean frames, one file for each; `core.planning.source` is their protocol.
+"""Sources of clean frames, an object in a file of its own each, and the scenes of a preset, which come from them.
 
-Here: the scenes of a preset, whose files are found and checked before anything is loaded.
+`core.planning.scene` says what such an object is, `core.planning.source` what it opens.
 """
 
-import glob
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import fields
+from typing import Any, TypeVar
 
-from ..core.datasets.layouts.recorded import MILLIMETRES
-from ..core.home import located, path_in
-from ..core.planning.source import Scene, Source
-from ..core.presets.preset import Preset
-from ..core.presets.scene_keys import SceneSpec, TrajectorySpec
+from ..core.installed import Door, Registry
+from ..core.planning.scene import FoundScene, Scene, SceneEntry, SourceKind
+from ..core.presets.preset import Preset, PresetSpec
+from ..core.presets.scene_keys import SceneKeys
 from ..core.presets.selection import selected
-from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, is_embedded, room_name, room_seeds
-from ..core.scenes.replica import replica_names
-from ..core.schema import Place
-from .blend import blend_scene
-from .lit_mesh import lit_mesh
-from .mesh_files import filled, found_path, mesh_scene
-from .recording import read_recording
-from .replica import ReplicaScene, check_replica, replica_scene
-from .video import read_video_source
-from .wildcards import matched_parts
+from ..core.schema import ConfigPath, KeyInfo, describe, list_keys, list_leaves, parse, unknown_name
+from . import blend, mesh, recording, replica, video
 
-KINDS = {"mesh": "meshes", "sequence": "sequences", "video": "videos", "blend": "files"}
-"""The keys that name a scene's file or folder, with the word for several."""
+__all__ = ["SOURCES", "find_scenes", "preset_keys", "preset_leaves", "read_scenes"]
+
+T = TypeVar("T")
+
+SHARED = {item.name for item in fields(SceneKeys)}
+SCENES = "scenes[]"
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """A scene that a preset's entry stands for. find: finds and checks its files; raises InputError."""
+def _problem(kind: SourceKind[Any]) -> str:
+    """Return what is wrong with the source of a package, in a sentence, or ""."""
+    if lacking := [item for item in ("name", "label", "meaning", "keys") if not getattr(kind, item, None)]:
+        return f"its source {type(kind).__name__} lacks {', '.join(lacking)}"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", kind.name):
+        return f"{kind.name!r} is no name of a source: small letters, digits and underscores, a letter first"
+    own = {item.name for item in fields(kind.keys)} - SHARED
+    if own != {kind.name} or not issubclass(kind.keys, SceneKeys):
+        return (
+            f"the keys of its source {kind.name} have to be a SceneKeys with {kind.name} alone: put others inside that"
+        )
+    return ""
 
-    name: str
-    place: Place
-    find: Callable[[], Source]
-    replica: ReplicaScene | None = None
+
+DOOR = Door[SourceKind[Any]]("noisy_world.sources", "source", "SOURCE", (SourceKind,), _problem)
+
+SOURCES = Registry[SourceKind[Any]](
+    DOOR, lambda: (mesh.SOURCE, replica.SOURCE, recording.SOURCE, video.SOURCE, blend.SOURCE)
+)
+"""Every source by the key that names it in a preset's scene, ours and those of installed packages."""
 
 
-def find_scenes(preset: Preset) -> list[Scene]:
+# --- keys ---
+
+
+def preset_keys() -> Iterator[tuple[str, str]]:
+    """Yield (key, meaning) for all that a preset may say, with the keys of each source's scenes; each key once."""
+    for name, meaning in list_keys(PresetSpec):
+        yield name, meaning
+        if name == SCENES:
+            for key, description in _of_each(list_keys):  # the key that names a source is there in its own scenes alone
+                yield (
+                    key,
+                    description.removesuffix("; required")
+                    if key.removeprefix(f"{SCENES}.") in SOURCES
+                    else description,
+                )
+
+
+def preset_leaves() -> Iterator[tuple[str, KeyInfo]]:
+    """Yield (key, what it means) for all keys of a preset that hold values themselves; each once."""
+    for name, info in list_leaves(PresetSpec):
+        yield from _of_each(list_leaves) if name == SCENES else [(name, info)]
+
+
+def _of_each(listed: Callable[[type[SceneKeys], str], Iterable[tuple[str, T]]]) -> Iterable[tuple[str, T]]:
+    """Return the rows of the keys of every source; of a key that several have, that of the first."""
+    found: dict[str, T] = {}
+    for kind in SOURCES.values():
+        found = {**dict(listed(kind.keys, f"{SCENES}.")), **found}
+    return found.items()
+
+
+# --- scenes ---
+
+
+def read_scenes(preset: Preset) -> list[SceneEntry[Any]]:
+    """Return the entries of a preset's scenes, checked. Raises InputError naming the key."""
+    place = preset.place("scenes")
+    return [_entry(preset, given, place.at(index)) for index, given in enumerate(preset.spec.scenes)]
+
+
+def _entry(preset: Preset, given: Any, place: ConfigPath) -> SceneEntry[Any]:
+    owners: dict[str, list[SourceKind[Any]]] = {}
+    for kind in SOURCES.values():
+        for item in fields(kind.keys):
+            owners.setdefault(item.name, []).append(kind)
+    if not isinstance(given, Mapping):
+        raise place.error(f"is {describe(given)}, but has to be a mapping of {', '.join(owners)}")
+    for name in given:
+        if name not in owners:
+            raise unknown_name(place.at(str(name)), "key", str(name), list(owners))
+    kinds = [kind for name, kind in SOURCES.items() if given.get(name) is not None]
+    if len(kinds) != 1:
+        message = f"names {' and '.join(kind.name for kind in kinds)}, but" if kinds else ""
+        raise place.error(f"{message} needs one of {', '.join(SOURCES)}".lstrip(), "name where its frames come from")
+    (kind,) = kinds
+    own = {item.name for item in fields(kind.keys)}
+    for name in given:
+        if name not in own and not _says_nothing(owners[name][0], name, given[name]):
+            whose = " or ".join(item.name for item in owners[name])
+            raise place.at(name).error(f"goes with {whose}", kind.instead.get(name, "leave it out"))
+    keys = parse(kind.keys, {name: value for name, value in given.items() if name in own}, place)
+    kind.check(keys, place)
+    return SceneEntry(preset, place, kind, keys, SOURCES.distribution(kind.name))
+
+
+def _says_nothing(owner: SourceKind[Any], name: str, value: Any) -> bool:
+    """Tell whether a key of another source is empty, or as it would be if nobody gave it."""
+    return value is None or any(value == item.default for item in fields(owner.keys) if item.name == name)
+
+
+def find_scenes(preset: Preset, names: Collection[str] = ()) -> list[Scene]:
     """Return the scenes of a preset that are wanted; an entry is one scene, or as many as its wildcards match.
+
+    names: with some that the preset has, these scenes alone: no file of the others is looked at.
 
     Raises InputError for files that are missing or wrong.
     """
-    found = [scene for index, spec in enumerate(preset.spec.scenes) for scene in _candidates(preset, index, spec)]
+    found = [scene for entry in read_scenes(preset) for scene in entry.kind.scenes(entry)]
     wanted = set(selected([item.name for item in found], preset.spec.only.scenes, preset.place("only.scenes")))
     chosen = [item for item in found if item.name in wanted]
-    check_replica([item.replica for item in chosen if item.replica is not None], preset)
-    return [_found(item) for item in chosen]
+    chosen = [item for item in chosen if item.name in names] or chosen
+    for kind in SOURCES.values():
+        if of_kind := [item for item in chosen if item.entry.kind is kind]:
+            kind.check_found(of_kind)
+    return [_opened(item) for item in chosen]
 
 
-def _found(item: _Candidate) -> Scene:
+def _opened(item: FoundScene) -> Scene:
+    place = item.entry.place
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", item.name):
-        raise item.place.at("name").error(f"{item.name!r} cannot name a folder", "give a name")
-    return Scene(item.name, item.place, item.find())
-
-
-def _candidates(preset: Preset, index: int, spec: SceneSpec) -> list[_Candidate]:
-    place = preset.place(f"scenes.{index}")
-    if spec.replica is not None:
-        return _of_replica(preset, place, spec, spec.replica)
-    if spec.mesh is not None and is_embedded(spec.mesh):
-        return _embedded(preset, place, spec, spec.mesh)
-    kind = next(name for name in KINDS if getattr(spec, name) is not None)
-    kinds, pattern = KINDS[kind], getattr(spec, kind)
-    if not glob.has_magic(pattern) or path_in(preset.folder, pattern, place.at(kind)).exists():
-        path = path_in(preset.folder, pattern, place.at(kind))
-        return [_candidate(preset, place, spec, spec.name or path.stem, pattern)]
-    folder, pattern = located(preset.folder, pattern, place.at(kind))
-    found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
-    if kind == "sequence":  # files lie beside sequences: cam_params.json, manifest.json, overview.png
-        found = [text for text in found if not (folder / text).is_file()]
-    if not found:
-        raise place.at(kind).error(
-            f"no {'folder' if kind == 'sequence' else 'file'} matches {pattern!r} {_beside(preset)}"
-        )
-    _check_one_name(spec, place, len(found), kinds)
-    scenes = []
-    for text in found:
-        parts = matched_parts(pattern, text)
-        name = filled(spec.name, parts, place.at("name")) if spec.name else "_".join(parts)
-        scenes.append(_candidate(preset, place, spec, name, folder / text, parts=parts))
-    return scenes
-
-
-def _candidate(
-    preset: Preset, place: Place, spec: SceneSpec, name: str, path: str | Path, *, parts: tuple[str, ...] = ()
-) -> _Candidate:
-    """Return a scene of a file or folder; a text is relative to the preset's folder, and may not be there."""
-    kind = next(item for item in KINDS if getattr(spec, item) is not None)
-
-    def find() -> Source:
-        whole = path if isinstance(path, Path) else found_path(preset, place.at(kind), path, folder=kind == "sequence")
-        if kind == "video":
-            depth = None if spec.depth is None else filled(spec.depth, parts, place.at("depth"))
-            beside = None if depth is None else found_path(preset, place.at("depth"), depth, folder=True)
-            return read_video_source(whole, place, beside, spec.depth_scale_per_m or MILLIMETRES)
-        if kind == "sequence":
-            return read_recording(
-                whole, place, spec.rate_hz, spec.poses, undistort=spec.undistort, register=spec.register
-            )
-        if kind == "blend":
-            return blend_scene(preset, place, spec, whole, parts=parts)
-        plain = mesh_scene(preset, place, spec, name, whole, parts=parts)
-        return plain if spec.light == "none" else lit_mesh(preset, plain)
-
-    return _Candidate(name, place, find)
-
-
-def _embedded(preset: Preset, place: Place, spec: SceneSpec, mesh: str) -> list[_Candidate]:
-    try:
-        seeds = room_seeds(mesh)
-    except ValueError as error:
-        raise place.at("mesh").error(str(error), MEANT) from error
-    _check_one_name(spec, place, len(seeds), "rooms")
-
-    def candidate(seed: int) -> _Candidate:
-        parts = () if mesh == EMBEDDED_ROOM else (str(seed),)
-        name = filled(spec.name, parts, place.at("name")) if spec.name else room_name(mesh, seed)
-        return _Candidate(name, place, lambda: mesh_scene(preset, place, spec, name, None, parts=parts, room=seed))
-
-    return [candidate(seed) for seed in seeds]
-
-
-def _of_replica(preset: Preset, place: Place, spec: SceneSpec, pattern: str) -> list[_Candidate]:
-    names = replica_names(pattern)
-    _check_one_name(spec, place, len(names), "scenes of Replica")
-
-    def candidate(scene: str) -> _Candidate:
-        name = filled(spec.name, (scene,), place.at("name")) if spec.name else scene
-        files = replica_scene(preset, spec, scene)
-
-        def find() -> Source:
-            given = replace(spec, trajectory=spec.trajectory or TrajectorySpec())
-            path = None if files.path is None else files.path.found[0]
-            return mesh_scene(preset, place, given, name, files.mesh.found[0], parts=(scene,), path_file=path)
-
-        return _Candidate(name, place, find, files)
-
-    return [candidate(scene) for scene in names]
-
-
-def _check_one_name(spec: SceneSpec, place: Place, count: int, what: str) -> None:
-    if spec.name and "*" not in spec.name and count > 1:
-        raise place.at("name").error(f"is {spec.name!r}, but {count} {what} match", "put a * where they differ")
-
-
-def _beside(preset: Preset) -> str:
-    return "beside the preset" if preset.spec.data is None else f"in {preset.folder}"
+        raise place.at("name").error(f"{item.name!r} cannot name a folder", "give a name")
+    return Scene(item.name, place, item.source(), item.entry)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a path that is rendered begins: where its first frames see nothing, it is taken for a mistake."""
+"""Checks the first frames of a rendered path: if they see nothing, the path is taken for a mistake."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from ..core.trajectories.frame_request import FrameRequest
 class Beginning:
     """The first moments of a path, at least one, and the error if none of them sees anything."""
 
-    moments: tuple[FrameRequest, ...]
+    requests: tuple[FrameRequest, ...]
     error: InputError
 
 
@@ -25,7 +25,7 @@ def check_beginning(
     request, frame: what was rendered first. Frames that another process writes, or none, are rendered for this alone,
     so that each process of a run comes to the same end, before it has handed out a frame.
     """
-    first, *others = beginning.moments
+    first, *others = beginning.requests
     if _sees_something(frame if request.index == first.index else render(first)):
         return
     if not any(_sees_something(render(other)) for other in others):

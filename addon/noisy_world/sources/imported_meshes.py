@@ -22,7 +22,7 @@ from ..core.extras import blender_missing
 from ..core.regular_files import read_text
 from ..core.scenes.beside import link_notes
 from ..core.scenes.gltf_file import read_gltf_header
-from ..core.scenes.imported import FACES_LEFT_OUT, ImportedScene, read_imported
+from ..core.scenes.imported import FACES_EXCLUDED, ImportedScene, read_imported
 from ..core.scenes.joining import joined
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.mesh_files import (
@@ -33,6 +33,7 @@ from ..core.scenes.mesh_files import (
     imported_format,
     odd_number,
 )
+from ..core.scenes.scene_object import SceneObject
 from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
@@ -70,28 +71,29 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
 
         mesh = joined(path, scene, picture)
         beside = tuple(map(Path, scene.beside))
-        told = [*link_notes(path, [*files_beside(path), *beside]), *_left_out(path, mesh)]
-        mesh = replace(mesh, notes=(*mesh.notes, *told))
+        lines = [*link_notes(path, [*files_beside(path), *beside]), *_excluded(path, mesh)]
+        mesh = replace(mesh, notes=(*mesh.notes, *lines))
         return Imported(mesh if up is None else _turned(path, mesh, scene, up), beside)
     finally:
         scratch.remove()
 
 
-def _left_out(path: Path, mesh: Mesh) -> list[str]:
+def _excluded(path: Path, mesh: Mesh) -> list[str]:
     """Return a note where Blender left faces of a file out."""
     listed = declared_faces(path)
     if listed is None or listed <= len(mesh.face_starts):
         return []
-    return [f"{listed - len(mesh.face_starts)} of {listed} {FACES_LEFT_OUT}"]
+    return [f"{listed - len(mesh.face_starts)} of {listed} {FACES_EXCLUDED}"]
 
 
-def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[str, ...]:
+def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[tuple[str, ...], tuple[SceneObject, ...]]:
     """Import a mesh file that is not a PLY, and save what Blender made of it, lights and materials too, as a .blend.
 
-    Returns what a user should know. Raises as import_mesh does, and InputError where the file holds no lights.
+    Returns what a user should know, and its objects. Raises as import_mesh does, and InputError where the file holds no
+    lights.
     """
     scene = _import(path, blend.parent, blend=str(blend), asked=up)
-    return (*scene.notes, *link_notes(path, [*files_beside(path), *map(Path, scene.beside)]))
+    return (*scene.notes, *link_notes(path, [*files_beside(path), *map(Path, scene.beside)])), scene.objects
 
 
 def _import(path: Path, folder: Path, **more: object) -> ImportedScene:

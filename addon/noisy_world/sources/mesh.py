@@ -1,333 +1,99 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a mesh and a path through it, whose frames are rendered."""
+"""Source `mesh`: a mesh, or an embedded room, with a path through it, whose frames are rendered."""
 
-import contextlib
-import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import ClassVar, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..core.datasets.storage import sha256_of_file
-from ..core.errors import NoisyWorldError
-from ..core.geometry import Intrinsics
-from ..core.optics import PINHOLE, Optics
-from ..core.planning.source import Gives, RenderOptions, SourceFrame
-from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
-from ..core.scenes.embedded import room_mesh
-from ..core.scenes.mesh import Mesh
-from ..core.scenes.mesh_files import imported_format
-from ..core.scenes.room import build_room
-from ..core.scenes.selfcheck import reprojection_problem
-from ..core.scenes.turning import Up
-from ..core.schema import Place
-from ..core.trajectories.files import read_trajectory_file
-from ..core.trajectories.frame_request import FrameRequest
-from ..core.trajectories.handheld import handheld_path, walk_problem
-from ..core.trajectories.matrix_poses import numbered_files
-from ..core.trajectories.sensor_paths import SensorPaths
-from ..core.trajectories.stamps import FrameStamps
-from ..core.trajectories.trajectory import MOST_POSES, Axes, Trajectory, evenly_stamped, resample, subsample
-from .beginning import Beginning, check_beginning
-from .mesh_reading import files_of_mesh, read_mesh
-from .mesh_reading import forget_meshes as forget_read_meshes
-from .rendering import RenderSession, open_session
+from ..core.messages import Message, Part, PresetKey
+from ..core.planning.scene import FoundScene, SceneEntry
+from ..core.planning.source import Source
+from ..core.presets.scene_keys import PathKeys, check_trajectory
+from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, ROOMS, is_embedded, room_name, room_seeds
+from ..core.schema import ConfigPath, key
+from .mesh_source import MeshSource, mesh_scene
+from .scene_files import FileSource, check_one_name, named
 
 
-@dataclass(frozen=True)
-class MeshSource:
-    """A mesh with a path through it.
+@dataclass(frozen=True, kw_only=True)
+class MeshKeys(PathKeys):
+    """What a preset says of a mesh and the way through it."""
 
-    name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
-    known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
-    room it is. up: the axis of the mesh's file that points up; None is what the file declares.
-    """
-
-    name: str
-    place: Place
-    mesh_path: Path | None
-    spec: TrajectorySpec
-    path_file: Path | None
-    known_path: Trajectory | None
-    seed: int
-    room: int = 0
-    up: Up | None = None
-
-    @property
-    def location(self) -> str:
-        """The mesh."""
-        return room_mesh(self.room) if self.mesh_path is None else str(self.mesh_path)
-
-    @property
-    def gives(self) -> Gives:
-        """Rendered frames from any pose."""
-        return self._gives
-
-    @cached_property
-    def _gives(self) -> Gives:
-        imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
-        return Gives(rendered=True, any_pose=True, imported=imported, surface=True)
-
-    @property
-    def stamps_s(self) -> NDArray[np.float64]:
-        """Time stamps (N,) of the path in seconds; those of a path that is not generated yet follow from its rate."""
-        return self._stamps_s
-
-    @cached_property
-    def _stamps_s(self) -> NDArray[np.float64]:
-        if self.known_path is not None:
-            return self.known_path.stamps_s
-        handheld = self._handheld
-        if problem := walk_problem(handheld.frames, handheld.rate_hz, handheld.speed_m_s):
-            raise self.place.at("trajectory").at("handheld").error(problem)
-        still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
-        return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
-
-    @property
-    def frame_stamps(self) -> FrameStamps:
-        """Those of the path: colour and depth are rendered at one moment."""
-        return self._frame_stamps
-
-    @cached_property
-    def _frame_stamps(self) -> FrameStamps:
-        return FrameStamps.of(self.stamps_s)
-
-    @property
-    def robot_axes(self) -> Axes | None:
-        """The axes of the path's poses: the preset's, or else those of the file."""
-        return "opencv" if self.spec.axes == "auto" else self.spec.axes
-
-    def camera(self, asked: Intrinsics | None) -> Intrinsics | None:
-        """Return the intrinsics asked for: a mesh can be rendered through any camera."""
-        return asked
-
-    @property
-    def _handheld(self) -> HandheldSpec:
-        assert self.spec.handheld is not None, "a preset has either file or handheld"
-        return self.spec.handheld
-
-    def optics(self, camera: Intrinsics) -> Optics:
-        """Return one pinhole."""
-        del camera
-        return PINHOLE
-
-    def trajectory(self) -> Trajectory:
-        """Return the path that was read, or generate one through the mesh."""
-        return self.known_path if self.known_path is not None else self._made_path
-
-    @cached_property
-    def _made_path(self) -> Trajectory:
-        spec = self._handheld
-        try:
-            path = handheld_path(
-                load_mesh(self.mesh_path, self.room, self.up),
-                seed=self.seed if spec.seed is None else spec.seed,
-                frames=spec.frames,
-                rate_hz=spec.rate_hz,
-                speed_m_s=spec.speed_m_s,
-                clearance_m=spec.clearance_m,
-                revisit=spec.revisit,
-            )
-        except NoisyWorldError as error:
-            raise self.place.at("trajectory").at("handheld").error(str(error)) from error
-        return selected_poses(path, self.spec, self.place.at("trajectory"))
-
-    @property
-    def mesh(self) -> Callable[[], Mesh]:
-        """Returns the mesh: it is read, or built."""
-        return partial(load_mesh, self.mesh_path, self.room, self.up)
-
-    def hashes(self) -> dict[str, Any]:
-        """Return the names and hashes of the mesh, of the files beside it that it needs, and of the path's file."""
-        beside = [] if self.mesh_path is None else files_of_mesh(self.mesh_path)
-        digests = "".join(sha256_of_file(file) or "" for file in beside)
-        what = "mesh_files" if self.gives.imported else "mesh_textures"
-        beside_hashes = {
-            what: ", ".join(file.name for file in beside),
-            f"{what}_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-        }
-        return {
-            "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
-            "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
-            "trajectory": "handheld" if self.path_file is None else self.path_file.name,
-            "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
-            **(beside_hashes if beside else {}),
-            **({} if self.up is None else {"mesh_up": self.up}),
-        }
-
-    @contextmanager
-    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["PreparedMesh"]:
-        """Prepare to render frames; the mesh is read when the first path is opened."""
-        with contextlib.ExitStack() as closing:
-            yield PreparedMesh(self, camera, note, closing)
-
-    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
-        """Return what a path of the mesh must not begin with, None where no frame is looked at."""
-        if not frames:
-            return None
-        path = "the hand-held path" if self.path_file is None else self.path_file.name
-        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
-        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} nothing of {Path(self.location).name}"
-        declared = f"pose ({self.spec.pose}) and axes ({self.spec.axes}) as the file has them"
-        remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
-        error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
-        return Beginning(tuple(map(paths.request, frames)), error)
-
-
-class PreparedMesh:
-    """A mesh that a renderer takes in once, for all paths through it that the same session can serve."""
-
-    def __init__(
-        self, source: MeshSource, camera: Intrinsics, note: Callable[[str], None], closing: contextlib.ExitStack
-    ) -> None:
-        """Keep what is needed to build it. closing: closes the session in the end."""
-        self._source = source
-        self._camera = camera
-        self._note = note
-        self._told: set[str] = set()
-        self._closing = closing
-        self._session: RenderSession | None = None
-        self._unchecked: list[Mesh] = []
-
-    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenMesh":
-        """Return the mesh ready to be rendered along the paths.
-
-        Only where these lie around another point, far from the origin, or need other images is it built again.
-        """
-        session = self._session
-        if session is None or not session.serves(paths, options):
-            session = self._build(paths, options)
-        beginning = self._source.beginning(paths, options.first_frames)
-        return OpenMesh(session, self._unchecked, self._camera, note, beginning)
-
-    def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
-        self._closing.close()
-        self._unchecked.clear()
-        mesh = load_mesh(self._source.mesh_path, self._source.room, self._source.up)
-        for text in (*mesh.notes, *self._source.trajectory().notes):
-            self._tell(text)
-        if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
-            self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
-        opened = open_session(mesh, self._source.name, paths, self._camera, options)
-        session = self._closing.enter_context(opened)
-        if session.origin_m.any():
-            where = ", ".join(f"{value:g}" for value in session.origin_m)
-            self._tell(f"far from the origin, so rendered around ({where}) m; poses stay as given")
-        self._unchecked.append(mesh)
-        self._session = session
-        return session
-
-    def _tell(self, text: str) -> None:
-        """Say what has not been said of the scene."""
-        if text not in self._told:
-            self._told.add(text)
-            self._note(text)
-
-
-class OpenMesh:
-    """A mesh in a renderer with the paths of a render.
-
-    The first frame that is rendered is checked against the mesh, which is then released.
-    """
-
-    def __init__(
-        self,
-        session: RenderSession,
-        unchecked: list[Mesh],
-        camera: Intrinsics,
-        note: Callable[[str], None],
-        beginning: Beginning | None = None,
-    ) -> None:
-        """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied."""
-        self._session = session
-        self._unchecked = unchecked
-        self._camera = camera
-        self._note = note
-        self._beginning = beginning
-        self._first = True
-
-    def frame(self, request: FrameRequest) -> SourceFrame:
-        """Render a frame. Raises InputError where the path begins with frames that see nothing."""
-        frame = self._session.frame(request)
-        if self._beginning is not None:
-            check_beginning(self._beginning, request, frame, self._session.frame)
-        if self._first and frame.depth_m is not None:
-            self._check(request, frame.depth_m)
-        self._first, self._beginning = False, None
-        if self._unchecked:
-            self._unchecked.clear()
-            forget_meshes()
-        return frame
-
-    def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
-        """Note what looks wrong with the first frame, early enough to stop the run."""
-        where = f"{request.time_s:g} s" if request.index is None else f"frame {request.index}"
-        if not depth_m.any():
-            declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
-            self._note(f"{where} sees nothing; {declared}")
-            return
-        for mesh in self._unchecked:
-            if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m):
-                self._note(f"{where}: {problem}")
-
-
-def load_mesh(path: Path | None, room: int = 0, up: Up | None = None) -> Mesh:
-    """Read a mesh, or build an embedded room where there is no path; the last ones are cached.
-
-    up: the axis of the file that points up; None is what it declares, or Z. Raises InputError, and
-    MissingDependencyError where it takes Blender's importers and there are none.
-    """
-    return _room(room) if path is None else read_mesh(path, up)
-
-
-@lru_cache(maxsize=1)
-def _room(seed: int) -> Mesh:
-    return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
-
-
-def sha256_of_path(path: Path) -> str | None:
-    """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
-    if path.is_file():
-        return sha256_of_file(path)
-    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
-    return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()
-
-
-def forget_meshes() -> None:
-    """Keep no mesh in memory."""
-    _room.cache_clear()
-    forget_read_meshes()
-
-
-def read_path(path: Path, spec: TrajectorySpec, place: Place, camera: Intrinsics) -> tuple[Trajectory, TrajectorySpec]:
-    """Read and select the poses of a file; return also the keys with the conventions that it was read with.
-
-    camera: the preset's; a file that states another gets a note. Raises InputError.
-    """
-    found = read_trajectory_file(
-        path, format=spec.format, direction=spec.pose, axes=spec.axes, rate_hz=spec.rate_hz, stamp_unit=spec.stamp_unit
+    mesh: str = key(
+        "PLY, glTF, OBJ, USD, FBX or STL file, relative to the preset; * allowed; or "
+        f"{EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}",
+        identity="meaning",
     )
-    chosen = selected_poses(found.trajectory, spec, place)
-    difference = "" if found.camera is None else found.camera.difference(camera)
-    notes = [f"{path.name}: {note}" for note in (*chosen.notes, difference) if note]
-    return replace(chosen, notes=tuple(notes)), replace(spec, pose=found.direction, axes=found.axes)
+    up: Literal["y", "z"] | None = key(
+        "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
+        default=None,
+        identity="meaning",
+    )
+    light: Literal["none", "scene"] = key(
+        "how a mesh is lit: not at all, showing its base colours; or by the lights and materials of its file",
+        default="none",
+        identity="meaning",
+    )
 
 
-def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: Place) -> Trajectory:
-    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left, or too many."""
-    if spec.resample_hz is not None:
+class MeshKind(FileSource[MeshKeys]):
+    """A mesh is rendered along a path: unlit, or with the lights of its file."""
+
+    name = "mesh"
+    label = "Mesh"
+    meaning = "a mesh's file or an embedded room, rendered along a path"
+    keys = MeshKeys
+    several = "meshes"
+    instead: ClassVar[Mapping[str, Part]] = {
+        "rate_hz": Message("the rate of a mesh's path is ", PresetKey("trajectory.rate_hz"))
+    }
+
+    def check(self, keys: MeshKeys, place: ConfigPath) -> None:
+        """Refuse keys of a file where there is none, and a mesh without a path."""
+        if is_embedded(keys.mesh):
+            for name, value in (("up", keys.up is not None), ("light", keys.light != "none")):
+                if value:
+                    raise place.at(name).error("goes with the file of a mesh", "leave it out")
+        if keys.trajectory is None:
+            raise place.at("trajectory").error("is missing", "add it: the way of the camera")
+        check_trajectory(keys.trajectory, place.at("trajectory"))
+
+    def scenes(self, entry: SceneEntry[MeshKeys]) -> Iterable[FoundScene]:
+        """Return a scene for each file, or for each embedded room."""
+        mesh = entry.keys.mesh
+        if not is_embedded(mesh):
+            return super().scenes(entry)
         try:
-            trajectory = resample(trajectory, spec.resample_hz)
+            seeds = room_seeds(mesh)
         except ValueError as error:
-            span_s = float(np.ptp(trajectory.stamps_s))
-            remedy = f"at most {0.99 * MOST_POSES / span_s:.2g} Hz, or mend the stamps"
-            raise place.at("resample_hz").error(str(error), remedy) from error
-    try:
-        return subsample(trajectory, spec.start, spec.stop, spec.every)
-    except ValueError as error:
-        raise place.error(str(error)) from error
+            raise entry.source_place.error(str(error), MEANT) from error
+        check_one_name(entry, len(seeds), "rooms")
+        return [self._room(entry, seed) for seed in seeds]
+
+    def _room(self, entry: SceneEntry[MeshKeys], seed: int) -> FoundScene:
+        parts = () if entry.keys.mesh == EMBEDDED_ROOM else (str(seed),)
+        name = named(entry, parts) or room_name(entry.keys.mesh, seed)
+        return FoundScene(entry, name, partial(_plain, entry, name, None, parts, room=seed))
+
+    def open_file(self, entry: SceneEntry[MeshKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
+        """Return the source of a mesh's file."""
+        plain = _plain(entry, name, path, parts)
+        if entry.keys.light == "none":
+            return plain
+        from .lit_mesh import lit_mesh
+
+        return lit_mesh(entry.preset, plain)
+
+
+SOURCE = MeshKind()
+
+
+def _plain(
+    entry: SceneEntry[MeshKeys], name: str, mesh_path: Path | None, parts: tuple[str, ...], room: int = 0
+) -> MeshSource:
+    assert entry.keys.trajectory is not None, "that it is there has been checked"
+    return mesh_scene(
+        entry.preset, entry.place, name, mesh_path, entry.keys.trajectory, parts=parts, room=room, up=entry.keys.up
+    )

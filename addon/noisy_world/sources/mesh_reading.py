@@ -8,7 +8,6 @@ from ..core.scenes.mesh import Mesh
 from ..core.scenes.mesh_files import files_beside, imported_format
 from ..core.scenes.ply import read_ply
 from ..core.scenes.turning import Up, turned
-from .imported_meshes import import_mesh
 
 
 def read_mesh(path: Path, up: Up | None = None) -> Mesh:
@@ -29,6 +28,8 @@ def forget_meshes() -> None:
 def _read(path: Path, up: Up | None, changed: tuple[int, ...]) -> Mesh:
     if imported_format(path) is None:
         return turned(read_ply(path), "z", up or "z")
+    from .imported_meshes import import_mesh
+
     imported = import_mesh(path, up)
     _beside[path, changed] = imported.beside
     return imported.mesh

@@ -1,51 +1,88 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a recording: a sequence on disk, whose frames are read."""
+"""Source `sequence`: a recording on disk, whose frames are read."""
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import COLOUR_AND_DEPTH
 from ..core.datasets.image_files import WholeFile
-from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence
+from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
 from ..core.machine import keep_freed_memory
+from ..core.messages import Message, Part, PresetKey
 from ..core.optics import Optics
-from ..core.planning.source import ColourAndDepth, Gives, RenderOptions
-from ..core.schema import Place
+from ..core.planning.scene import Lack, SceneEntry
+from ..core.planning.simple_source import SimpleSource
+from ..core.planning.source import ColourAndDepth, RenderOptions, SourceCapabilities
+from ..core.presets.scene_keys import SceneKeys
+from ..core.schema import ConfigPath, key
 from ..core.trajectories.frame_request import FrameRequest
-from ..core.trajectories.matrix_poses import numbered_files
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
-from ..core.trajectories.trajectory import Axes, Trajectory
+from ..core.trajectories.trajectory import Trajectory
+from .path_files import sha256_of_path
 from .rectification import Rectification
+from .scene_files import FileSource
 
 RECORDED = "a recording has nothing between its frames"
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
 
+@dataclass(frozen=True, kw_only=True)
+class RecordingKeys(SceneKeys):
+    """What a preset says of a recording."""
+
+    sequence: str = key(
+        f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; * allowed",
+        identity="meaning",
+    )
+    rate_hz: float | None = key(
+        "frames a second of a sequence that has no time stamps of its own; default 20",
+        unit="Hz",
+        default=None,
+        above=0,
+        maximum=10_000,
+        identity="meaning",
+    )
+    poses: PosePolicy = key(
+        "frames of a sequence that have no valid pose: drop leaves them out, keep keeps them without one, require ends "
+        "the run; none looks for no poses at all: a recording without ground truth",
+        default="drop",
+        identity="meaning",
+    )
+    undistort: bool = key(
+        "whether a sequence whose lens distorts is made a pinhole's", default=False, identity="meaning"
+    )
+    register: bool = key(
+        "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
+        default=False,
+        identity="meaning",
+    )
+
+
 @dataclass(frozen=True)
-class Recording:
+class Recording(SimpleSource):
     """A sequence on disk in one of the layouts."""
 
     stored: StoredSequence
-    place: Place
+    place: ConfigPath
     undistort: bool = False
     register: bool = False
 
     def optics(self, camera: Intrinsics) -> Optics:
         """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
-        return self.treatment(camera).left
+        return self.rectification(camera).left
 
-    def treatment(self, camera: Intrinsics) -> Rectification:
+    def rectification(self, camera: Intrinsics) -> Rectification:
         """Return what is done to each frame before it is perturbed. camera: of colour.
 
         Raises InputError where a lens is to be undistorted that belongs to another camera than this.
@@ -64,9 +101,9 @@ class Recording:
         return str(self.stored.folder)
 
     @property
-    def gives(self) -> Gives:
+    def capabilities(self) -> SourceCapabilities:
         """Frames from the recorded poses, not rendered."""
-        return Gives(rendered=False, any_pose=False, instants_only=RECORDED, key="sequence")
+        return SourceCapabilities(rendered=False, any_pose=False, instants_only=RECORDED)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -77,11 +114,6 @@ class Recording:
     def frame_stamps(self) -> FrameStamps:
         """When colour, depth and poses were taken, as the recording says."""
         return self.stored.stamps
-
-    @property
-    def robot_axes(self) -> Axes | None:
-        """None: a recording has no rig."""
-        return None
 
     def camera(self, asked: Intrinsics | None) -> Intrinsics:
         """Return the intrinsics asked for or, where none are, its own.
@@ -109,11 +141,6 @@ class Recording:
         """Return its ground truth."""
         return self.stored.trajectory
 
-    @property
-    def mesh(self) -> None:
-        """None: frames were recorded."""
-        return None
-
     def hashes(self) -> dict[str, Any]:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored
@@ -123,7 +150,7 @@ class Recording:
             "sequence": stored.folder.name,
             "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "trajectory": None if path is None else path.name,
-            "trajectory_sha256": None if path is None else _sha256_of_poses(path),
+            "trajectory_sha256": None if path is None else sha256_of_path(path),
             "depth_scale_per_m": stored.depth_scale_per_m,
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
@@ -138,13 +165,13 @@ class Recording:
         if self.stored.assumed and self.stored.known_camera == camera:
             note(self.stored.assumed)
         keep_freed_memory()  # clearing new pages for each file's content takes as long as checking it
-        treatment = self.treatment(camera)
-        yield OpenRecording(self.stored, None if treatment.does_nothing else treatment)
+        rectification = self.rectification(camera)
+        yield OpenRecording(self.stored, None if rectification.does_nothing else rectification)
 
 
 def read_recording(
     folder: Path,
-    place: Place,
+    place: ConfigPath,
     rate_hz: float | None = None,
     poses: PosePolicy = "drop",
     *,
@@ -177,14 +204,6 @@ def _spoken(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
 
 
-def _sha256_of_poses(path: Path) -> str | None:
-    """Return the SHA-256 of a file of poses; of the list of its files' hashes for a folder of one pose a file."""
-    if not path.is_dir():
-        return sha256_of_file(path)
-    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
-    return hashlib.sha256(listed.encode()).hexdigest()
-
-
 def _timing(stored: StoredSequence) -> dict[str, Any]:
     """Return what decides the stamps: a rate, or the name of a file and the hash of what it says."""
     if stored.stamps_path is None:
@@ -196,10 +215,10 @@ def _timing(stored: StoredSequence) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OpenRecording:
-    """A recording that is ready to give frames. treatment: done to each; None for nothing."""
+    """A recording that is ready to give frames. rectification: done to each; None for nothing."""
 
     stored: StoredSequence
-    treatment: Rectification | None = None
+    rectification: Rectification | None = None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenRecording":
         """Return itself: the files decide what its frames show."""
@@ -208,15 +227,15 @@ class OpenRecording:
 
     def frame(self, request: FrameRequest) -> "RecordedFrame":
         """Return the frame of a request; its images are read on request."""
-        return RecordedFrame(self.stored.frame(request.frame), self.treatment)
+        return RecordedFrame(self.stored.frame(request.frame), self.rectification)
 
 
 @dataclass(frozen=True)
 class RecordedFrame(ColourAndDepth):
-    """A frame on disk. treatment: done to its images; None for nothing."""
+    """A frame on disk. rectification: done to its images; None for nothing."""
 
     stored: StoredFrame
-    treatment: Rectification | None = None
+    rectification: Rectification | None = None
 
     @property
     def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
@@ -225,13 +244,13 @@ class RecordedFrame(ColourAndDepth):
         Raises InputError where the file is damaged, or no image.
         """
         rgb = self.stored.rgb
-        return rgb if self.treatment is None else self.treatment.rgb(rgb)
+        return rgb if self.rectification is None else self.rectification.rgb(rgb)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
         depth_m = self.stored.depth_m
-        return depth_m if self.treatment is None else self.treatment.depth_m(depth_m)
+        return depth_m if self.rectification is None else self.rectification.depth_m(depth_m)
 
     def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
         """Return an image's file if a dataset would write the same: equal image kind, colours and depth scale.
@@ -239,7 +258,7 @@ class RecordedFrame(ColourAndDepth):
         Raises InputError where that file is damaged.
         """
         stored = self.stored
-        if self.treatment is not None or modality not in COLOUR_AND_DEPTH:
+        if self.rectification is not None or modality not in COLOUR_AND_DEPTH:
             return None
         if modality == "rgb":
             same = stored.stored_rgb == (written.image, written.colour)
@@ -247,3 +266,31 @@ class RecordedFrame(ColourAndDepth):
             # A dataset says void by 0 alone.
             same = stored.depth_scale_per_m == written.depth_scale_per_m and not stored.void_steps
         return stored.whole_file(modality) if same else None
+
+
+class RecordingKind(FileSource[RecordingKeys]):
+    """A folder is read by the layout that recognises it."""
+
+    name = "sequence"
+    label = "Recording"
+    meaning = "a sequence that was recorded or made before, in any layout that is read"
+    keys = RecordingKeys
+    folder = True
+    several = "sequences"
+    remedies: ClassVar[Mapping[Lack, Part]] = {
+        "poses": Message(PresetKey("poses", "drop"), " leaves them out"),
+        "registration": Message(PresetKey("register", "true"), " lays depth into colour"),
+        "pinhole": Message(PresetKey("undistort", "true"), " makes a pinhole of it"),
+    }
+    instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a sequence has its own"}
+
+    def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Recording:
+        """Return the source of a folder."""
+        del name, parts
+        keys = entry.keys
+        return read_recording(
+            path, entry.place, keys.rate_hz, keys.poses, undistort=keys.undistort, register=keys.register
+        )
+
+
+SOURCE = RecordingKind()

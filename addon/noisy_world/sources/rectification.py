@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is done to each frame of a recording before it is perturbed: a pinhole made, depth laid into colour."""
+"""Rectification of a recording's frames before they are perturbed: undistorted, and depth registered to colour."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What renders a mesh: Blender, or rays alone."""
+"""Opens the renderer of a mesh: Blender, or Embree."""
 
 from contextlib import AbstractContextManager
 from typing import Protocol
@@ -15,9 +15,13 @@ from ..core.trajectories.sensor_paths import SensorPaths
 
 
 class RenderSession(Protocol):
-    """A mesh in a renderer, ready to be seen from any pose. origin_m: (3,) float64, around which it is rendered."""
+    """A mesh in a renderer, ready to be seen from any pose.
+
+    origin_m: (3,) float64, around which it is rendered. notes: what a user should know about how that is done.
+    """
 
     origin_m: NDArray[np.float64]
+    notes: tuple[str, ...]
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files of Replica's scenes, found under a preset's `data`; what is missing is said of all scenes at once."""
+"""Source `replica`: scenes of Replica, found under a preset's `data`; what is missing is said of all at once."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from ..core.presets.preset import Preset
-from ..core.presets.scene_keys import SceneSpec
-from ..core.scenes.replica import ReplicaFile, replica_mesh, replica_path
+from ..core.planning.scene import FoundScene, SceneEntry, SourceKind
+from ..core.presets.scene_keys import PathKeys, TrajectorySpec, check_trajectory
+from ..core.scenes.replica import REPLICA_SCENES, ReplicaFile, replica_mesh, replica_names, replica_path
+from ..core.schema import ConfigPath, key, unknown_name
+from .mesh_source import MeshSource, mesh_scene
+from .scene_files import check_one_name, named
 
 DOWNLOADS = (
     "the meshes are Replica's own download, the paths come with NICE-SLAM's Replica; say where they are with "
@@ -14,43 +18,90 @@ DOWNLOADS = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReplicaKeys(PathKeys):
+    """What a preset says of scenes of Replica."""
+
+    replica: str = key(
+        f"instead of mesh: a scene of Replica, looked for under data; * allowed; {', '.join(REPLICA_SCENES)}",
+        identity="meaning",
+    )
+
+    @property
+    def own_path(self) -> bool:
+        """Whether the entry gives a path, rather than keys of Replica's own at most."""
+        path = self.trajectory
+        return path is not None and (path.file is not None or path.handheld is not None)
+
+
 @dataclass(frozen=True)
-class ReplicaScene:
+class ReplicaFiles:
     """The files found for a scene of an entry; path: None where the entry gives its own trajectory."""
 
-    scene: str
     mesh: ReplicaFile
     path: ReplicaFile | None
 
 
-def replica_scene(preset: Preset, spec: SceneSpec, scene: str) -> ReplicaScene:
-    """Look for the files of a scene. Raises InputError where the folder cannot be read."""
-    folder, place = preset.folder, preset.place("data")
-    own = spec.trajectory is not None and (spec.trajectory.file is not None or spec.trajectory.handheld is not None)
-    try:
-        return ReplicaScene(scene, replica_mesh(folder, scene), None if own else replica_path(folder, scene))
-    except OSError as error:
-        raise place.error(f"{folder} cannot be read: {error.strerror}") from error
+class ReplicaKind(SourceKind[ReplicaKeys]):
+    """Replica's meshes, and the paths that SLAM systems are evaluated on."""
+
+    name = "replica"
+    label = "Replica"
+    meaning = "scenes of Replica by name, with the paths that the SLAM systems use"
+    keys = ReplicaKeys
+
+    def check(self, keys: ReplicaKeys, place: ConfigPath) -> None:
+        """Refuse what is no scene of Replica, and a path that is none."""
+        if not replica_names(keys.replica):
+            raise unknown_name(place.at("replica"), "scene of Replica", keys.replica, REPLICA_SCENES)
+        if keys.trajectory is not None and keys.own_path:
+            check_trajectory(keys.trajectory, place.at("trajectory"))
+
+    def scenes(self, entry: SceneEntry[ReplicaKeys]) -> Iterable[FoundScene]:
+        """Return the scenes that the name stands for, and their files as far as there are any."""
+        names = replica_names(entry.keys.replica)
+        check_one_name(entry, len(names), "scenes of Replica")
+        return [self._scene(entry, scene) for scene in names]
+
+    def _scene(self, entry: SceneEntry[ReplicaKeys], scene: str) -> FoundScene:
+        folder = entry.preset.folder
+        try:
+            files = ReplicaFiles(
+                replica_mesh(folder, scene), None if entry.keys.own_path else replica_path(folder, scene)
+            )
+        except OSError as error:
+            raise entry.preset.place("data").error(f"{folder} cannot be read: {error.strerror}") from error
+        name = named(entry, (scene,)) or scene
+        return FoundScene(entry, name, partial(_opened, entry, name, scene, files), (scene, files))
+
+    def check_found(self, chosen: Sequence[FoundScene]) -> None:
+        """Refuse scenes whose files are missing, or of which there are several copies, all in one line."""
+        preset = chosen[0].entry.preset
+        scenes: list[tuple[str, ReplicaFiles]] = [item.found for item in chosen]
+        place = preset.place("data")
+        if not preset.folder.is_dir():
+            raise place.error(f"no such folder: {preset.folder}", DOWNLOADS)
+        missing = [
+            f"no {what} of {', '.join(name for name, _ in lacking)} ({' or '.join(lacking[0][1].sought)}, for instance)"
+            for what, lacking in (
+                ("mesh", [(name, item.mesh) for name, item in scenes if not item.mesh.found]),
+                ("path", [(name, item.path) for name, item in scenes if item.path is not None and not item.path.found]),
+            )
+            if lacking
+        ]
+        if missing:
+            raise place.error(f"in {preset.folder} and the folders in it there is {', and '.join(missing)}", DOWNLOADS)
+        for name, item in scenes:
+            for file in (item.mesh, item.path):
+                if file is not None and len(file.found) > 1:
+                    others = " and ".join(str(path) for path in file.found[:2])
+                    raise place.error(f"{name} is there more than once: {others}", "give one's folder with --data")
 
 
-def check_replica(scenes: Iterable[ReplicaScene], preset: Preset) -> None:
-    """Refuse scenes whose files are missing, or of which there are several copies, all in one line."""
-    scenes = list(scenes)
-    place = preset.place("data")
-    if scenes and not preset.folder.is_dir():
-        raise place.error(f"no such folder: {preset.folder}", DOWNLOADS)
-    missing = [
-        f"no {what} of {', '.join(name for name, _ in lacking)} ({' or '.join(lacking[0][1].sought)}, for instance)"
-        for what, lacking in (
-            ("mesh", [(item.scene, item.mesh) for item in scenes if not item.mesh.found]),
-            ("path", [(item.scene, item.path) for item in scenes if item.path is not None and not item.path.found]),
-        )
-        if lacking
-    ]
-    if missing:
-        raise place.error(f"in {preset.folder} and the folders in it there is {', and '.join(missing)}", DOWNLOADS)
-    for item in scenes:
-        for file in (item.mesh, item.path):
-            if file is not None and len(file.found) > 1:
-                others = " and ".join(str(path) for path in file.found[:2])
-                raise place.error(f"{item.scene} is there more than once: {others}", "give one's folder with --data")
+SOURCE = ReplicaKind()
+
+
+def _opened(entry: SceneEntry[ReplicaKeys], name: str, scene: str, files: ReplicaFiles) -> MeshSource:
+    path = None if files.path is None else files.path.found[0]
+    spec = entry.keys.trajectory or TrajectorySpec()
+    return mesh_scene(entry.preset, entry.place, name, files.mesh.found[0], spec, parts=(scene,), path_file=path)

@@ -1,173 +1,67 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source of a video file: colour, and depth where a folder holds it; a camera where the preset gives it."""
+"""Source `video`: a video file's colour, and depth where a folder holds it."""
 
-import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..core.datasets.depth_folder import DepthFolder, read_depth_folder
-from ..core.datasets.image_files import WholeFile
-from ..core.datasets.known_poses import unposed
-from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.layouts.recorded import MILLIMETRES
-from ..core.datasets.storage import sha256_of_file
-from ..core.datasets.video_files import VideoFile, VideoReader, read_video
-from ..core.geometry import Intrinsics
-from ..core.optics import PINHOLE, Optics
-from ..core.planning.source import ColourAndDepth, Gives, RenderOptions
-from ..core.schema import Place
-from ..core.trajectories.frame_request import FrameRequest
-from ..core.trajectories.sensor_paths import SensorPaths
-from ..core.trajectories.stamps import FrameStamps
-from ..core.trajectories.trajectory import Axes, Trajectory
-
-RECORDED = "a video has nothing between its frames"
-# Of the larger side: what COLMAP begins with (ImageReaderOptions::default_focal_length_factor).
-FOCAL_LENGTH_FACTOR = 1.2
+from ..core.datasets.stored import SCALES_PER_M
+from ..core.messages import Message, Part, PresetKey
+from ..core.planning.scene import Lack, SceneEntry
+from ..core.planning.source import Source
+from ..core.presets.scene_keys import SceneKeys
+from ..core.schema import ConfigPath, key
+from .scene_files import FileSource, filled, found_path
 
 
-@dataclass(frozen=True)
-class Video:
-    """A video file. depth: None where there is colour alone."""
+@dataclass(frozen=True, kw_only=True)
+class VideoKeys(SceneKeys):
+    """What a preset says of a video."""
 
-    video: VideoFile
-    place: Place
-    depth: DepthFolder | None = None
-
-    @property
-    def location(self) -> str:
-        """The file."""
-        return str(self.video.path)
-
-    @property
-    def gives(self) -> Gives:
-        """Recorded colour and, where there is any, depth."""
-        return Gives(rendered=False, any_pose=False, depth=self.depth is not None, instants_only=RECORDED, key="video")
-
-    @property
-    def stamps_s(self) -> NDArray[np.float64]:
-        """Time stamps (N,) of the frames, as the file has them."""
-        return self.video.stamps_s
-
-    @property
-    def frame_stamps(self) -> FrameStamps:
-        """Those of colour, for depth as well."""
-        return FrameStamps.of(self.video.stamps_s)
-
-    @property
-    def robot_axes(self) -> Axes | None:
-        """None: a video has no rig."""
-        return None
-
-    def camera(self, asked: Intrinsics | None) -> Intrinsics:
-        """Return the intrinsics asked for or, where none are, a guess. Raises InputError for another size."""
-        wide, high = self.video.size_px
-        if asked is None:
-            focal_px = FOCAL_LENGTH_FACTOR * max(wide, high)
-            return Intrinsics(wide, high, focal_px, focal_px, (wide - 1) / 2, (high - 1) / 2)
-        if (asked.width_px, asked.height_px) != (wide, high):
-            problem = (
-                f"its frames are {wide} x {high}, but the preset's camera has {asked.width_px} x {asked.height_px}"
-            )
-            raise self.place.at("video").error(problem, "set camera to that, or leave it out")
-        return asked
-
-    def optics(self, camera: Intrinsics) -> Optics:
-        """Return one pinhole."""
-        del camera
-        return PINHOLE
-
-    def trajectory(self) -> Trajectory:
-        """Return a path whose poses are not known."""
-        return unposed(len(self.video)).at(slice(None), self.video.stamps_s)
-
-    @property
-    def mesh(self) -> None:
-        """None: frames were recorded."""
-        return None
-
-    def hashes(self) -> dict[str, Any]:
-        """Return the file's name and its hash; of depth the folder's name, the hash of all images, and the scale."""
-        found = {"video": self.video.path.name, "video_sha256": sha256_of_file(self.video.path)}
-        if self.depth is None:
-            return found
-        digests = "".join(sha256_of_file(file) or "" for file in self.depth.files)
-        return {
-            **found,
-            "depth": self.depth.folder.name,
-            "depth_sha256": hashlib.sha256(digests.encode()).hexdigest(),
-            "depth_scale_per_m": self.depth.scale_per_m,
-        }
-
-    @contextmanager
-    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenVideo"]:
-        """Prepare to read frames."""
-        if self.video.note:
-            note(self.video.note)
-        if camera == self.camera(None):
-            note(
-                "nothing says its camera: a guess is written, with a focal length of 1.2 times the larger side; "
-                "camera says another"
-            )
-        opened = OpenVideo(VideoReader(self.video), self.depth)
-        try:
-            yield opened
-        finally:
-            opened.reader.close()
+    video: str = key("instead of sequence: a video file, relative to the preset; * allowed", identity="meaning")
+    depth: str | None = key(
+        "the folder of a video's depth, a 16-bit PNG for each frame in the order of their numbers, relative to the "
+        "preset; * stands for what the * of video matched",
+        default=None,
+        identity="meaning",
+    )
+    depth_scale_per_m: float | None = key(
+        "steps a metre of the depth beside a video; default 1000: millimetres",
+        unit="steps/m",
+        default=None,
+        minimum=SCALES_PER_M[0],
+        maximum=SCALES_PER_M[1],
+        identity="meaning",
+    )
 
 
-def read_video_source(path: Path, place: Place, depth: Path | None = None, scale_per_m: float = MILLIMETRES) -> Video:
-    """Find what a video holds. depth: the folder of its depth images, of scale_per_m steps a metre; None for no depth.
+class VideoKind(FileSource[VideoKeys]):
+    """A video file, with a folder of depth where there is one."""
 
-    Raises InputError where it is no video, or the images of depth are not those of its frames.
-    """
-    video = read_video(path)
-    if depth is None:
-        return Video(video, place)
-    return Video(video, place, read_depth_folder(depth, scale_per_m, path, len(video), video.size_px))
+    name = "video"
+    label = "Video"
+    meaning = "a video file; a folder beside it may hold its depth"
+    keys = VideoKeys
+    several = "videos"
+    remedies: ClassVar[Mapping[Lack, Part]] = {"depth": Message("name the folder of its depth: ", PresetKey("depth"))}
+    instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a video has no poses"}
+
+    def check(self, keys: VideoKeys, place: ConfigPath) -> None:
+        """Refuse a depth scale without depth."""
+        if keys.depth_scale_per_m is not None and keys.depth is None:
+            raise place.at("depth_scale_per_m").error("goes with depth of a video", "leave it out")
+
+    def open_file(self, entry: SceneEntry[VideoKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
+        """Return the source of a file."""
+        del name
+        from .video_source import read_video_source
+
+        beside, where = None, entry.place.at("depth")
+        if entry.keys.depth is not None:
+            beside = found_path(entry.preset, where, filled(entry.keys.depth, parts, where), folder=True)
+        return read_video_source(path, entry.place, beside, entry.keys.depth_scale_per_m or MILLIMETRES)
 
 
-@dataclass(frozen=True)
-class OpenVideo:
-    """A video that is ready to give frames."""
-
-    reader: VideoReader
-    depth: DepthFolder | None
-
-    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenVideo":
-        """Return itself: the file decides what its frames show."""
-        del paths, options, note
-        return self
-
-    def frame(self, request: FrameRequest) -> "VideoFrame":
-        """Return the frame of a request, its colour decoded at once: a video is read in its order."""
-        return VideoFrame(self.reader.rgb(request.frame), request.frame, self.depth)
-
-
-@dataclass(frozen=True)
-class VideoFrame(ColourAndDepth):
-    """A frame of a video. rgb: (H, W, 3) uint8, RGB. index: its number. depth: where its depth is; None for nowhere."""
-
-    rgb: NDArray[np.uint8]
-    index: int
-    depth: DepthFolder | None
-
-    @property
-    def depth_m(self) -> NDArray[np.float32] | None:
-        """Planar depth (H, W) in metres, 0 = void; None without any. Raises InputError where its file is damaged."""
-        return None if self.depth is None else self.depth.depth_m(self.index)
-
-    def file_as(self, modality: Modality, written: OutputFormat) -> WholeFile | None:
-        """Return depth's file if a dataset would write the same; None for colour, as no file holds one frame.
-
-        Raises InputError where that file is damaged.
-        """
-        if modality != "depth" or self.depth is None or self.depth.scale_per_m != written.depth_scale_per_m:
-            return None
-        return self.depth.whole_file(self.index)
+SOURCE = VideoKind()

@@ -5,10 +5,9 @@ import json
 import re
 from typing import Any
 
-from .content import Content
-from .frame_table import TABLE
+from .finished import Content
+from .packed_names import TABLE
 
-CARD = "README.md"
 HUB_SIZES = ((10**3, "n<1K"), (10**4, "1K<n<10K"), (10**5, "10K<n<100K"), (10**6, "100K<n<1M"), (10**7, "1M<n<10M"))
 
 

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """croissant.json: a packed dataset in the words of MLCommons' Croissant 1.0, for catalogues and loaders."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import Modality
-from .content import Content
-from .frame_table import TABLE, table_columns
-from .sequence_tar import FRAMES_FOLDER
+from .finished import Content
+from .frame_table import table_columns
+from .packed_names import FRAMES_FOLDER, TABLE, PackedFile
 
-CROISSANT = "croissant.json"
-MEDIA_TYPES = {"jpg": "image/jpeg", "png": "image/png"}
+MEDIA_TYPES = {"jpg": "image/jpeg", "png": "image/png", "exr": "image/x-exr", "npy": "application/x-npy"}
 CONFORMS_TO = "http://mlcommons.org/croissant/1.0"
 # As the specification gives it: https://docs.mlcommons.org/croissant/docs/croissant-spec.html
 CONTEXT: dict[str, Any] = {
@@ -57,15 +55,6 @@ CONTEXT: dict[str, Any] = {
 }
 NO_LICENCE = "The licences of the scenes apply; the dataset states none of its own."
 TYPES = {"string": "sc:Text", "int32": "sc:Integer", "int64": "sc:Integer", "float64": "sc:Float", "pose": "sc:Float"}
-
-
-@dataclass(frozen=True)
-class PackedFile:
-    """A file of a packed dataset. name: from its address on. size: bytes."""
-
-    name: str
-    size: int
-    sha256: str
 
 
 def croissant(content: Content, name: str, tars: list[PackedFile], table: PackedFile) -> dict[str, Any]:
@@ -128,16 +117,16 @@ def _file(file: PackedFile, encoding: str, description: str) -> dict[str, Any]:
 
 
 def _images(content: Content, modality: Modality, tars: list[PackedFile]) -> dict[str, Any]:
-    kind = MEDIA_TYPES[content.suffix(modality)]
-    ending = f"{modality}.{content.suffix(modality)}"
-    what = CHANNELS[modality].told(content.depth_scale_per_m)
+    suffix = content.suffix(modality)
+    ending = f"{modality}.{suffix}"
+    what = CHANNELS[modality].describe_files(content.depth_scale_per_m, suffix)
     return {
         "@type": "cr:FileSet",
         "@id": f"{modality}-images",
         "name": f"{modality}-images",
         "description": f"{what} images, named SETTING/SCENE/{FRAMES_FOLDER}/NUMBER.{ending}",
         "containedIn": [{"@id": tar.name} for tar in tars],
-        "encodingFormat": kind,
+        "encodingFormat": MEDIA_TYPES[suffix],
         "includes": f"*/*/{FRAMES_FOLDER}/*.{ending}",
     }
 

@@ -7,11 +7,10 @@ from typing import Any
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import CONVENTIONS
-from .content import Content, FrameImages
-from .sequence_tar import FrameSpans, perturbed_text, tar_name
+from .finished import Content, FrameImages
+from .packed_names import tar_name
+from .sequence_tar import FrameSpans, perturbed_text
 from .tar_stream import Sink
-
-TABLE = "manifest.parquet"
 
 
 def table_columns(modalities: Many[Modality]) -> dict[str, tuple[str, str]]:

@@ -6,9 +6,9 @@ import threading
 from typing import Any
 
 from ..core.errors import InputError
-from .address import Address
-from .frame_table import TABLE
+from .packed_names import TABLE
 from .refusals import missing
+from .store import Store
 
 AGAIN = "'noisy-world verify' tells what else is damaged; publish the dataset again, to another address"
 
@@ -16,22 +16,22 @@ AGAIN = "'noisy-world verify' tells what else is damaged; publish the dataset ag
 class PackedTable:
     """The table of a packed dataset. Memory holds its index, and what is asked for; threads may share it."""
 
-    def __init__(self, address: Address) -> None:
+    def __init__(self, store: Store) -> None:
         """Read the table's index. Raises InputError where there is no table or it is damaged."""
         try:
             import pyarrow
             import pyarrow.parquet
         except ImportError as error:
-            raise missing(address.text, "pyarrow") from error
-        self._place = address.of(TABLE)
+            raise missing(store.text, "pyarrow") from error
+        self._place = store.of(TABLE)
         # What pyarrow raises where a file is no Parquet, or its bytes are not what its index says.
         self._damage = (pyarrow.ArrowInvalid, pyarrow.ArrowNotImplementedError, pyarrow.ArrowKeyError)
-        size = address.size(TABLE)
+        size = store.size(TABLE)
         if size is None:
             raise InputError(self._place, "is not there", remedy=AGAIN)
         self._lock = threading.Lock()
         try:
-            file = pyarrow.PythonFile(_Ranges(address, TABLE, size), mode="r")
+            file = pyarrow.PythonFile(_Ranges(store, TABLE, size), mode="r")
             self._file: Any = pyarrow.parquet.ParquetFile(file, pre_buffer=True)
             self._groups = self._groups_of_sequences()
         except (*self._damage, OSError) as error:
@@ -59,10 +59,10 @@ class PackedTable:
         about = self._file.metadata
         found: dict[str, list[int]] = {}
         for group in range(about.num_row_groups):
-            told = [about.row_group(group).column(leaves[name]).statistics for name in ("setting", "scene")]
-            if not all(item is not None and item.has_min_max and item.min == item.max for item in told):
+            lines = [about.row_group(group).column(leaves[name]).statistics for name in ("setting", "scene")]
+            if not all(item is not None and item.has_min_max and item.min == item.max for item in lines):
                 raise InputError(self._place, "its rows are not grouped by sequence", remedy=AGAIN)
-            found.setdefault("/".join(str(item.min) for item in told), []).append(group)
+            found.setdefault("/".join(str(item.min) for item in lines), []).append(group)
         return found
 
     def _damaged(self, error: Exception) -> InputError:
@@ -71,11 +71,11 @@ class PackedTable:
 
 
 class _Ranges(io.RawIOBase):
-    """A file at an address that is read by ranges, and only where it is asked for."""
+    """A file in a store that is read by ranges, and only where it is asked for."""
 
-    def __init__(self, address: Address, name: str, size: int) -> None:
+    def __init__(self, store: Store, name: str, size: int) -> None:
         super().__init__()
-        self._address = address
+        self._store = store
         self._name = name
         self._size = size
         self._at = 0
@@ -99,6 +99,6 @@ class _Ranges(io.RawIOBase):
 
     def read(self, size: int = -1) -> bytes:
         stop = self._size if size is None or size < 0 else min(self._size, self._at + size)
-        data = b"" if stop <= self._at else self._address.read_range(self._name, self._at, stop)
+        data = b"" if stop <= self._at else self._store.read_range(self._name, self._at, stop)
         self._at += len(data)
         return data

@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 from ..core.datasets.records import FRAMES, FrameRecord, joined_records, read_record
 from ..core.errors import InterruptedRunError
 from ..core.working_ahead import done_ahead
-from .address import Address
-from .packed import content_of
-from .sequence_tar import FRAMES_FOLDER, tar_name
+from .packed_names import FRAMES_FOLDER, tar_name
+from .store import Store
 
 READERS = 4  # tars that are read at once: stores answer late; chosen: 30 MB of memory each
 PIECE_BYTES = 2**20
@@ -48,17 +47,17 @@ class TarContent:
 
 
 def tar_contents(
-    address: Address, sequences: list[str], sizes: dict[str, int], stop: threading.Event
+    store: Store, sequences: list[str], sizes: dict[str, int], stop: threading.Event
 ) -> Iterator[tuple[str, TarContent]]:
     """Yield the sequences with what their tars hold, in order; several are read at a time.
 
-    sizes: of the files at the address. Raises StorageError where the store refuses, InterruptedRunError where `stop` is
+    sizes: of the files in the store. Raises StorageError where the store refuses, InterruptedRunError where `stop` is
     set.
     """
     ending = threading.Event()  # so that nobody waits for tars that are not asked for any more
 
     def read(sequence: str) -> TarContent:
-        return read_tar(address, sequence, sizes[tar_name(sequence)], lambda: stop.is_set() or ending.is_set())
+        return read_tar(store, sequence, sizes[tar_name(sequence)], lambda: stop.is_set() or ending.is_set())
 
     with closing(done_ahead(read, sequences, threads=READERS, ahead=READERS, name="tar-reader")) as contents:
         try:
@@ -67,9 +66,9 @@ def tar_contents(
             ending.set()
 
 
-def read_tar(address: Address, sequence: str, size: int, stopped: Callable[[], bool]) -> TarContent:
+def read_tar(store: Store, sequence: str, size: int, stopped: Callable[[], bool]) -> TarContent:
     """Return what the tar of a sequence holds. Raises InterruptedRunError where `stopped` says so."""
-    stream = _Hashed(content_of(address, tar_name(sequence), size), stopped)
+    stream = _Hashed(store.pieces(tar_name(sequence), size), stopped)
     found = _TarMembers()
     # ValueError: of numbers in a damaged header
     with (

@@ -20,26 +20,27 @@ from ..core.errors import StorageError
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from ..core.working_ahead import done_ahead
-from .address import Address
-from .card import CARD, card
-from .content import Content, Images
-from .croissant import CROISSANT, PackedFile, croissant
-from .frame_table import TABLE, FrameTable
-from .sequence_tar import FrameSpans, Span, tar_name, write_sequence
+from .card import card
+from .croissant import croissant
+from .finished import Content, Images, sealed_state
+from .frame_table import FrameTable
+from .packed_names import CARD, CROISSANT, TABLE, PackedFile, tar_name
+from .sequence_tar import FrameSpans, Span, write_sequence
+from .store import Store
 
 ELSEWHERE = "choose another address"
 CLAIM = f"{WORK_FOLDER}/{IDENTITY}"
 PACKED_SEQUENCES = f"{WORK_FOLDER}/sequences"  # a small file for each sequence whose tar is written
 PACKERS = 4  # sequences that are written at once: stores answer late and take much; chosen: 50 MB of memory each
 
-Packed: TypeAlias = tuple[PackedFile, list[FrameSpans]]
+WrittenTar: TypeAlias = tuple[PackedFile, list[FrameSpans]]
 """A sequence's tar, and where its frames lie in it."""
 
 
 def pack(
     content: Content,
     images: Images,
-    address: Address,
+    store: Store,
     progress: Progress,
     stop: threading.Event,
     *,
@@ -52,61 +53,74 @@ def pack(
     """
     progress.start("packing", sum(content.manifest["frames"].values()))
     tars: list[PackedFile] = []
-    with address.writing(TABLE) as sink, FrameTable(sink, content) as table:
-        for sequence, (tar, spans) in _packed_sequences(content, images, address, stop):
+    with store.writing(TABLE) as sink, FrameTable(sink, content) as table:
+        for sequence, (tar, spans) in _packed_sequences(content, images, store, stop):
             table.add(sequence, content.frames(sequence), spans)
             tars.append(tar)
             progress.advance(content.manifest["frames"][sequence])
-    described = croissant(content, address.name, tars, PackedFile(TABLE, sink.size, sink.sha256))
-    address.write(CROISSANT, canonical(described).encode())
-    address.write(CARD, card(content, described, table.made_with).encode())
+    described = croissant(content, store.name, tars, PackedFile(TABLE, sink.size, sink.sha256))
+    store.write(CROISSANT, canonical(described).encode())
+    store.write(CARD, card(content, described, table.made_with).encode())
     if content.overview is not None:
-        address.write(OVERVIEW, content.overview)
+        store.write(OVERVIEW, content.overview)
     for name, data in beside().items():
-        address.write(name, data)
-    address.write(MANIFEST, canonical(content.manifest).encode())
-    remove_work(address)
+        store.write(name, data)
+    store.write(MANIFEST, canonical(content.manifest).encode())
+    remove_work(store)
     progress.finish()
 
 
-def sealed_manifest(address: Address) -> dict[str, Any] | None:
-    """Return the manifest of the finished dataset at an address; None where there is none.
+def take(
+    store: Store,
+    identity: dict[str, Any],
+    chosen: list[int | None] | None,
+    difference: Callable[[dict[str, Any]], str],
+    finished_otherwise: Callable[[dict[str, Any]], str],
+) -> bool:
+    """Begin to write a dataset to an address, or go on with it; False where it is there already, finished.
 
-    Raises StorageError where what is there is no manifest of this version.
+    chosen: start and stop of the frames that are made of each sequence, None for all. difference: returns in which way
+    what an identity says is another dataset, "" where it is the same. finished_otherwise: the same of the manifest of
+    one that is finished, whose identity does not differ. Raises StorageError where something else is there.
     """
-    data = address.read(MANIFEST)
-    if data is None:
-        return None
-    try:
-        value = parse_json(data.decode())
-        if value["identity"]["format"] == FORMAT and isinstance(value["frames"], dict):
-            return value
-    except (ValueError, KeyError, TypeError):
-        pass
-    raise StorageError(f"{address.of(MANIFEST)}: is not of this version of Noisy World; choose another address")
-
-
-def claim(address: Address, identity: dict[str, Any], chosen: list[int | None] | None) -> dict[str, Any]:
-    """Begin to write a dataset of this identity to an address, unless one is begun there; return what is begun there.
-
-    chosen: start and stop of the frames that are made of each sequence, None for all. Returns a mapping of `identity`
-    and `chosen`. Raises StorageError where something else is there.
-    """
-    there = claimed(address)
+    store.check()
+    state = sealed_state(store)
+    if state is not None:
+        if state.problem or state.manifest is None:
+            raise StorageError(state.problem, file=store.text, remedy=ELSEWHERE)
+        if problem := difference(state.manifest["identity"]) or finished_otherwise(state.manifest):
+            remedy = f"a dataset at an address does not grow: {ELSEWHERE}"
+            raise StorageError(f"holds another dataset: {problem}", file=store.text, remedy=remedy)
+        remove_work(store)
+        return False
+    begun = {"identity": identity, "chosen": chosen}
+    there = claimed(store)
     if there is None:
-        if address.holds_anything() and not address.sizes(WORK_FOLDER):
-            raise StorageError(f"{address.text}: is not empty and holds no dataset of Noisy World; {ELSEWHERE}")
-        address.write(CLAIM, canonical({"identity": identity, "chosen": chosen}).encode())
-        there = claimed(address)
-    return {"identity": identity, "chosen": chosen} if there is None else there
+        if store.holds_anything() and not store.sizes(WORK_FOLDER):
+            raise StorageError("is not empty and holds no dataset of Noisy World", file=store.text, remedy=ELSEWHERE)
+        store.write(CLAIM, canonical(begun).encode())
+        there = claimed(store) or begun
+    problem = difference(there["identity"])
+    if not problem and there["chosen"] != chosen:
+        problem = f"other frames: --frames was {_spoken(there['chosen'])}, is {_spoken(chosen)}"
+    if problem:
+        raise StorageError(f"another dataset is being made there: {problem}", file=store.text, remedy=ELSEWHERE)
+    return True
 
 
-def claimed(address: Address) -> dict[str, Any] | None:
-    """Return what is begun at an address, as `claim` does; None where nothing is.
+def _spoken(chosen: list[int | None] | None) -> str:
+    if chosen is None:
+        return "not given"
+    start, stop = chosen
+    return f"{start or 0}:{'' if stop is None else stop}"
+
+
+def claimed(store: Store) -> dict[str, Any] | None:
+    """Return what is begun at an address, a mapping of `identity` and `chosen`; None where nothing is.
 
     Raises StorageError where it cannot be understood.
     """
-    begun = address.read(CLAIM)
+    begun = store.read(CLAIM)
     if begun is None:
         return None
     try:
@@ -116,58 +130,63 @@ def claimed(address: Address) -> dict[str, Any] | None:
     except (ValueError, KeyError, TypeError):
         pass
     raise StorageError(
-        f"{address.of(CLAIM)}: is not of this version of Noisy World; {ELSEWHERE}, or remove {WORK_FOLDER}"
+        "is not of this version of Noisy World", file=store.of(CLAIM), remedy=f"{ELSEWHERE}, or remove {WORK_FOLDER}"
     )
 
 
-def remove_work(address: Address) -> None:
+def remove_work(store: Store) -> None:
     """Remove what a run left at an address while it worked, the identity last: until then it can be resumed."""
-    left = address.sizes(WORK_FOLDER)
+    left = store.sizes(WORK_FOLDER)
     identity = f"{WORK_FOLDER}/{IDENTITY}"
     for name in sorted(left, key=lambda name: name == identity):
-        address.remove(name)
+        store.remove(name)
 
 
 def _packed_sequences(
-    content: Content, images: Images, address: Address, stop: threading.Event
-) -> Iterator[tuple[str, Packed]]:
+    content: Content, images: Images, store: Store, stop: threading.Event
+) -> Iterator[tuple[str, WrittenTar]]:
     """Yield each sequence with its tar, in order; several are written at a time."""
 
-    def packed(sequence: str) -> Packed:
-        return _packed_sequence(content, sequence, images, address, stop)
+    def packed(sequence: str) -> WrittenTar:
+        return _packed_sequence(content, sequence, images, store, stop)
 
     with closing(done_ahead(packed, content.sequences, threads=PACKERS, ahead=PACKERS, name="packer")) as sequences:
         yield from sequences
 
 
 def _packed_sequence(
-    content: Content, sequence: str, images: Images, address: Address, stop: threading.Event
-) -> Packed:
+    content: Content, sequence: str, images: Images, store: Store, stop: threading.Event
+) -> WrittenTar:
     """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
     name, note = tar_name(sequence), f"{PACKED_SEQUENCES}/{sequence}.json"
     by = content.identity["versions"]["noisy_world"]
     made_of = sha256_of_bytes(canonical({"texts": content.texts(sequence), "by": by}).encode())
-    there = _noted(address.read(note), made_of)
-    if there is not None and address.size(name) == there["size"]:
+    there = _noted(store.read(note), made_of)
+    if there is not None and store.size(name) == there["size"]:
         return PackedFile(name, there["size"], there["sha256"]), _spans_of(there["spans"])
-    with address.writing(name) as sink:
+    with store.writing(name) as sink:
         spans = write_sequence(content, sequence, images, sink, stop)
-    told = {"made_of": made_of, "size": sink.size, "sha256": sink.sha256, "spans": [asdict(span) for span in spans]}
-    address.write(note, json.dumps(told, separators=(",", ":")).encode())
+    description = {
+        "made_of": made_of,
+        "size": sink.size,
+        "sha256": sink.sha256,
+        "spans": [asdict(span) for span in spans],
+    }
+    store.write(note, json.dumps(description, separators=(",", ":")).encode())
     return PackedFile(name, sink.size, sink.sha256), spans
 
 
 def _noted(data: bytes | None, made_of: str) -> dict[str, Any] | None:
     """Return what is noted of a finished tar; None where it is of something else, torn, or missing."""
     try:
-        told = None if data is None else parse_json(data.decode())
+        description = None if data is None else parse_json(data.decode())
     except ValueError:
         return None
-    return told if isinstance(told, dict) and told.get("made_of") == made_of else None
+    return description if isinstance(description, dict) and description.get("made_of") == made_of else None
 
 
-def _spans_of(told: list[dict[str, Any]]) -> list[FrameSpans]:
+def _spans_of(spans: list[dict[str, Any]]) -> list[FrameSpans]:
     return [
         FrameSpans(Span(**item["json"]), {modality: Span(**span) for modality, span in item["images"].items()})
-        for item in told
+        for item in spans
     ]

@@ -2,16 +2,17 @@
 """Publishing: a finished dataset in a folder, packed at an address."""
 
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ..core.datasets.dataset_state import RUN
-from ..core.errors import StorageError
+from ..core.datasets.differences import first_difference
 from ..core.progress import Progress
 from ..core.regular_files import read_bytes
-from .address import Address
-from .content import FolderImages, read_content
-from .packing import ELSEWHERE, claim, pack, remove_work, sealed_manifest
+from .finished import read_content
+from .packing import pack, take
+from .store import Store
 
 
 @dataclass(frozen=True)
@@ -23,26 +24,24 @@ class Publication:
     frames: int
 
 
-def publish(folder: Path, address: Address, progress: Progress, stop: threading.Event) -> Publication:
+def publish(folder: Path, store: Store, progress: Progress, stop: threading.Event) -> Publication:
     """Pack the finished dataset of a folder at an address; each file's hash is checked on the way.
 
     Raises StorageError where the folder holds no finished dataset, where a file is not as it was written, and where the
     address cannot be written or holds another dataset; InterruptedRunError where `stop` is set.
     """
     content = read_content(folder)
-    address.check()
-    found = Publication(True, len(content.sequences), sum(content.manifest["frames"].values()))
-    sealed = sealed_manifest(address)
-    if sealed is not None:
-        if sealed != content.manifest:
-            remedy = "a dataset at an address does not grow: choose another address"
-            raise StorageError(f"{address.text}: holds another dataset, which is finished; {remedy}")
-        remove_work(address)
-        return replace(found, new=False)
-    if claim(address, content.identity, None) != {"identity": content.identity, "chosen": None}:
-        raise StorageError(f"{address.text}: another dataset is being made there; {ELSEWHERE}")
-    pack(content, FolderImages(content), address, progress, stop, beside=lambda: _run_text(folder))
-    return found
+
+    def difference(there: dict[str, Any]) -> str:
+        return first_difference(there, content.identity) or ""
+
+    def finished_otherwise(manifest: dict[str, Any]) -> str:
+        return "" if manifest == content.manifest else "other frames or files"
+
+    new = take(store, content.identity, None, difference, finished_otherwise)
+    if new:
+        pack(content, content, store, progress, stop, beside=lambda: _run_text(folder))
+    return Publication(new, len(content.sequences), sum(content.manifest["frames"].values()))
 
 
 def _run_text(folder: Path) -> dict[str, bytes]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a store's refusal means, in a line with the address and what to do."""
+"""Turns a store's exceptions into one line with the address and the remedy."""
 
 import contextlib
 import errno
@@ -33,7 +33,7 @@ def store_errors() -> tuple[type[Exception], ...]:
 
 
 @contextlib.contextmanager
-def told(address: str, doing: str) -> Iterator[None]:
+def refusals_as_errors(address: str, doing: str) -> Iterator[None]:
     """Turn a store's refusal into one line. doing: "read" or "written"."""
     try:
         yield
@@ -44,7 +44,7 @@ def told(address: str, doing: str) -> Iterator[None]:
 def refusal(address: str, doing: str, error: BaseException) -> StorageError:
     """Return the error that says what a store refused, and what to do."""
     problem, remedy = _meaning(error)
-    return StorageError(f"{address}: cannot be {doing}: {problem}; {remedy}")
+    return StorageError(f"cannot be {doing}: {problem}", file=address, remedy=remedy)
 
 
 def _meaning(error: BaseException) -> tuple[str, str]:
@@ -82,6 +82,6 @@ def _meaning(error: BaseException) -> tuple[str, str]:
 def missing(address: str, package: str) -> MissingDependencyError:
     """Return the error that says which package reads and writes an address, and the command that installs it."""
     command = install_command("cloud") if package in IN_EXTRA else pip_command([package])
-    packed = "a packed dataset, in a folder too, " if address.startswith("file://") else ""
+    packed = "a packed dataset, in a folder too, " if address.startswith("file://") or "://" not in address else ""
     problem = f"{packed}needs {package}, which is not installed; run: {command}"
-    return MissingDependencyError(f"{address.removeprefix('file://')}: {problem}")
+    return MissingDependencyError(problem, file=address.removeprefix("file://"))

@@ -14,11 +14,9 @@ from typing import Any
 
 from ..core.datasets.layouts import Modality
 from ..core.errors import InterruptedRunError
-from .content import Content, FrameImages, Images, ReadImage
+from .finished import Content, FrameImages, Images, ReadImage
+from .packed_names import FRAMES_FOLDER
 from .tar_stream import Sink, TarStream
-
-FRAMES_FOLDER = "frames"
-TAR_SUFFIX = ".tar"
 
 
 @dataclass(frozen=True)
@@ -35,11 +33,6 @@ class FrameSpans:
 
     json: Span
     images: dict[Modality, Span]
-
-
-def tar_name(sequence: str) -> str:
-    """Return the name of a sequence's tar, from the dataset's address on."""
-    return f"{sequence}{TAR_SUFFIX}"
 
 
 def member_name(sequence: str, frame: int, ending: str) -> str:
@@ -75,14 +68,14 @@ def _write_frame(tar: TarStream, content: Content, sequence: str, frame: FrameIm
         data = read(name, digest)
         images[modality] = Span(tar.add(stored, data), len(data))
         links[f"{sequence}/{name}"] = stored
-    told = json.dumps(told_of_frame(content, sequence, frame), separators=(",", ":")).encode()
-    at = tar.add(member_name(sequence, frame.number, "json"), told)
+    metadata = json.dumps(frame_metadata(content, sequence, frame), separators=(",", ":")).encode()
+    at = tar.add(member_name(sequence, frame.number, "json"), metadata)
     for name, stored in links.items():
         tar.link(name, stored)
-    return FrameSpans(Span(at, len(told)), images)
+    return FrameSpans(Span(at, len(metadata)), images)
 
 
-def told_of_frame(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
+def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
     """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
 
     c2w: 4 x 4. camera: its intrinsics in pixels. perturbed: what was done to the frame, as a text of JSON, since it has

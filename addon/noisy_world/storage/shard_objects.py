@@ -21,8 +21,8 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.planning.shards import Shard
 from ..core.regular_files import read_bytes
-from .address import Address
-from .content import FrameImages, ReadImage
+from .finished import FrameImages, ReadImage
+from .store import Store
 from .tar_stream import TarStream
 
 PLACE = f"{WORK_FOLDER}/{SHARDS}"
@@ -31,7 +31,7 @@ CHUNK_BYTES = 8 * 2**20  # read at once, where what is needed lies together; cho
 
 @dataclass(frozen=True)
 class StoredShard:
-    """A finished shard at an address. spans: where each content begins in its tar, and its size, by SHA-256."""
+    """A finished shard at an store. spans: where each content begins in its tar, and its size, by SHA-256."""
 
     record: ShardRecord
     spans: dict[str, tuple[int, int]]
@@ -47,54 +47,58 @@ def record_of_shard(shard: Shard) -> str:
     return f"{PLACE}/{shard.folder_name}.json"
 
 
-def put_shard(address: Address, folder: Path, record: ShardRecord) -> StoredShard:
+def put_shard(store: Store, folder: Path, record: ShardRecord) -> StoredShard:
     """Put a finished shard to an address; return it. folder: holds its files.
 
     Raises StorageError where a file is not as its record says, and where the store refuses.
     """
     spans: dict[str, tuple[int, int]] = {}
-    with address.writing(tar_of(record.shard)) as sink:
+    with store.writing(tar_of(record.shard)) as sink:
         tar = TarStream(sink)
         for name, _, digest in sorted(record.files()):
             if digest in spans:
                 continue
             data = read_bytes(folder / name)
             if sha256_of_bytes(data) != digest:
-                raise StorageError(f"{folder / name}: is not as it was written; make the shard again")
+                raise StorageError("is not as it was written", file=folder / name, remedy="make the shard again")
             spans[digest] = (tar.add(name, data), len(data))
         tar.close()
-    told = {"record": record.content(), "spans": spans, "size": sink.size, "sha256": sink.sha256}
-    address.write(record_of_shard(record.shard), json.dumps(told, separators=(",", ":"), ensure_ascii=False).encode())
+    description = {"record": record.content(), "spans": spans, "size": sink.size, "sha256": sink.sha256}
+    store.write(
+        record_of_shard(record.shard), json.dumps(description, separators=(",", ":"), ensure_ascii=False).encode()
+    )
     return StoredShard(record, spans)
 
 
-def get_shard(address: Address, name: str) -> StoredShard | None:
+def get_shard(store: Store, name: str) -> StoredShard | None:
     """Return a finished shard by the name of its record; None where there is none, or a torn one."""
-    data = address.read(name)
+    data = store.read(name)
     try:
-        told: Any = None if data is None else parse_json(data.decode())
-        if not isinstance(told, dict):
+        description: Any = None if data is None else parse_json(data.decode())
+        if not isinstance(description, dict):
             return None
-        record = ShardRecord.of_content(told["record"])
-        spans = {str(digest): (int(span[0]), int(span[1])) for digest, span in told["spans"].items()}
+        record = ShardRecord.of_content(description["record"])
+        spans = {str(digest): (int(span[0]), int(span[1])) for digest, span in description["spans"].items()}
     except (ValueError, KeyError, TypeError, AttributeError, IndexError):
         return None
-    whole = address.size(tar_of(record.shard)) == told["size"] and all(digest in spans for *_, digest in record.files())
+    whole = store.size(tar_of(record.shard)) == description["size"] and all(
+        digest in spans for *_, digest in record.files()
+    )
     return StoredShard(record, spans) if whole else None
 
 
-def shard_records(address: Address) -> list[str]:
+def shard_records(store: Store) -> list[str]:
     """Return the names of the records of shards at an address, sorted."""
-    return [name for name in address.sizes(PLACE) if name.endswith(".json")]
+    return [name for name in store.sizes(PLACE) if name.endswith(".json")]
 
 
-def damaged_contents(address: Address, stored: StoredShard) -> frozenset[str]:
+def damaged_contents(store: Store, stored: StoredShard) -> frozenset[str]:
     """Return the contents of a shard's tar that are not as they were written, by the SHA-256 that they should have."""
     tar = tar_of(stored.record.shard)
     digests = sorted(stored.spans, key=lambda digest: stored.spans[digest])
     wrong: set[str] = set()
     for chunk, start, stop in _chunks(stored, digests):
-        data = address.read_range(tar, start, stop)
+        data = store.read_range(tar, start, stop)
         for digest in chunk:
             offset, size = stored.spans[digest]
             if sha256_of_bytes(data[offset - start : offset - start + size]) != digest:
@@ -118,8 +122,8 @@ def _chunks(stored: StoredShard, digests: list[str]) -> Iterator[tuple[list[str]
 class ShardImages:
     """The images of a dataset in the shards at an address: 56 bytes of memory for each content."""
 
-    def __init__(self, address: Address) -> None:
-        self._address = address
+    def __init__(self, store: Store) -> None:
+        self._store = store
         self._shards: list[Shard] = []
         self._parts: list[tuple[NDArray[np.bytes_], NDArray[np.int64]]] = []
         self._digests = np.zeros(0, dtype="S32")
@@ -170,17 +174,18 @@ class ShardImages:
 
     def fetch(self, shard: int, start: int, stop: int) -> bytes:
         """Return bytes of a shard's tar."""
-        return self._address.read_range(tar_of(self._shards[shard]), start, stop)
+        return self._store.read_range(tar_of(self._shards[shard]), start, stop)
 
     def _checked(self, data: bytes, sha256: str, name: str) -> bytes:
         """Return a file's content. If it is not as it was written, its shard is forgotten, so that it is made again."""
         if sha256_of_bytes(data) == sha256:
             return data
         shard = self._shards[self.place(sha256)[0]]
-        self._address.remove(record_of_shard(shard))
+        self._store.remove(record_of_shard(shard))
         raise StorageError(
-            f"{self._address.of(tar_of(shard))}: {name} in it is not as it was written; the shard is dropped, and the "
-            "same command makes it again"
+            f"{name} in it is not as it was written",
+            file=self._store.of(tar_of(shard)),
+            remedy="the shard is dropped, and the same command makes it again",
         )
 
 

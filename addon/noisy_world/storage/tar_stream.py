@@ -4,9 +4,6 @@
 import tarfile
 from typing import Protocol
 
-from ..core.datasets.storage import sha256_of_bytes
-from ..core.errors import StorageError
-
 BLOCK = tarfile.BLOCKSIZE
 
 
@@ -66,10 +63,3 @@ def _entry(name: str) -> tarfile.TarInfo:
     info = tarfile.TarInfo(name)
     info.mode = 0o644
     return info
-
-
-def checked(data: bytes, sha256: str, place: str, remedy: str) -> bytes:
-    """Return the content of a file. Raises StorageError where it has not the SHA-256 that was recorded for it."""
-    if sha256_of_bytes(data) != sha256:
-        raise StorageError(f"{place}: is not as it was written; {remedy}")
-    return data

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Contract tests: whether a perturbation, a layout, a metric or a system keeps the rules that all of its kind keep.
+"""Contract tests: whether a perturbation, source, layout, channel, metric or system keeps its kind's rules.
 
 An author calls one from a test of his own; ours are held to the same.
 
@@ -12,9 +12,20 @@ An author calls one from a test of his own; ours are held to the same.
 Each raises AssertionError with a sentence that names what was checked and which rule it breaks. None needs Blender.
 """
 
+from .channels import check_channel
 from .layouts import check_layout
+from .map_metrics import check_map_metric
 from .metrics import check_metric
 from .perturbations import check_perturbation
+from .sources import check_source
 from .systems import check_system
 
-__all__ = ["check_layout", "check_metric", "check_perturbation", "check_system"]
+__all__ = [
+    "check_channel",
+    "check_layout",
+    "check_map_metric",
+    "check_metric",
+    "check_perturbation",
+    "check_source",
+    "check_system",
+]

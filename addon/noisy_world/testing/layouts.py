@@ -156,8 +156,8 @@ def _check_back(written: OutputFormat, whole: Trajectory, sequence: Path, stored
     layout, name = written.layout, written.layout.name
     require(len(stored.trajectory) == len(whole), name, f"reads {len(stored.trajectory)} of {len(whole)} frames")
     off_s = np.abs(stored.stamps.rgb.seconds - whole.stamps_s).max()
-    told = f"reads stamps that are off by {off_s:g} s; where no file of its own says them, they are in {FRAMES}"
-    require(off_s < STAMPS_S, name, told)
+    message = f"reads stamps that are off by {off_s:g} s; where no file of its own says them, they are in {FRAMES}"
+    require(off_s < STAMPS_S, name, message)
     off = np.abs(stored.trajectory.c2w - whole.c2w).max()
     require(off < POSES, name, f"reads poses that are off by {off:g}")
     told_poses = layout.written_poses(sequence, whole.stamps_s)

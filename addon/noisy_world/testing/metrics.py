@@ -8,7 +8,7 @@ import numpy as np
 from ..core.errors import NoisyWorldError
 from ..core.trajectories.trajectory import Trajectory
 from ..evaluation.estimate import Estimate
-from ..evaluation.metrics import TrajectoryMetric
+from ..evaluation.metrics import Metric, TrajectoryMetric
 from ..evaluation.metrics.names import value_of
 from ..evaluation.metrics.score import compare_poses
 from .rules import path, require, require_name
@@ -31,11 +31,7 @@ def check_metric(metric: TrajectoryMetric) -> None:
     """
     require(isinstance(metric, TrajectoryMetric), str(metric), f"is a {type(metric).__name__}, no TrajectoryMetric")
     name = metric.name
-    require_name(name)
-    require(metric.meaning.endswith("."), name, "its meaning has to be a sentence, with a full stop")
-    if metric.unit in SUFFIXES:
-        told = f"is in {metric.unit}, so its name has to end with _{metric.unit}"
-        require(name.endswith(f"_{metric.unit}"), name, told)
+    check_words(metric)
     truth = path(FRAMES)
     best = _value(metric, Estimate(truth.stamps_s, truth.c2w), truth)
     require(best is not None, name, "has no value for an estimate that is the truth")
@@ -52,10 +48,20 @@ def check_metric(metric: TrajectoryMetric) -> None:
         elif metric.better == "lower":
             require(found > -TOLERANCE, name, f"is {found:g} for an estimate that {what}: better than the truth")
         elif metric.better == "higher" and what != TREMBLES:
-            told = f"is {found:g} for an estimate that {what}, but {best:g} for the truth, and higher is better"
-            require(found < best + TOLERANCE, name, told)
+            message = f"is {found:g} for an estimate that {what}, but {best:g} for the truth, and higher is better"
+            require(found < best + TOLERANCE, name, message)
     still = Trajectory(np.tile(np.eye(4), (FRAMES, 1, 1)), truth.stamps_s)
     _value(metric, Estimate(still.stamps_s, still.c2w), still)
+
+
+def check_words(metric: Metric) -> None:
+    """Require that the name of a metric ends with its unit, and that its meaning is a sentence."""
+    name = metric.name
+    require_name(name)
+    require(metric.meaning.endswith("."), name, "its meaning has to be a sentence, with a full stop")
+    if metric.unit in SUFFIXES:
+        message = f"is in {metric.unit}, so its name has to end with _{metric.unit}"
+        require(name.endswith(f"_{metric.unit}"), name, message)
 
 
 def _value(metric: TrajectoryMetric, estimate: Estimate, truth: Trajectory) -> float | None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.images import as_float, rgb_bytes
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import expose, move, perturb_colour, perturb_depth
 from ..core.perturbing.kinds import (
@@ -34,8 +35,9 @@ def check_perturbation(perturbation: Perturbation) -> None:
     Of all kinds: its defaults are its parameters at severity 3, and every severity from 1 to 5 gives parameters in
     their ranges. It gives the same twice, so a frame made alone equals that of a whole run, and it leaves what it is
     given as it is. Colour and depth keep shape and type and are finite; depth is never negative, and void stays void.
-    A perturbation of colour that says repeatable gives the same in every frame. Motion keeps the number of poses and
-    their stamps, or chooses among those that there are; pairing names frames that there are, or -1.
+    A perturbation of colour that says repeatable gives the same in every frame; apply_bytes gives what apply does,
+    rounded. Motion keeps the number of poses and their stamps, or chooses among those that there are; pairing names
+    frames that there are, or -1.
     """
     require(isinstance(perturbation, KINDS), str(perturbation), f"is a {type(perturbation).__name__}, no perturbation")
     name = perturbation.name
@@ -62,8 +64,8 @@ def _check_severities(perturbation: Perturbation) -> None:
             value, default = getattr(found, key), getattr(usual, key)
             require(np.isfinite(value), name, f"{key} is {value} at severity {severity}")
             if severity == USUAL_SEVERITY:
-                told = f"the default of {key} is {default}, but severity {USUAL_SEVERITY} says {value}"
-                require(value == default, name, f"{told}: they have to be equal")
+                message = f"the default of {key} is {default}, but severity {USUAL_SEVERITY} says {value}"
+                require(value == default, name, f"{message}: they have to be equal")
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,13 @@ def _check_colour(perturbation: ColourPerturbation, step: Step[Any]) -> None:
     require(not np.shares_memory(image, frame.rgb), name, "returns the array that it is given; return a new one")
     if perturbation.repeatable:
         require(np.array_equal(image, made(5)), name, "says repeatable, but frames 4 and 5 differ for equal images")
+    if (apply_bytes := perturbation.apply_bytes) is None:
+        return
+    rgb, parameters = rgb_bytes(frame.rgb), step.parameters(step.severity)
+    rgb.setflags(write=False)
+    found = _twice(name, "colour", lambda: apply_bytes(rgb, parameters, frame.context(step)))
+    rounded = rgb_bytes(perturb_colour(step, as_float(rgb), step.severity, frame.context(step)))
+    require(np.array_equal(found, rounded), name, "apply_bytes gives other bytes than apply, rounded")
 
 
 def _check_depth(perturbation: DepthPerturbation, step: Step[Any]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A rule of a contract, and the small world that contracts are tested in."""
+"""Rules of contracts, and the small scene that they are tested on."""
 
 import re
 from typing import Any

@@ -60,6 +60,6 @@ def _estimate(system: System, sequence: Path, folder: Path) -> bytes:
     estimate = read_estimate_file(folder / ESTIMATE)
     stamps_s = find_sequence(sequence).stamps.rgb.seconds
     matched = len(associate_poses(estimate.stamps_s, np.asarray(stamps_s))[0])
-    told = f"{matched} of its {len(estimate)} poses have the stamp of a frame; {LEAST_MATCHED} or more have to"
-    require(matched >= LEAST_MATCHED, system.name, f"{told}: see writes.stamps")
+    message = f"{matched} of its {len(estimate)} poses have the stamp of a frame; {LEAST_MATCHED} or more have to"
+    require(matched >= LEAST_MATCHED, system.name, f"{message}: see writes.stamps")
     return read_bytes(folder / ESTIMATE)

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from types import ModuleType
 
 MODULES = (
-    "properties", "older_files", "footage", "scene_copy", "world", "left_out", "operators", "paths", "preview",
+    "properties", "older_files", "footage", "scene_copy", "world", "excluded", "operators", "paths", "preview",
     "generate", "tracking", "asset_library", "header_presets", "panels", "presets",
 )  # fmt: skip
 """In the order of registration, which is also the order of the panels in the tab."""

@@ -11,9 +11,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias
 
+from ..core.exit_statuses import INTERRUPTED
 from ..core.progress import read_message
 
-INTERRUPTED = 130  # 128 + SIGINT (2), the generator's exit status when it was stopped
 NOTES_KEPT = 4  # chosen: as many sentences as the panel can show
 
 Phase: TypeAlias = Literal["starting", "running", "stopping", "finished", "stopped", "failed"]

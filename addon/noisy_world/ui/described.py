@@ -5,20 +5,49 @@ import math
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import bpy
 
 from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
+from ..core.presets.output import OutputSpec
+from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
+from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.presets.settings import SettingSpec
 from ..core.schema import KeyInfo
+from ..perturbations.faster_motion import FasterMotion
+from ..perturbations.motion_deviation import MotionDeviation
+from ..sources import SOURCES
+
+SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Speed", "Camera"
+PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
+SECTIONS: dict[type, str] = {
+    **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
+    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
+    OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
+    MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
+}  # fmt: skip
+"""The sections of the tab that show the fields of dataclasses."""
+
+
+@dataclass(frozen=True)
+class ShownField:
+    """A field of the tab: `Section > Label`, and the labels of the values that it chooses from."""
+
+    label: str
+    choices: dict[str, str]
+
+
+SHOWN: dict[tuple[Any, str], ShownField] = {}
+"""The fields of the tab by dataclass and name of what they give."""
 
 Listener: TypeAlias = Callable[[bpy.types.Scene, str], None]
 """Called with the scene and the name of the changed property; "steps" for everything inside a perturbation."""
 
 LISTENERS: list[Listener] = []
-_collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside told_once
+_collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside notify_once
 LARGEST_INT = 2**31 - 1  # of Blender's integer properties, which have 32 bits
 _LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are inclusive; chosen
 _SUBTYPES = {
@@ -86,28 +115,36 @@ def described(
     name: str,
     *,
     label: str = "",
+    section: str = "",
     update: str | Callable[[Any, bpy.types.Context], None] = "",
     **other: Any,
 ) -> Any:
     """Return a property for a dataclass's field, with the field's meaning as tooltip, its range, unit and default.
 
     An angle is in radians there, as Blender's are. Presets hold no keyframes, so it cannot be animated.
-    label: replaces the field's name. update: the name that listeners are called with, or a function that calls them.
-    other: arguments that override the field's.
+    label: replaces the field's name. section: of the tab, where it is not that of the dataclass. update: the name that
+    listeners are called with, or a function that calls them. other: arguments that override the field's.
     """
     item: Field[Any] = next(field for field in fields(cls) if field.name == name)
     info: KeyInfo = item.metadata["key"]
     hint = _plain(get_type_hints(cls)[name])
-    label = label or parameter_label(name)
+    label, items = label or parameter_label(name), _items(hint, info)
+    choices = {"true": "On", "false": "Off"} if hint is bool else {value: shown for value, shown, _ in items}
+    SHOWN[cls, name] = ShownField(f"{section or SECTIONS[cls]} > {label}", choices)
     if info.unit in _SPOKEN_UNITS:
         label += f" ({_SPOKEN_UNITS[info.unit]})"
-    told = tell(update or name) if isinstance(update, str) else update
-    common: dict[str, Any] = {"name": label, "description": sentence(info.meaning), "update": told, "options": set()}
+    on_change = tell(update or name) if isinstance(update, str) else update
+    common: dict[str, Any] = {
+        "name": label,
+        "description": sentence(info.meaning),
+        "update": on_change,
+        "options": set(),
+    }
     if item.default is not MISSING and item.default is not None:
         common["default"] = item.default
     if "description" in other:
         other["description"] = sentence(other["description"])
-    if items := _items(hint, info):
+    if items:
         chosen: dict[str, Any] = {"items": items}
         return bpy.props.EnumProperty(**(chosen | common | other))
     if hint is bool:
@@ -175,7 +212,7 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
 
 
 @contextmanager
-def told_once() -> Iterator[None]:
+def notify_once() -> Iterator[None]:
     """Delay the listeners to the end of the outermost such context, and call them once for each changed property."""
     _collected.append({})
     try:

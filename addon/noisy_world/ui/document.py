@@ -2,11 +2,10 @@
 """Converting the panel's content into a preset's document, which generate.py reads, and back."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,21 +13,21 @@ from ..core.channels import CHANNELS
 from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.geometry import Intrinsics
-from ..core.home import with_home
 from ..core.perturbing.execution import chosen_poses, split_motion
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_steps
 from ..core.perturbing.steps import Step, steps_of_kind
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import Preset, check_document
-from ..core.scenes.embedded import room_mesh
-from ..core.schema import Place, unknown_name
+from ..core.schema import ConfigPath, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
 from . import footage, scene_copy, this_scene
 from .keyed import curve_ends, curve_of, levels_of
+from .output_place import absolute
 from .properties import OVERRIDE, parameters_of, perturbation_of
+from .shown_sources import shown
 from .typed_numbers import value_of
 
 CLEAN = "clean"
@@ -60,14 +59,14 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     Paths are absolute, or relative to `folder` if they are inside it.
     """
     perturb = perturb_of(panel)
-    given = given_of(panel)
+    source = shown(panel)
     modalities = [name for name in CHANNELS if getattr(panel, f"use_{name}")]
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        **({"camera": camera_of(panel)} if given.lens else {}),
+        **({"camera": camera_of(panel)} if source.gives_lens(panel) else {}),
         "render": {
-            **({"engine": panel.engine, "samples": panel.samples} if given.render else {}),
+            **({"engine": panel.engine, "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,
         },
         "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
@@ -92,38 +91,14 @@ def format_of(panel: Any) -> OutputFormat:
 
 def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     """Return the panel's scene as a preset has it."""
-    if footage.is_shown(panel):
-        return {"name": panel.scene_name, **footage.entry(panel, lambda path: _path(path, folder))}
-    if this_scene.is_shown(panel):
-        shown = this_scene.entry(panel, lambda path: _path(path, folder))
-        path = {} if this_scene.rides(panel) else {"trajectory": _trajectory(panel, folder)}
-        return {"name": panel.scene_name, **shown, **path}
-    return {
-        "name": panel.scene_name,
-        "mesh": room_mesh(panel.room_seed) if panel.mesh_source == "ROOM" else _path(panel.mesh_path, folder),
-        "trajectory": _trajectory(panel, folder),
-    }
-
-
-@dataclass(frozen=True)
-class GivenByPanel:
-    """Whether the panel gives the intrinsics, and engine and samples; if not, the scene itself does."""
-
-    lens: bool
-    render: bool
-
-
-def given_of(panel: Any) -> GivenByPanel:
-    """Return what the panel gives itself."""
-    if footage.is_shown(panel):
-        return GivenByPanel(lens=not footage.takes_camera(panel), render=False)
-    own = this_scene.is_shown(panel)
-    return GivenByPanel(not own or panel.lens_source == "GIVEN", not own or panel.render_source == "GIVEN")
+    source = shown(panel)
+    path = {"trajectory": _trajectory(panel, folder)} if source.has_path(panel) else {}
+    return {"name": panel.scene_name, **source.entry(panel, lambda path: _path(path, folder)), **path}
 
 
 def recorded(panel: Any) -> footage.Footage:
     """Return the recording that the panel names. Raises InputError."""
-    camera = {"camera": camera_of(panel)} if given_of(panel).lens else {}
+    camera = {"camera": camera_of(panel)} if shown(panel).gives_lens(panel) else {}
     document = {"seed": 0, "scenes": [scene_of(panel)], **camera, "settings": [{"name": CLEAN}]}
     return footage.footage_of(check_document(document, Path(PANEL)))
 
@@ -131,19 +106,6 @@ def recorded(panel: Any) -> footage.Footage:
 def camera_of(panel: Any) -> dict[str, Any]:
     """Return the panel's camera as a preset has it."""
     return {key: value_of(panel, name) for name, key in CAMERA.items()}
-
-
-def absolute(path: str) -> str:
-    """Return a path of the panel as an absolute one, with forward slashes; "" stays "".
-
-    ~ and ~user are home folders; the name of a user who is not there stays, and is refused when the file is read.
-    """
-    if path.startswith("~"):
-        try:
-            path = str(with_home(path))
-        except LookupError:
-            return path
-    return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""
 
 
 def _path(path: str, folder: Path | None) -> str:
@@ -167,7 +129,7 @@ def perturb_of(panel: Any) -> list[dict[str, Any]]:
     listed = []
     for step in panel.steps:
         if step.enabled and step.perturbation not in registry():
-            raise unknown_name(Place(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
+            raise unknown_name(ConfigPath(PANEL, "perturbations"), "perturbation", step.perturbation, list(registry()))
         if step.enabled:
             listed.append({step.perturbation: values_of(step)})
     return own_motion(panel) + listed
@@ -237,20 +199,20 @@ def _keyed_frames(step: Any) -> NDArray[np.int64] | None:
 
 def steps_of(panel: Any) -> tuple[Step, ...]:
     """Return what the panel does to a scene, in propagation order. Raises InputError naming what is wrong."""
-    return parse_steps(perturb_of(panel), Place(PANEL, "perturbations"), registry())
+    return parse_steps(perturb_of(panel), ConfigPath(PANEL, "perturbations"), registry())
 
 
 def motion_of(panel: Any) -> tuple[Step[MotionPerturbation], ...]:
     """Return the steps that act on the path, in propagation order, even if other steps are wrong."""
     perturb = own_motion(panel) + listed_motion(panel)
-    return steps_of_kind(parse_steps(perturb, Place(PANEL, "motion"), registry()), MotionPerturbation)
+    return steps_of_kind(parse_steps(perturb, ConfigPath(PANEL, "motion"), registry()), MotionPerturbation)
 
 
 def intrinsics_of(panel: Any) -> Intrinsics:
     """Return the panel's camera; that of the scene or the recording where it holds. Raises InputError without one."""
     if footage.is_shown(panel):
         return recorded(panel).camera
-    if not given_of(panel).lens:
+    if not shown(panel).gives_lens(panel):
         return this_scene.intrinsics_of_scene(panel.id_data)
     return Intrinsics(*(value_of(panel, name) for name in INTRINSICS))
 

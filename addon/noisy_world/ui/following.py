@@ -41,7 +41,7 @@ class Following(_Mixin):
         try:
             self._run = self.begin(context.scene)
         except NoisyWorldError as error:
-            self.report({"ERROR"}, spoken(str(error)))
+            self.report({"ERROR"}, spoken(error.message))
             return False
         return True
 
@@ -90,7 +90,7 @@ class Following(_Mixin):
                 return {"CANCELLED"}
             self.report({"INFO"}, self.take(self._run))
         except NoisyWorldError as error:
-            self.report({"ERROR"}, spoken(str(error)))
+            self.report({"ERROR"}, spoken(error.message))
             return {"CANCELLED"}
         finally:
             self._leave(context)

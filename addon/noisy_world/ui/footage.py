@@ -3,7 +3,6 @@
 
 import json
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -20,13 +19,10 @@ from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions, Source
 from ..core.presets.preset import Preset
-from ..core.presets.scene_keys import SceneSpec
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..sources import find_scenes
-from .long_text import write
-from .recorded_fields import FIELDS, SOURCES
-from .typed_numbers import set_value, value_of
+from .source_fields import FOOTAGE
 
 KEPT = 2  # scenes whose files were looked through; chosen: one is shown at a time
 
@@ -34,49 +30,8 @@ _sources: OrderedDict[str, Source] = OrderedDict()  # by the document of the sce
 
 
 def is_shown(panel: Any) -> bool:
-    """Tell whether the dataset shows a recording or a video."""
-    return panel.mesh_source in {name for name, _, _ in SOURCES}
-
-
-def takes_camera(panel: Any) -> bool:
-    """Tell whether the recording says its intrinsics itself."""
-    return is_shown(panel) and panel.recorded_camera == "RECORDED"
-
-
-# --- as a preset has it ---
-
-
-def entry(panel: Any, place: Callable[[str], str]) -> dict[str, Any]:
-    """Return what a preset's scene says of it. place: gives a file's path as the preset has it."""
-    untold = SceneSpec()
-    if panel.mesh_source == "VIDEO":
-        said: dict[str, Any] = {"video": place(panel.video_path)}
-        if panel.video_depth_path:
-            said |= {"depth": place(panel.video_depth_path)}
-            said |= {"depth_scale_per_m": value_of(panel, "video_depth_scale_per_m")}
-        return said
-    given = {key: getattr(panel, name) for name, key in FIELDS.items()}
-    said = {"sequence": place(panel.sequence_path)}
-    said |= {key: value for key, value in given.items() if value != getattr(untold, key)}
-    return said | ({"rate_hz": value_of(panel, "recorded_rate_hz")} if panel.recorded_rate_hz else {})
-
-
-def take(panel: Any, scene: SceneSpec, place: Callable[[str, str], Path]) -> None:
-    """Set the panel from a preset's scene that is a recording or a video. place: the file of a key's path."""
-    kind = "video" if scene.video is not None else "sequence"
-    path = place(getattr(scene, kind), kind)
-    panel.mesh_source = "VIDEO" if scene.video is not None else "RECORDING"
-    panel.scene_name = scene.name or path.stem
-    if scene.video is not None:
-        panel.video_path = str(path)
-        panel.video_depth_path = "" if scene.depth is None else str(place(scene.depth, "depth"))
-        if scene.depth_scale_per_m is not None:
-            set_value(panel, "video_depth_scale_per_m", scene.depth_scale_per_m)
-        return
-    panel.sequence_path = str(path)
-    for name, key in FIELDS.items():
-        setattr(panel, name, getattr(scene, key))
-    set_value(panel, "recorded_rate_hz", scene.rate_hz or 0.0)
+    """Tell whether the dataset shows a recording, a video, or frames that a package's source gives."""
+    return panel.mesh_source in FOOTAGE
 
 
 # --- frames, for previews ---
@@ -128,7 +83,7 @@ def still(footage: Footage, index: int) -> RenderedFrame:
 def forget() -> None:
     """Look through the files again when a frame is next asked for."""
     _sources.clear()
-    _told.cache_clear()
+    _read_layout_names.cache_clear()
 
 
 # --- the panel's part ---
@@ -157,55 +112,22 @@ def known_layouts() -> list[tuple[str, str]]:
     return written + [(layout.label, layout.files) for layout in RECORDED.values()]
 
 
-def told_as(folder: str) -> str:
+def layout_names(folder: str) -> str:
     """Return the names of the layouts that a folder has the files of; "" for none, and for no folder."""
     path = Path(folder)
     try:
         changed_ns = path.stat().st_mtime_ns
     except OSError:
         return ""
-    return _told(folder, changed_ns)
+    return _read_layout_names(folder, changed_ns)
 
 
 @lru_cache(maxsize=16)
-def _told(folder: str, _changed_ns: int) -> str:
+def _read_layout_names(folder: str, _changed_ns: int) -> str:
     path = Path(folder)
     found = [layout.label for layout in LAYOUTS.values() if layout.recognises(path)]
     found = found or [layout.label for layout in RECORDED.values() if layout.recognises(path)]
     return " and ".join(found)
-
-
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context, panel: Any, place: Callable[[str], str]) -> None:
-    """Draw where the frames are, and what is done to them. place: gives a path of the panel as an absolute one."""
-    if panel.mesh_source == "VIDEO":
-        layout.prop(panel, "video_path")
-        layout.prop(panel, "video_depth_path")
-        if panel.video_depth_path:
-            layout.prop(panel, "video_depth_scale_per_m")
-        return
-    row = layout.row(align=True)
-    row.prop(panel, "sequence_path")
-    row.popover(panel=NOISYWORLD_PT_layouts.__name__, text="", icon="INFO")
-    folder = place(panel.sequence_path)
-    if folder and not Path(folder).is_dir():
-        write(layout, context, "There is no such folder", "ERROR")
-    elif folder:
-        told = told_as(folder)
-        write(
-            layout, context, f"Layout: {told}" if told else "No layout that is read", "CHECKMARK" if told else "ERROR"
-        )
-    column = layout.column(heading="Treatment", align=True)
-    column.prop(panel, "undistort")
-    column.prop(panel, "register_depth")
-
-
-def draw_path(layout: bpy.types.UILayout, panel: Any) -> None:
-    """Draw what becomes of a recording's poses and times; a video has no poses."""
-    if panel.mesh_source == "VIDEO":
-        layout.label(text="A video has no poses", icon="INFO")
-        return
-    layout.prop(panel, "recorded_poses")
-    layout.prop(panel, "recorded_rate_hz")
 
 
 register, unregister = bpy.utils.register_classes_factory((NOISYWORLD_PT_layouts,))

@@ -24,7 +24,7 @@ from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import footage, left_out, this_scene
+from . import excluded, footage, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
@@ -168,10 +168,10 @@ def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray
     lost = format_.out_of_range(depth_m)
     if lost is None:
         return depth_m, ""
-    told = format_.depth_range.told_of_image(lost, depth_m.size)
+    message = format_.depth_range.format_image_loss(lost, depth_m.size)
     if lost.farthest_m is not None:
-        told += f" (a Depth Scale of {scale_that_holds(lost.farthest_m):g} holds that)"
-    return format_.stored_depth_m(depth_m), f"{told}; "
+        message += f" (a Depth Scale of {scale_that_holds(lost.farthest_m):g} holds that)"
+    return format_.stored_depth_m(depth_m), f"{message}; "
 
 
 def _shown(sequence: Sequence, index: int) -> Shown:
@@ -342,7 +342,7 @@ class _Preview(OnScene):
             image, about = make_picture(scene, self.kind, index)
             _followed.setdefault(scene.session_uid, {})[self.kind] = index
             open_picture(context, image)
-            return about if left_out.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+            return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
 
         return guarded(self, work)
 
@@ -377,7 +377,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
     if has_depth_steps(panel_of(context.scene)):
         column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
-    left_out.draw_in_preview(layout, context)
+    excluded.draw_in_preview(layout, context)
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))

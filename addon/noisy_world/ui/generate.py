@@ -9,14 +9,15 @@ from ..blender.typed import layout_of
 from ..core.channels import CHANNELS
 from ..core.errors import InputError
 from ..core.labels import american
-from . import left_out
+from ..core.messages import Action, offers
+from . import excluded
 from .following import Following, redraw
 from .long_text import write
 from .operators import guarded
 from .output_place import output_folder
 from .properties import panel_of
 from .runs import BUSY, SceneRun, active_run, command_line, run_of, start, stop_all, summary
-from .wording import spoken
+from .wording import noted, spoken
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems
@@ -62,14 +63,14 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
         """Generate and wait for the end, for scripts, which are told what will not be in the dataset."""
         if not self.started(context):
             return {"CANCELLED"}
-        if text := left_out.sentence(context.scene):
+        if text := excluded.sentence(context.scene):
             self.report({"WARNING"}, text)
         self._say()
         return self.waited(context)
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Generate while the windows stay usable; ask first where something will not be in the dataset."""
-        if not self.asked and left_out.left_out(context.scene):
+        if not self.asked and excluded.excluded(context.scene):
             operators().generate_without("INVOKE_DEFAULT", overwrite=self.overwrite)
             return {"CANCELLED"}  # that operator starts this one again
         if not self.started(context):
@@ -104,7 +105,7 @@ class _AskedGenerate(_Mixin):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask first."""
         return context.window_manager.invoke_confirm(
-            self, event, title=self.bl_label, message=left_out.sentence(context.scene), confirm_text="Generate"
+            self, event, title=self.bl_label, message=excluded.sentence(context.scene), confirm_text="Generate"
         )
 
     def execute(self, _: bpy.types.Context) -> set[str]:
@@ -146,7 +147,7 @@ class NoisyWorldGenerateWithout(_AskedGenerate, bpy.types.Operator):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the question."""
         layout = layout_of(self)
-        write(layout, context, left_out.sentence(context.scene), "ERROR")
+        write(layout, context, excluded.sentence(context.scene), "ERROR")
         layout.row().prop(self, "shows", expand=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -230,7 +231,7 @@ class NoisyWorldOpenOutput(bpy.types.Operator):
         try:
             there = output_folder(panel_of(context.scene)).is_dir()
         except InputError as error:
-            cls.poll_message_set(spoken(str(error)))
+            cls.poll_message_set(spoken(error.message))
             return False
         if not there:
             cls.poll_message_set("The folder is not there yet: press Generate")
@@ -251,7 +252,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column()
     run = active_run()
     if run is None:
-        left_out.draw(column, context)
+        excluded.draw(column, context)
         row = column.row()
         row.scale_y = 1.4
         row.operator(NoisyWorldGenerate.bl_idname, icon="RENDER_ANIMATION")
@@ -267,12 +268,12 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if not own.background.active:
         icons: dict[str, IconItems] = {"finished": "CHECKMARK", "failed": "ERROR"}
         write(layout, context, summary(own), icons.get(own.background.phase, "INFO"))
-        if own.background.phase == "failed" and "--overwrite" in own.background.error:
+        if own.background.phase == "failed" and offers(own.background.error, Action.OVERWRITE):
             layout.operator(NoisyWorldGenerateAnew.bl_idname, icon="TRASH")
     if own.said:
         write(layout, context, own.said[:1].upper() + own.said[1:], "FILE_BLEND")
     for note in own.background.notes:
-        write(layout, context, spoken(note[:1].upper() + note[1:]), "DOT")
+        write(layout, context, noted(note), "DOT")
 
 
 def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:

@@ -10,12 +10,12 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..blender.typed import layout_of
 from ..core.datasets.camera_file import read_camera_file
-from .described import told_once
+from .apply_preset import Part, can_apply
+from .described import notify_once
 from .document import INTRINSICS
 from .operators import UNDOABLE, OnScene, guarded
 from .preset_files import listed, own_folder, preset_label, shipped_folder
 from .properties import panel_of
-from .taking import Part, can_take
 from .typed_numbers import set_value
 
 LABELS: dict[str, str] = {
@@ -46,7 +46,7 @@ class NoisyWorldCameraFromFile(OnScene, bpy.types.Operator, ImportHelper):
 def take_camera(panel: Any, path: Path) -> str:
     """Fill the panel's camera in from a file, and say what it is. Raises InputError; the panel is then unchanged."""
     camera = read_camera_file(path)
-    with told_once():
+    with notify_once():
         for name in INTRINSICS:
             set_value(panel, name, getattr(camera, name))
     return f"{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}, from {path.name}"
@@ -62,7 +62,7 @@ def takeable(part: str) -> list[Path]:
 
 @lru_cache(maxsize=256)
 def _can_take(path: Path, _changed_ns: int, part: Part) -> bool:
-    return can_take(path, part)
+    return can_apply(path, part)
 
 
 def _popover(part: str) -> type:

@@ -36,15 +36,15 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     if window is not None:
         window.cursor_set("WAIT")
     try:
-        told = work()
+        message = work()
     except NoisyWorldError as error:
-        operator.report({"ERROR"}, spoken(str(error)))
+        operator.report({"ERROR"}, spoken(error.message))
         return CANCELLED
     finally:
         if window is not None:
             window.cursor_set("DEFAULT")
-    if told:
-        operator.report({"INFO"}, american(told))
+    if message:
+        operator.report({"INFO"}, american(message))
     return DONE
 
 

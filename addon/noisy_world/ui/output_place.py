@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the panel's dataset lies."""
+"""Paths of the panel's files and of its dataset."""
 
 from pathlib import Path
 from typing import Any
@@ -21,3 +21,16 @@ def output_folder(panel: Any) -> Path:
         return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
     except LookupError as error:
         raise InputError("Output", str(error)) from error
+
+
+def absolute(path: str) -> str:
+    """Return a path of the panel as an absolute one, with forward slashes; "" stays "".
+
+    ~ and ~user are home folders; the name of a user who is not there stays, and is refused when the file is read.
+    """
+    if path.startswith("~"):
+        try:
+            path = str(with_home(path))
+        except LookupError:
+            return path
+    return Path(bpy.path.abspath(path)).resolve().as_posix() if path else ""

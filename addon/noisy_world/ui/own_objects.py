@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Noisy World has put into a scene: a mesh and a camera, in a collection of their own."""
+"""The mesh and the camera that Noisy World adds to a scene, in a collection of their own."""
 
 import json
 import zlib

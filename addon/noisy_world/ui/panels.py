@@ -12,11 +12,13 @@ from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, footage, generate, header_presets, operators, paths, preview, tracking, world
-from .document import OWN_FIELDS, absolute, given_of
+from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
+from .document import OWN_FIELDS
 from .keyed import without_effect
 from .long_text import write
 from .own_objects import own_object
 from .properties import active_step, panel_of
+from .shown_sources import shown
 from .step_fields import draw_step
 
 TAB = "Noisy World"
@@ -70,29 +72,21 @@ class PanelSection(_Mixin):
 class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
     """The mesh"""
 
-    bl_label = "Scene"
+    bl_label = SCENE
     presets = "SCENE"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         layout.prop(panel, "mesh_source")
-        if panel.mesh_source == "FILE":
-            layout.prop(panel, "mesh_path")
-        elif panel.mesh_source == "ROOM":
-            layout.prop(panel, "room_seed")
-        elif footage.is_shown(panel):
-            footage.draw(layout, context, panel, absolute)
-        layout.prop(panel, "scene_name", text="Name")
-        if footage.is_shown(panel):
-            return
-        if panel.mesh_source == "SCENE":
-            layout.row().prop(panel, "compositing", expand=True)
-            layout.prop(panel, "depth_alpha", slider=True)
+        source = shown(panel)
+        source.draw(layout, panel)
+        layout.prop(panel, "scene_name")
+        if not source.loads:
             return
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
-        if told := world.summary(context.scene):
-            layout.label(text=", ".join(told), icon="CHECKMARK")
+        if message := world.summary(context.scene):
+            layout.label(text=", ".join(message), icon="CHECKMARK")
             if operators.hides_colors(context):
                 layout.operator("noisy_world.show_colors", icon="SHADING_TEXTURE")
 
@@ -100,14 +94,14 @@ class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
 class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
     """The path"""
 
-    bl_label = "Trajectory"
+    bl_label = TRAJECTORY
     presets = "PATH"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         if footage.is_shown(panel):
-            footage.draw_path(layout, panel)
+            shown(panel).draw_path(layout, panel)
             return
         layout.prop(panel, "trajectory_source", text="Path")
         if panel.trajectory_source == "FILE":
@@ -122,14 +116,14 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
         for name in (*names, "every"):
             column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
-        if told := world.path_summary(context.scene):
-            layout.label(text=told, icon="CHECKMARK")
+        if message := world.path_summary(context.scene):
+            layout.label(text=message, icon="CHECKMARK")
 
 
 class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
     """How far from the path the camera is, and how fast along it"""
 
-    bl_label = "Deviation and Speed"
+    bl_label = DEVIATION
     bl_parent_id = "NOISYWORLD_PT_trajectory"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -146,27 +140,24 @@ class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
 class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
     """The intrinsics"""
 
-    bl_label = "Camera"
+    bl_label = CAMERA
     presets = "CAMERA"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
-        if panel.mesh_source == "SCENE":
-            layout.prop(panel, "lens_source")
-            if panel.lens_source == "SCENE":
-                return
-        elif footage.is_shown(panel):
-            layout.prop(panel, "recorded_camera")
-            if footage.takes_camera(panel):
+        source = shown(panel)
+        if source.lens_field:
+            layout.prop(panel, source.lens_field)
+            if not source.gives_lens(panel):
                 return
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if panel.mesh_source in ("ROOM", "FILE") and own_object(context.scene, "camera") is None:
+        if source.loads and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
 
@@ -248,7 +239,7 @@ def _stage_menu(stage: Stage) -> type:
 class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
     """What is done to the sequence"""
 
-    bl_label = "Perturbations"
+    bl_label = PERTURBATIONS
     presets = "PERTURBATIONS"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -286,24 +277,24 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
 class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
     """How frames are rendered and written"""
 
-    bl_label = "Render and Output"
+    bl_label = OUTPUT
     presets = "OUTPUT"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        own = panel.mesh_source == "SCENE"
-        if own:
-            column.prop(panel, "render_source")
-        for name in ("engine", "samples") if given_of(panel).render else ():
+        source = shown(panel)
+        if source.render_field:
+            column.prop(panel, source.render_field)
+        for name in ("engine", "samples") if source.gives_render(panel) else ():
             column.prop(panel, name)
         column.prop(panel, "backend")
         column = layout.column(align=True)
         column.prop(panel, "layout")
         row = column.row(align=True)
         row.enabled = len(LAYOUTS[panel.layout].images) > 1
-        row.prop(panel, "image", text="Images")
+        row.prop(panel, "image")
         column.prop(panel, "colour")
         column = layout.column(align=True)
         column.enabled = panel.use_depth
@@ -312,7 +303,7 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column = layout.column(heading="Write", align=True)
         for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
             column.prop(panel, name)
-        layout.prop(panel, "setting_name", text="Setting")
+        layout.prop(panel, "setting_name")
         layout.prop(panel, "output_folder")
         generate.draw(layout, context)
 

@@ -68,7 +68,7 @@ def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
     """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene frames."""
     if footage.is_shown(panel_of(scene)):
         return recorded(panel_of(scene)).stamps_s
-    if this_scene.rides(panel_of(scene)):
+    if this_scene.follows(panel_of(scene)):
         return this_scene.stamps_of(scene)
     camera = _camera_of(scene)
     if camera is not None and CLEAN_STAMPS_S in camera:
@@ -217,7 +217,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     try:
         second = drawn_poses(scene, c2w)
     except NoisyWorldError as error:
-        write(layout, context, spoken(str(error)), "ERROR")
+        write(layout, context, spoken(error.message), "ERROR")
         return
     if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)

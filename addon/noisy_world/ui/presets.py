@@ -12,12 +12,12 @@ from ..core.errors import InputError
 from ..core.home import with_home
 from ..core.labels import title
 from ..core.perturbing.steps import Step
+from .apply_preset import add_perturbations, apply_part, open_preset
 from .document import save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import PanelSection
 from .preset_files import is_own, listed, own_folder, own_path, preset_label, shipped_folder
 from .properties import panel_of
-from .taking import add_perturbations, open_preset, take_part
 
 TAKEN: dict[str, str] = {
     "SCENE": "the mesh", "PATH": "the path", "CAMERA": "the camera", "OUTPUT": "how frames are rendered and written",
@@ -89,7 +89,7 @@ def _open(context: bpy.types.Context, path: Path, part: Any, setting: str = "") 
     """Take a preset into the panel; return what was done."""
     panel, path = panel_of(context.scene), _in_home(path)
     if part in TAKEN:
-        take_part(panel, path, part)
+        apply_part(panel, path, part)
         return f"{preset_label(path)}: {TAKEN[part]} from it; everything else is as it was"
     if not takes_perturbations(path, part):
         open_preset(panel, path, setting)

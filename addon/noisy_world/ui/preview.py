@@ -20,7 +20,7 @@ from .document import intrinsics_of
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
-from .shown_motion import is_unknown, stances
+from .shown_motion import camera_states, is_unknown
 from .standard_view import UseStandardView, falsified_by, is_working_space_wrong, shown_after
 from .stills import path_frames
 from .wording import spoken
@@ -145,7 +145,7 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
     try:
         yield
     except NoisyWorldError as error:
-        _errors[scene.session_uid] = spoken(str(error))
+        _errors[scene.session_uid] = spoken(error.message)
 
 
 def show(scene: bpy.types.Scene) -> None:
@@ -160,7 +160,7 @@ def show(scene: bpy.types.Scene) -> None:
         reference_width_px=intrinsics_of(panel).width_px,
         split=panel.preview_split,
         intrinsics=intrinsics_of(panel),
-        stance_at=stances(scene, sequence),
+        camera_state_at=camera_states(scene, sequence),
     )
     (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)
 

@@ -20,13 +20,12 @@ from ..core.presets.preset import (
     RenderSpec,
     SettingSpec,
 )
-from ..core.presets.scene_keys import HandheldSpec, SceneSpec, TrajectorySpec
-from ..core.scenes.embedded import ROOMS
+from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, channel_flag, described, tell, told_once
-from .recorded_fields import SOURCES, recorded_members
+from .described import LARGEST_INT, LISTENERS, channel_flag, described, notify_once, tell
+from .source_fields import GROUPS, ITEMS, source_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
 
@@ -52,7 +51,9 @@ def _parameters_class(perturbation: Perturbation) -> type:
         more: dict[str, Any] = {"description": text} if (text := seen(perturbation.name, item.name)) else {}
         if item.name in perturbation.severities:
             more |= _soft_range(perturbation, item.name)
-        members[property_name(item.name)] = described(perturbation.parameters, item.name, update="steps", **more)
+        members[property_name(item.name)] = described(
+            perturbation.parameters, item.name, update="steps", section=title(perturbation.label), **more
+        )
         if item.name in perturbation.severities:
             members[OVERRIDE + item.name] = _flag(
                 name=f"Override {parameter_label(item.name)}",
@@ -74,14 +75,14 @@ def _soft_range(perturbation: Perturbation, parameter: str) -> dict[str, float]:
 
 def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any, bpy.types.Context], None]:
     """Return an update function: a parameter that is to be set by hand starts with the severity's value."""
-    told = tell("steps")
+    on_change = tell("steps")
 
     def update(group: Any, context: bpy.types.Context) -> None:
         step = group.path_from_id().rpartition(".")[0]
         severity = group.id_data.path_resolve(step).severity
         if getattr(group, OVERRIDE + parameter) and severity >= SEVERITIES[0]:
             set_value(group, parameter, getattr(perturbation.at_severity(severity), parameter))
-        told(group, context)
+        on_change(group, context)
 
     return update
 
@@ -185,7 +186,7 @@ def active_step(panel: Any) -> Any | None:
 def _take_layout(panel: Any, context: bpy.types.Context) -> None:
     """Set the layout's own image kind, colour and depth scale, which its readers expect."""
     own = OutputSpec(layout=panel.layout).format
-    with told_once():
+    with notify_once():
         if panel.image not in own.layout.images:
             panel.image = own.image
         panel.colour = own.colour
@@ -195,7 +196,7 @@ def _take_layout(panel: Any, context: bpy.types.Context) -> None:
 
 def _take_mesh_source(panel: Any, context: bpy.types.Context) -> None:
     """Let the path be one that goes with the mesh's source: a scene has a camera, a mesh has none."""
-    with told_once():
+    with notify_once():
         if panel.mesh_source == "SCENE" and panel.trajectory_source == "HANDHELD":
             panel.trajectory_source = "CAMERA"
         elif panel.mesh_source != "SCENE" and panel.trajectory_source == "CAMERA":
@@ -211,26 +212,8 @@ def _panel_members() -> dict[str, Any]:
         "mesh_source": _enum(
             name="Source",
             description="What the dataset shows",
-            items=[
-                ("ROOM", "Embedded Room", "One of the rooms that come with Noisy World"),
-                ("FILE", "Mesh File", "A mesh with its colors or textures, unlit"),
-                ("SCENE", "This Scene", "What this file's scene renders: its objects, lights, world and settings"),
-                *SOURCES,
-            ],
+            items=ITEMS,
             update=_take_mesh_source,
-        ),
-        "compositing": _enum(
-            name="Compositing",
-            description="What becomes of the scene's own compositing in the dataset",
-            items=[
-                ("off", "Off", "Frames are as rendered, before the compositing"),
-                ("keep", "Keep", "Frames are as the compositing makes them"),
-            ],
-            update=tell("compositing"),
-        ),
-        "depth_alpha": described(
-            SceneSpec, "depth_alpha", label="Depth Alpha", update="depth_alpha",
-            description="Higher: depth sees through surfaces that are less transparent",
         ),
         "lens_source": _enum(
             name="Intrinsics",
@@ -250,16 +233,9 @@ def _panel_members() -> dict[str, Any]:
             ],
             update=tell("render_source"),
         ),
-        "mesh_path": described(
-            SceneSpec, "mesh", label="Mesh File", update="mesh_path", subtype="FILE_PATH", options=path_options,
-            description="Mesh with colors or textures: PLY, glTF, OBJ, USD, FBX or STL",
-        ),
-        **recorded_members(),
-        "room_seed": _whole(
-            name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1, update=tell("room_seed")
-        ),
+        **source_members(),
         "scene_name": described(
-            SceneSpec, "name", label="Scene Name", update="scene_name", default="room",
+            SceneKeys, "name", label="Name", update="scene_name", default="room",
             description="The scene's folder in the dataset",
         ),
         "trajectory_source": _enum(
@@ -322,7 +298,7 @@ def _panel_members() -> dict[str, Any]:
             OutputSpec, "layout", description="The layout of the files", update=_take_layout
         ),
         "image": described(
-            OutputSpec, "image", label="Color Images", update="image", default=OUTPUT.image,
+            OutputSpec, "image", label="Images", update="image", default=OUTPUT.image,
             description="Format of color: JPEG at quality 98 without chroma subsampling, or PNG",
         ),
         "colour": described(
@@ -345,7 +321,7 @@ def _panel_members() -> dict[str, Any]:
             update=tell("output_folder"),
         ),
         "setting_name": described(
-            SettingSpec, "name", label="Setting Name", update="setting_name", default="perturbed"
+            SettingSpec, "name", label="Setting", update="setting_name", default="perturbed"
         ),
         "preview": _flag(
             name="Preview",
@@ -372,7 +348,7 @@ def _panel_members() -> dict[str, Any]:
 NoisyWorldPanelState: type = type(
     "NoisyWorldPanelState", (bpy.types.PropertyGroup,), {"__annotations__": _panel_members(), "__module__": __name__}
 )
-CLASSES = (*PARAMETERS.values(), NoisyWorldStep, NoisyWorldPanelState)
+CLASSES = (*PARAMETERS.values(), *GROUPS.values(), NoisyWorldStep, NoisyWorldPanelState)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 

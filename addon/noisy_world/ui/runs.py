@@ -16,14 +16,17 @@ import bpy
 
 from ..core.errors import InputError, StorageError
 from ..core.home import path_in
+from ..core.planning.scene import SceneEntry
 from ..core.presets.preset import Preset, PresetSpec, read_preset
-from ..core.presets.scene_keys import SceneSpec
+from ..core.presets.scene_keys import SceneKeys
 from ..core.scenes.embedded import is_embedded
+from ..sources import read_scenes
 from . import scene_copy, this_scene
 from .background_run import BackgroundRun
 from .document import PANEL, preset_of, to_document
 from .output_place import output_folder
 from .properties import panel_of
+from .shown_sources import PANEL_SOURCES, shown_as
 from .wording import spoken
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
@@ -73,7 +76,7 @@ def _script(name: str) -> Path:
         script = folder / "headless" / name
         if script.is_file():
             return script
-    raise StorageError(f"{package / 'headless' / name}: not there; install the extension again")
+    raise StorageError("not there", file=package / "headless" / name, remedy="install the extension again")
 
 
 def generator_command(preset: Path, out: Path, *options: str) -> list[str]:
@@ -140,27 +143,30 @@ def saved_preset(panel: Any) -> Path | None:
         return None
     path = Path(bpy.path.abspath(panel.preset_path)).resolve()
     try:
-        return path if _placed(read_preset(path)) == preset_of(panel).spec else None
+        return path if _placed(read_preset(path)) == _placed(preset_of(panel)) else None
     except InputError:  # the file was moved or damaged since
         return None
 
 
-def _placed(preset: Preset) -> PresetSpec:
+def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys]]:
     """Return a preset's content with absolute paths and the camera written out, as the panel has them."""
+    found = []
+    entries = read_scenes(preset)
+    for entry in entries:
 
-    def whole(name: str | None) -> str | None:
-        if name is None or is_embedded(name):
-            return name
-        return path_in(preset.folder, name, preset.place("scenes")).resolve().as_posix()
+        def whole(text: str | None, key: str, entry: SceneEntry[Any] = entry) -> str | None:
+            if text is None or is_embedded(text):
+                return text
+            return path_in(preset.folder, text, entry.place.at(key)).resolve().as_posix()
 
-    def placed(scene: SceneSpec) -> SceneSpec:
-        path = scene.trajectory
-        file = path and replace(path, file=whole(path.file))
-        return replace(scene, mesh=whole(scene.mesh), blend=whole(scene.blend), trajectory=file)
-
-    scenes = tuple(placed(scene) for scene in preset.spec.scenes)
-    own = any(scene.blend is not None for scene in scenes)
-    return replace(preset.spec, scenes=scenes, camera=preset.spec.camera if own else preset.spec.mesh_camera, data=None)
+        source = PANEL_SOURCES.get(shown_as(entry))
+        given: dict[str, Any] = {key: whole(getattr(entry.keys, key), key) for key in (source.files if source else ())}
+        if (path := getattr(entry.keys, "trajectory", None)) is not None:
+            given["trajectory"] = replace(path, file=whole(path.file, "trajectory"))
+        found.append(replace(entry.keys, **given))
+    own = any(source.lens_field for entry in entries if (source := PANEL_SOURCES.get(shown_as(entry))))
+    camera = preset.spec.camera if own else preset.spec.mesh_camera
+    return replace(preset.spec, scenes=(), camera=camera, data=None), found
 
 
 def temporary_preset(panel: Any, folder: Path) -> Path:

@@ -107,7 +107,7 @@ def _save_copy(path: Path) -> None:
             hide_chain(item)
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
     except RuntimeError as error:  # Blender reports in this way that it could not save
-        raise StorageError(f"{path}: the scene cannot be saved: {str(error).strip()}") from error
+        raise StorageError(f"the scene cannot be saved: {str(error).strip()}", file=path) from error
     finally:
         for item in previewed:
             tell("steps")(panel_of(item), bpy.context)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..blender.scene_camera import sampled_camera
 from ..core.planning.sequence import Sequence
-from ..core.schema import Place
+from ..core.schema import ConfigPath
 from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ..core.trajectories.trajectory import Trajectory
 from ..pipeline.clean_frame import Camera
@@ -35,16 +35,16 @@ def shown_path(scene: bpy.types.Scene, sources: Collection[int]) -> Trajectory |
         keyed = c2w if moved is None else moved
         stamps_s = clean_stamps_s(scene)
         return Trajectory(keyed, stamps_s) if len(stamps_s) == len(keyed) else None
-    return _sampled(scene, sorted(set(sources))) if this_scene.rides(panel) and scene.camera is not None else None
+    return _sampled(scene, sorted(set(sources))) if this_scene.follows(panel) and scene.camera is not None else None
 
 
 def _sampled(scene: bpy.types.Scene, sources: list[int]) -> Trajectory:
-    from ..sources.blend import rigid_c2w
+    from ..sources.blend_source import rigid_c2w
 
     stamps_s = clean_stamps_s(scene)
     found = sampled_camera(scene, None, path_frames(scene)[sources].tolist())
     c2w = np.tile(np.eye(4), (len(stamps_s), 1, 1))
-    c2w[sources] = rigid_c2w(found.matrices, Place(this_scene.CAMERA_FIELD))
+    c2w[sources] = rigid_c2w(found.matrices, ConfigPath(this_scene.CAMERA_FIELD))
     posed = np.zeros(len(stamps_s), dtype=np.bool_)
     posed[sources] = True
     return Trajectory(c2w, stamps_s, posed=posed)
@@ -59,8 +59,8 @@ def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:
     return replace(camera, path=shown_path(scene, sources))
 
 
-def stances(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], CameraState] | None:
-    """Return what gives the camera's stance at a frame of the sequence, whose last one stays at later numbers.
+def camera_states(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], CameraState] | None:
+    """Return what gives the camera's state at a frame of the sequence, whose last one stays at later numbers.
 
     None where no perturbation asks for it, or where the path is not known wholly: the scene's own camera has to be
     loaded, as looking at all its frames would take seconds.
@@ -78,4 +78,4 @@ def is_unknown(scene: bpy.types.Scene, sequence: Sequence) -> bool:
 
 
 def _waits(scene: bpy.types.Scene) -> bool:
-    return this_scene.rides(panel_of(scene)) and clean_poses(scene) is None
+    return this_scene.follows(panel_of(scene)) and clean_poses(scene) is None

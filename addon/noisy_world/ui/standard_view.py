@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What in a scene makes its views differ from the images that are written, and the button that mends it."""
+"""Settings of a scene by which its views differ from the images that are written, and a button to mend them."""
 
 from typing import Any
 
 import bpy
 
 from ..blender.typed import get_value, inputs
-from . import left_out, this_scene
+from . import excluded, this_scene
 from .operators import DONE, UNDOABLE, OnScene
 from .own_objects import own_object
 from .properties import panel_of
@@ -47,7 +47,7 @@ def shown_after(scene: bpy.types.Scene) -> str:
 def is_void_shown(scene: bpy.types.Scene) -> bool:
     """Tell whether a scene with our mesh has a world of one colour that is not black: in the dataset it is not seen."""
     tree = None if scene.world is None else scene.world.node_tree
-    if tree is None or own_object(scene, "mesh") is None or left_out.is_pictured(scene.world):
+    if tree is None or own_object(scene, "mesh") is None or excluded.is_pictured(scene.world):
         return False
     backgrounds = [node for node in tree.nodes if isinstance(node, bpy.types.ShaderNodeBackground)]
     strengths = [(inputs(node)["Strength"], inputs(node)["Color"]) for node in backgrounds]

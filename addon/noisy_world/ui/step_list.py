@@ -5,7 +5,7 @@ from typing import Any
 
 from ..core.perturbing.steps import Step
 from ..perturbations import registry
-from .described import told_once
+from .described import notify_once
 from .keyed import key_severity, reorder
 from .properties import OVERRIDE, parameters_of
 from .this_scene import scene_frames
@@ -54,7 +54,7 @@ def add_step(panel: Any, name: str) -> int:
 
     Its pattern changes from frame to frame as it does in the world.
     """
-    with told_once():
+    with notify_once():
         item = panel.steps.add()
         item.perturbation = name
         if registry()[name].temporals:

@@ -13,11 +13,12 @@ from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
-from . import footage, left_out, this_scene, world
-from .document import given_of, intrinsics_of, motion_of, recorded
+from . import excluded, footage, this_scene, world
+from .document import intrinsics_of, motion_of, recorded
 from .own_objects import own_object
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
+from .source_fields import ITEMS
 
 
 def path_frames(scene: bpy.types.Scene) -> NDArray[Any]:
@@ -34,7 +35,7 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     if footage.is_shown(panel):
         return footage.still(recorded(panel), frame)
     if not this_scene.is_shown(panel):
-        (still,) = render_stills(scene, [frame], empty=left_out.shows_dataset(scene))
+        (still,) = render_stills(scene, [frame], empty=excluded.shows_dataset(scene))
         return still
     return render_own_still(scene, own_still(scene, frame))
 
@@ -42,8 +43,9 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
 def check_depth(scene: bpy.types.Scene) -> None:
     """Raise InputError where the dataset shows a video that has no depth."""
     panel = panel_of(scene)
-    if footage.is_shown(panel) and not recorded(panel).source.gives.depth:
-        raise InputError("Scene > Video", "has no depth", remedy="choose the folder of its depth, or leave that out")
+    if footage.is_shown(panel) and not recorded(panel).source.capabilities.depth:
+        name = {item: label for item, label, _ in ITEMS}[panel.mesh_source]
+        raise InputError(f"Scene > {name}", "has no depth", remedy="choose the folder of its depth, or leave that out")
 
 
 def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -61,18 +63,19 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
 
     Raises InputError where the path has to be loaded first.
     """
-    panel, given = panel_of(scene), given_of(panel_of(scene))
+    panel = panel_of(scene)
+    given = panel.render_source == "GIVEN"
     camera = own_object(scene, "camera")
     loaded = camera is not None and world.is_from_panel(scene, camera)
-    c2w, rides = (clean_poses(scene) if loaded else None), this_scene.rides(panel)
+    c2w, follows = (clean_poses(scene) if loaded else None), this_scene.follows(panel)
     moved = None if c2w is None else deviated_poses(scene, c2w)
-    if c2w is None and (not rides or has_moving_steps(scene)):
+    if c2w is None and (not follows or has_moving_steps(scene)):
         raise InputError("Preview Frame", "the path is not loaded, or another by now", remedy="press Load Trajectory")
     at = float(path_frames(scene)[index])
     if (
         moved is not None
         and c2w is not None
-        and this_scene.rides(panel)
+        and this_scene.follows(panel)
         and this_scene.has_moved(scene, at, c2w[index])
     ):
         problem = "the scene's camera moves otherwise than when its path was loaded"
@@ -80,12 +83,12 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
     keyed = c2w if moved is None else moved
     return OwnStill(
         frame=at,
-        c2w=None if keyed is None or (moved is None and rides) else keyed[index],
-        rides=rides,
+        c2w=None if keyed is None or (moved is None and follows) else keyed[index],
+        follows=follows,
         intrinsics=intrinsics_of(panel),
-        clip_m=(panel.near_m, panel.far_m) if given.lens else None,
-        engine=panel.engine if given.render else None,
-        samples=panel.samples if given.render else None,
+        clip_m=(panel.near_m, panel.far_m) if panel.lens_source == "GIVEN" else None,
+        engine=panel.engine if given else None,
+        samples=panel.samples if given else None,
         seed=render_seed(panel.seed),
         keep_compositor=panel.compositing == "keep",
         depth_alpha=panel.depth_alpha,

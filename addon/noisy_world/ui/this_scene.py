@@ -7,12 +7,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blender.scene_camera import sampled_camera, sight_of
-from ..blender.scene_look import look
+from ..blender.scene_camera import camera_parameters, sampled_camera
+from ..blender.scene_inspection import inspect_scene
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.presets.frame_range import FrameRange
-from ..core.schema import Place
+from ..core.schema import ConfigPath
 from ..core.trajectories.trajectory import Trajectory
 from .own_objects import keys_state
 from .properties import panel_of
@@ -29,7 +29,7 @@ def is_shown(panel: Any) -> bool:
     return panel.mesh_source == "SCENE"
 
 
-def rides(panel: Any) -> bool:
+def follows(panel: Any) -> bool:
     """Tell whether the path is that of the scene's own camera."""
     return is_shown(panel) and panel.trajectory_source == "CAMERA"
 
@@ -48,7 +48,7 @@ def scene_frames(scene: bpy.types.Scene, count: int, stamps_s: NDArray[np.float6
     panel = panel_of(scene)
     if not is_shown(panel):
         return np.arange(count)
-    if rides(panel):
+    if follows(panel):
         chosen = frame_range(scene)
         return chosen.first + chosen.step * np.arange(count)
     fps = scene.render.fps / scene.render.fps_base
@@ -75,27 +75,27 @@ def own_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 def intrinsics_of_scene(scene: bpy.types.Scene) -> Intrinsics:
     """Return the intrinsics of the scene's own camera. Raises InputError where it has none."""
     camera = own_camera(scene)
-    sight = sight_of(scene, camera)
-    if sight.kind != "PERSP":
+    parameters = camera_parameters(scene, camera)
+    if parameters.kind != "PERSP":
         raise InputError(CAMERA_FIELD, f"{camera.name} is not perspective", remedy="change its type")
-    return sight.intrinsics
+    return parameters.intrinsics
 
 
 def sampled_path(scene: bpy.types.Scene) -> Trajectory:
     """Return the path of the scene's own camera, frame by frame. Raises InputError where it has none."""
-    from ..sources.blend import rigid_c2w
+    from ..sources.blend_source import rigid_c2w
 
     own_camera(scene)
     sampled = sampled_camera(scene, None, frame_range(scene).frames)
-    return Trajectory(rigid_c2w(sampled.matrices, Place(CAMERA_FIELD)), stamps_of(scene))
+    return Trajectory(rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD)), stamps_of(scene))
 
 
 def check(scene: bpy.types.Scene) -> None:
     """Raise InputError where the scene, as it is open, can be no source: what is missing, scripted or not baked."""
     panel = panel_of(scene)
     given = panel.lens_source == "GIVEN"
-    found = look(scene, None, frame_range(scene), path=False, lens_given=given)
-    needed = rides(panel) or not given
+    found = inspect_scene(scene, None, frame_range(scene), path=False, lens_given=given)
+    needed = follows(panel) or not given
     for item in found.problems:
         if needed or item.key != "camera":
             raise InputError("This Scene", item.problem, remedy=item.remedy)
@@ -105,7 +105,7 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
     """Return what a preset's scene says of the open one. place: gives a file's path as the preset has it."""
     scene: bpy.types.Scene = panel.id_data
     said: dict[str, Any] = {"blend": place(str(blend_file(scene))), "scene": scene.name}
-    if rides(panel):
+    if follows(panel):
         if scene.camera is not None and not any(marker.camera is not None for marker in scene.timeline_markers):
             said["camera"] = scene.camera.name
         chosen = frame_range(scene)
@@ -132,7 +132,7 @@ def motion_state(scene: bpy.types.Scene) -> list[Any]:
 
 def has_moved(scene: bpy.types.Scene, frame: float, c2w: NDArray[np.float64]) -> bool:
     """Tell whether the scene's own camera is elsewhere at a frame than at this pose (4, 4)."""
-    from ..sources.blend import rigid_c2w
+    from ..sources.blend_source import rigid_c2w
 
     sampled = sampled_camera(scene, None, [frame])
-    return not np.allclose(rigid_c2w(sampled.matrices, Place(CAMERA_FIELD))[0], c2w, atol=1e-5)
+    return not np.allclose(rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD))[0], c2w, atol=1e-5)

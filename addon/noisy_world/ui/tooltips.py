@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What one sees when a parameter's value grows. Formulas are in the manual: docs/perturbations.md."""
+"""Tooltips of parameters: what one sees when the value grows. Formulas are in docs/perturbations.md."""
 
 _FALLING = {
     "size": "Higher: every particle is larger",

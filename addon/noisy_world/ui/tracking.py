@@ -17,7 +17,7 @@ from .output_place import output_folder
 from .properties import panel_of
 from .runs import BUSY, SceneRun, active_run, start_tracking, summary, tracking_of
 from .tracked import read_tracked
-from .wording import spoken
+from .wording import noted, spoken
 
 BUTTON_PX = 24  # of a button that is a symbol, beside a text
 
@@ -96,7 +96,7 @@ def _problem(scene: bpy.types.Scene | None) -> str:
     try:
         sequences_of(panel, output_folder(panel))
     except InputError as error:
-        return spoken(str(error))
+        return spoken(error.message)
     return ""
 
 
@@ -113,7 +113,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         if run is not None and run.background.phase in ("failed", "stopped"):
             write(layout, context, summary(run), "ERROR" if run.background.phase == "failed" else "INFO")
     for note in run.background.notes if run is not None else ():
-        write(layout, context, note[:1].upper() + note[1:], "DOT")
+        write(layout, context, noted(note), "DOT")
     _draw_shown(layout, context)
 
 

@@ -1,107 +1,114 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Messages in the panel's words: fields and buttons instead of a preset's keys and a command line's options."""
 
-import re
+from collections.abc import Iterable
+from typing import Any, cast
 
-from ..core.labels import american, parameter_label, title
-from ..core.perturbing.kinds import Perturbation
+from ..core.labels import american, title
+from ..core.messages import Action, CommandLineOnly, Part, PresetKey, Remedy, Subject, one_of, parts_of
+from ..core.presets.preset import PresetSpec
+from ..core.schema import fields_on
 from ..perturbations import registry
+from ..sources import SOURCES
+from .described import DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SECTIONS, SHOWN, TRAJECTORY, ShownField
 from .document import PANEL
+from .properties import NoisyWorldStep
 
-_KEYS = {
-    "seed": "Perturbations > Seed",
-    "scenes.#.name": "Scene > Name", "scenes.#.mesh": "Scene", "scenes.#.blend": "This Scene",
-    "scenes.#.scene": "This Scene", "scenes.#.camera": "Trajectory > Scene Camera",
-    "scenes.#.frames": "Trajectory > Scene Camera", "scenes.#.depth_alpha": "Scene > Depth Alpha",
-    "scenes.#.sequence": "Scene > Folder", "scenes.#.poses": "Trajectory > Without Pose",
-    "scenes.#.rate_hz": "Trajectory > Frame Rate", "scenes.#.undistort": "Scene > Undistort",
-    "scenes.#.register": "Scene > Register Depth", "scenes.#.video": "Scene > Video", "scenes.#.depth": "Scene > Depth",
-    "scenes.#.depth_scale_per_m": "Scene > Depth Scale",
-    "scenes.#": "Scene", "scenes": "Scene",
-    "scenes.#.trajectory": "Trajectory", "scenes.#.trajectory.file": "Trajectory > File",
-    "scenes.#.trajectory.format": "Trajectory > Format", "scenes.#.trajectory.pose": "Trajectory > Pose",
-    "scenes.#.trajectory.axes": "Trajectory > Axes", "scenes.#.trajectory.every": "Trajectory > Every Nth Pose",
-    "scenes.#.trajectory.rate_hz": "Trajectory > Frame Rate",
-    "scenes.#.trajectory.stamp_unit": "Trajectory > Stamp Unit",
-    "scenes.#.trajectory.handheld": "Trajectory", "scenes.#.trajectory.handheld.frames": "Trajectory > Length",
-    "scenes.#.trajectory.handheld.rate_hz": "Trajectory > Frame Rate",
-    "scenes.#.trajectory.handheld.speed_m_s": "Trajectory > Speed",
-    "scenes.#.trajectory.handheld.clearance_m": "Trajectory > Clearance",
-    "camera": "Camera", "camera.width": "Camera > Width", "camera.height": "Camera > Height",
-    "camera.fx": "Camera > fx", "camera.fy": "Camera > fy", "camera.cx": "Camera > cx", "camera.cy": "Camera > cy",
-    "camera.near_m": "Camera > Near", "camera.far_m": "Camera > Far",
-    "render": "Render and Output", "render.engine": "Render and Output > Engine",
-    "render.samples": "Render and Output > Samples", "render.backend": "Render and Output > Backend",
-    "settings": "Perturbations", "settings.#.name": "Render and Output > Setting", "perturbations": "Perturbations",
-    "settings.#.perturb": "Perturbations", "motion": "Deviation and Speed",
-    "output": "Render and Output", "output.layout": "Render and Output > Layout",
-    "output.image": "Render and Output > Images", "output.colour": "Render and Output > Channels",
-    "output.depth_scale_per_m": "Render and Output > Depth Scale",
-    "output.depth_beyond": "Render and Output > Beyond Range", "output.modalities": "Render and Output > Write",
-    "output.overview": "Render and Output > Overview",
+ACTIONS = {
+    Action.OTHER_FOLDER: "choose another folder under Output",
+    Action.OTHER_NAME: f"give Scene > Name or {OUTPUT} > Setting another name",
+    Action.OVERWRITE: "press Replace Dataset",
+    Action.RUN_AGAIN: "press Generate again",
+}
+"""How each thing that a user may do is done here."""
+
+_WITHOUT_PROPERTY = {
+    "scenes": SCENE,
+    "scenes.blend": "This Scene", "scenes.scene": "This Scene", "scenes.camera": f"{TRAJECTORY} > Scene Camera",
+    "scenes.frames": f"{TRAJECTORY} > Scene Camera", "settings": PERTURBATIONS, "perturbations": PERTURBATIONS,
+    "motion": DEVIATION, "output.modalities": f"{OUTPUT} > Write",
 }  # fmt: skip
-"""The field of the panel that gives a key of a preset; # stands for a number."""
+"""The field of the panel for keys that no property of its own gives; without the numbers of lists."""
 
-_OWN_KEYS = {"severity": "Severity", "mode": "Mode", "levels": "Severity", "temporal": "Pattern"}
-_ANOTHER = "choose another folder under Output"
-_OPTIONS = (
-    (r"keep the path, and choose its first frames with --frames \S+, or give it", "keep the path, or give it"),
-    (r"choose another folder with --out, or replace the dataset with --overwrite", f"{_ANOTHER}, or Replace Dataset"),
-    (r"choose another (folder )?with --out", _ANOTHER),
-    (r"choose another --out", _ANOTHER),
-    (r"use --overwrite|with --overwrite", "press Replace Dataset"),
-    (r"make room there and run the same command again", "make room there and press Generate again"),
-    (r"; see --list keys|; paths are relative to the preset", ""),
-    (r"set render\.processors: any where [^;]*", "save the preset, and set render.processors to any in its file"),
-    (r"\bgive it another name\b", "give Scene > Name or Render and Output > Setting another name"),
-    (r"\bgive it backend: reference\b", "choose Reference under Render and Output > Backend"),
-    (r"\bthe same command\b", "Generate"),
-)
-"""What a command line's user is told, and what is said here."""
+_OF_STEP = {"levels": "severity"}
+"""The property of an entry of the list that gives a key of another name."""
 
 
 def spoken(message: str, file: str = PANEL) -> str:
     """Return a message in the panel's words. file: the preset that it may name, which stands for the panel."""
-    text = message
-    for name in {file, PANEL}:
-        text = _without_file(text, name)
-    for pattern, words in _OPTIONS:
-        text = re.sub(pattern, words, text)
-    return american(_fields(text))
+    return american(_joined(parts_of(message), file))
 
 
-def _without_file(text: str, file: str) -> str:
-    """Replace a file's name and the key after it by the field, at the beginning of a text."""
-    if not text.startswith(f"{file}: "):
-        return text
-    rest = text.removeprefix(f"{file}: ")
-    key, colon, problem = rest.partition(": ")
-    return f"{field_of(key)}: {problem}" if colon and re.fullmatch(r"[\w.]+", key) else rest
+def noted(note: str) -> str:
+    """Return a note in the panel's words, as a sentence that stands by itself."""
+    text = spoken(note)
+    return text[:1].upper() + text[1:]
 
 
-def _fields(text: str) -> str:
-    """Replace the keys that no reader of the panel knows, such as near_m, where they stand alone."""
-    dotted = {key: label for key, label in _KEYS.items() if "." in key and "#" not in key}
-    last = {key.rpartition(".")[2]: label for key, label in _KEYS.items() if "_" in key}
-    names = {key: label.rpartition("> ")[2] for key, label in (dotted | last).items()}
-    pattern = rf"(?<![\w/\\.])({'|'.join(map(re.escape, sorted(names, reverse=True)))})(?![\w/\\]|\.\w)"
-    return re.sub(pattern, lambda match: names[match.group()], text)
+def _joined(parts: Iterable[Part], file: str) -> str:
+    return "".join(_said(part, file) for part in parts)
+
+
+def _said(part: Part, file: str) -> str:
+    match part:
+        case Subject(named, where) if named in (file, PANEL):
+            return f"{field_of(where)}: " if where else ""
+        case Remedy(ways):
+            message = one_of([said for way in ways if (said := _joined(way.parts, file))])
+            return f"; {message}" if message else ""
+        case Action():
+            return ACTIONS[part]
+        case CommandLineOnly():
+            return ""
+        case PresetKey(path, value):
+            return _key(path, value)
+        case _:
+            return str(part)
+
+
+def _key(path: str, value: str) -> str:
+    """Return the field for a key that may be the end of one; with a value, how that is set."""
+    name = path.rpartition(".")[2]
+    found = _shown(path) or next((shown for (_, key), shown in SHOWN.items() if key == name), None)
+    if not value:
+        return found.label.rpartition(" > ")[2] if found else path
+    return f"{found.label}: {found.choices.get(value, value)}" if found else f"{path}: {value} in the saved preset"
+
+
+def _shown(path: str) -> ShownField | None:
+    """Return the field or the section that shows all that a key is."""
+    names = [name for name in path.split(".") if not name.isdigit()]
+    if label := _WITHOUT_PROPERTY.get(".".join(names)):
+        return ShownField(label, {})
+    begins = [(PresetSpec, names)]
+    if names[0] == "scenes":
+        begins = [(kind.keys, names[1:]) for kind in SOURCES.values()]
+    for begin, inner in begins:
+        on_path = list(fields_on(begin, ".".join(inner)))
+        if not inner or len(on_path) < len(inner):
+            continue
+        cls, name, inside = on_path[-1]
+        found = next((SHOWN[base, name] for base in cls.__mro__ if (base, name) in SHOWN), None)
+        if found or inside in SECTIONS:
+            return found or ShownField(SECTIONS[inside], {})
+    return None
 
 
 def field_of(key: str) -> str:
     """Return the field of the panel that gives a key of a preset; the key itself where there is none."""
-    parts = ["#" if part.isdigit() else part for part in key.split(".")]
-    for place, part in enumerate(parts):
-        if part in registry() and place and parts[place - 1] == "#":
-            return _field_of_step(registry()[part], parts[place + 1 :])
-    for end in range(len(parts), 0, -1):
-        if (label := _KEYS.get(".".join(parts[:end]))) is not None:
-            return label
-    return key
+    names = key.split(".")
+    for place, name in enumerate(names[1:], 1):
+        if name in registry() and names[place - 1].isdigit():
+            return _field_of_step(name, names[place + 1 :])
+    on_the_way = (_shown(".".join(names[:end])) for end in range(len(names), 0, -1))
+    return next((shown.label for shown in on_the_way if shown), key)
 
 
-def _field_of_step(perturbation: Perturbation, inside: list[str]) -> str:
-    name = title(perturbation.label)
+def _field_of_step(name: str, inside: list[str]) -> str:
+    perturbation = registry()[name]
+    label = title(perturbation.label)
     if not inside:
-        return name
-    return f"{name} > {_OWN_KEYS.get(inside[0]) or parameter_label(inside[0])}"
+        return label
+    shown = SHOWN.get((perturbation.parameters, inside[0]))
+    own = cast("Any", NoisyWorldStep).bl_rna.properties.get(_OF_STEP.get(inside[0], inside[0]))
+    return shown.label if shown else f"{label} > {own.name if own else inside[0]}"

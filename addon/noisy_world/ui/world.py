@@ -17,10 +17,11 @@ from ..core.errors import InputError, NoisyWorldError
 from ..core.home import split_home
 from ..core.scenes.mesh import Mesh
 from ..sources import find_scenes
-from ..sources.mesh import forget_meshes, load_mesh
+from ..sources.mesh_source import forget_meshes, load_mesh
 from . import footage, scene_copy, this_scene
 from .described import LISTENERS
-from .document import CAMERA, absolute, intrinsics_of, listed_motion, preset_of, scene_of
+from .document import CAMERA, intrinsics_of, listed_motion, preset_of, scene_of
+from .output_place import absolute
 from .own_objects import camera_alone, images_of, keys_state, mark, own_object, put_into, select, take_out_mesh, tied
 from .owned import OURS
 from .paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
@@ -130,7 +131,7 @@ def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
 def _load_own_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
     """Sample the scene's own camera, or read the file's path, and key our camera along it."""
     panel = panel_of(scene)
-    if this_scene.rides(panel):
+    if this_scene.follows(panel):
         nominal = this_scene.sampled_path(scene)
     else:
         scene_copy.ensure(scene)
@@ -282,7 +283,7 @@ def is_changed(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
 def _decided_by(panel: Any, kind: str) -> str:
     """Return what of the panel decides the mesh, or the camera's path, as JSON."""
     if this_scene.is_shown(panel):
-        path = this_scene.motion_state(panel.id_data) if this_scene.rides(panel) else scene_of(panel)["trajectory"]
+        path = this_scene.motion_state(panel.id_data) if this_scene.follows(panel) else scene_of(panel)["trajectory"]
         return json.dumps([kind, path])
     described = scene_of(panel)
     if footage.is_shown(panel):

@@ -126,9 +126,9 @@ def test_frames_are_associated_in_two_steps_as_with_the_script(tmp_path, seed):
     assert [file.name for file in found.depth_files] == [f"d{depth.tolist().index(of_depth[a])}.png" for a, _ in wanted]
     assert found.path.c2w[:, 0, 3].tolist() == [poses.tolist().index(b) for _, b in wanted]
     lost, no_depth = len(rgb) - len(wanted), len(rgb) - len(with_depth)
-    assert found.left_out.startswith(f"{lost} of {len(rgb)} colour images are left out: ")
-    assert (f"{no_depth} with no depth image" in found.left_out) == bool(no_depth)
-    assert (f"{lost - no_depth} with no pose" in found.left_out) == bool(lost - no_depth)
+    assert found.excluded.startswith(f"{lost} of {len(rgb)} colour images are left out: ")
+    assert (f"{no_depth} with no depth image" in found.excluded) == bool(no_depth)
+    assert (f"{lost - no_depth} with no pose" in found.excluded) == bool(lost - no_depth)
 
 
 def test_poses_that_cross_stay_with_their_images(tmp_path):
@@ -140,7 +140,7 @@ def test_poses_that_cross_stay_with_their_images(tmp_path):
     )
     assert found.stamps.pose.seconds.tolist() == [0.011, 0.004]
     assert found.path.c2w[:, 0, 3].tolist() == [1, 0]
-    assert found.left_out == ""
+    assert found.excluded == ""
 
 
 def test_no_common_time_says_what_each_list_covers(tmp_path):

@@ -115,14 +115,16 @@ def test_a_sequence_is_summed_up():
 def test_one_image_in_words():
     lost = OutOfRange(1200, 2000, 44.7213)
     void, farthest = DepthRange(6553.5, "void"), DepthRange(6553.5, "farthest")
-    assert void.told_of_image(lost, 10000) == "12 % of its pixels lie beyond 10 m, as far as 44.73 m, and become void"
-    assert farthest.told_of_image(lost, 10000).endswith("and become 10 m")
-    assert "beyond 13.1 m, infinitely far" in DepthRange(5000, "void").told_of_image(OutOfRange(1, 5, None, 1), 5)
-    assert "as far as 14 m, some infinitely far, and" in DepthRange(5000, "void").told_of_image(
+    assert (
+        void.format_image_loss(lost, 10000) == "12 % of its pixels lie beyond 10 m, as far as 44.73 m, and become void"
+    )
+    assert farthest.format_image_loss(lost, 10000).endswith("and become 10 m")
+    assert "beyond 13.1 m, infinitely far" in DepthRange(5000, "void").format_image_loss(OutOfRange(1, 5, None, 1), 5)
+    assert "as far as 14 m, some infinitely far, and" in DepthRange(5000, "void").format_image_loss(
         OutOfRange(2, 5, 14.0, 1), 5
     )
-    assert "beyond 10 m, as far as 10.01 m" in void.told_of_image(OutOfRange(1, 5, 10.0003), 5)
-    assert void.told_of_image(OutOfRange(1, 5, 12.0), 10**6).startswith("less than 0.001 %")
+    assert "beyond 10 m, as far as 10.01 m" in void.format_image_loss(OutOfRange(1, 5, 10.0003), 5)
+    assert void.format_image_loss(OutOfRange(1, 5, 12.0), 10**6).startswith("less than 0.001 %")
 
 
 @pytest.mark.parametrize(
@@ -152,17 +154,17 @@ def test_a_scene_is_told_by_its_worst_setting():
         "noisy": RangeLoss(0.31, 4, 66.0, 0),
         "late": RangeLoss(0.2, 2, 39.0, 0),
     }
-    told = DepthRange(6553.5, "void").told_of_scene(losses, {"clean": 4, "noisy": 5, "late": 4})
+    told = DepthRange(6553.5, "void").format_scene_loss(losses, {"clean": 4, "noisy": 5, "late": 4})
     assert told.startswith(
         "31 % of the pixels of noisy (in 4 of 5 frames, the most of 3 settings) lie beyond 10 m, as far as 66 m, and "
         "became void; output.depth_scale_per_m: 500 holds 131 m in steps of 2 mm"
     )
     losses["late"] = RangeLoss(0.2, 2, 67.0, 0)
-    told = DepthRange(6553.5, "void").told_of_scene(losses, {"clean": 4, "noisy": 5, "late": 4})
+    told = DepthRange(6553.5, "void").format_scene_loss(losses, {"clean": 4, "noisy": 5, "late": 4})
     assert (
         "(in 4 of 5 frames, the most of 3 settings, of which one reaches 67 m) lie beyond 10 m, as far as 66 m" in told
     )
-    told = DepthRange(6553.5, "void").told_of_scene({"clean": RangeLoss(1.0, 2, None, 9)}, {"clean": 2})
+    told = DepthRange(6553.5, "void").format_scene_loss({"clean": RangeLoss(1.0, 2, None, 9)}, {"clean": 2})
     assert told.startswith(
         "100 % of the pixels of clean (in 2 of 2 frames) lie beyond 10 m, infinitely far, and became"
     )

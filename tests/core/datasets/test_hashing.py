@@ -5,7 +5,7 @@ import hashlib
 import threading
 
 from noisy_world.core.datasets import hashing
-from noisy_world.core.datasets.hashing import BATCH, hashed_ahead
+from noisy_world.core.datasets.hashing import BATCH, Hasher
 
 
 def test_digests_come_in_order_and_linked_files_are_read_once(tmp_path, monkeypatch):
@@ -28,7 +28,7 @@ def test_digests_come_in_order_and_linked_files_are_read_once(tmp_path, monkeypa
         (tmp_path / f"{number}-again").hardlink_to(tmp_path / f"{number}")
         paths.append(f"{tmp_path}/{number}-again")
         wanted.append(wanted[number])
-    assert list(hashed_ahead(paths, threads=3)) == wanted
+    assert list(Hasher().ahead(paths, threads=3)) == wanted
     assert len(read) == count
 
 
@@ -38,8 +38,9 @@ def test_what_is_no_file_of_its_own_has_no_digest(tmp_path):
     (tmp_path / "folder").mkdir()
     paths = [f"{tmp_path}/{name}" for name in ("link", "file", "folder", "missing", "file/below")]
     abc = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"  # FIPS 180-4, its first example
-    assert list(hashed_ahead(paths)) == [None, abc, None, None, None]
-    assert list(hashed_ahead([])) == []
+    assert list(Hasher(links=False).ahead(paths)) == [None, abc, None, None, None]
+    assert list(Hasher().ahead(paths)) == [abc, abc, None, None, None]
+    assert list(Hasher().ahead([])) == []
 
 
 def test_no_more_is_hashed_than_is_asked_for(tmp_path):
@@ -51,7 +52,7 @@ def test_no_more_is_hashed_than_is_asked_for(tmp_path):
             asked.append(number)
             yield str(tmp_path / "file")
 
-    digests = hashed_ahead(paths(), threads=1)
+    digests = Hasher().ahead(paths(), threads=1)
     next(digests)
     digests.close()
     assert len(asked) <= 4 * BATCH

@@ -135,36 +135,30 @@ def test_png_as_pillow_writes_it(tmp_path):
         assert np.array_equal(read(tmp_path, file.getvalue()), as_opencv(file.getvalue())), (one.mode, options)
 
 
-def test_png_as_ffmpeg_writes_it(tmp_path):
-    path = tmp_path / "film.avi"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MPNG"), 10, (WIDE * 2, HIGH * 2))
+def frames_by_ffmpeg(folder, code, mark):
+    """PIXELS, two by two, and the three images of a video of it, which begin with a mark."""
+    path = folder / "film.avi"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), 10, (WIDE * 2, HIGH * 2))
     if not writer.isOpened():
         pytest.skip("this OpenCV writes no such video")
     wide = np.ascontiguousarray(np.tile(PIXELS, (2, 2, 1)))
     for _ in range(3):
         writer.write(wide)
     writer.release()
-    frames = path.read_bytes().split(b"\x89PNG")[1:]
+    frames = [mark + frame for frame in path.read_bytes().split(mark)[1:]]
     assert len(frames) == 3
+    return wide, frames
+
+
+def test_png_as_ffmpeg_writes_it(tmp_path):
+    wide, frames = frames_by_ffmpeg(tmp_path, "MPNG", b"\x89PNG")
     for frame in frames:
-        found = read(tmp_path, b"\x89PNG" + frame, (WIDE * 2, HIGH * 2))
-        assert np.array_equal(found, wide[..., ::-1])
+        assert np.array_equal(read(tmp_path, frame, (WIDE * 2, HIGH * 2)), wide[..., ::-1])
 
 
 def test_motion_jpeg_as_ffmpeg_writes_it(tmp_path, decoder):
-    path = tmp_path / "film.avi"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), 10, (WIDE * 2, HIGH * 2))
-    if not writer.isOpened():
-        pytest.skip("this OpenCV writes no video")
-    wide = np.ascontiguousarray(np.tile(PIXELS, (2, 2, 1)))
-    for _ in range(3):
-        writer.write(wide)
-    writer.release()
-    frames = path.read_bytes().split(b"\xff\xd8\xff")[1:]
-    assert len(frames) == 3
-    for frame in frames:
-        data = b"\xff\xd8\xff" + frame
-        assert np.array_equal(read(tmp_path, data, (WIDE * 2, HIGH * 2)), as_opencv(data))
+    for frame in frames_by_ffmpeg(tmp_path, "MJPG", b"\xff\xd8\xff")[1]:
+        assert np.array_equal(read(tmp_path, frame, (WIDE * 2, HIGH * 2)), as_opencv(frame))
 
 
 # --- what is kept, and what is refused ---

@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Images as bytes: nothing wraps, nothing shifts, colours keep their order."""
 
+import io
+import struct
+import zlib
 from fractions import Fraction
+from importlib.util import find_spec
 
 import cv2
 import numpy as np
 import pytest
+from cases import cases
 
-from noisy_world.core.datasets.images import encode_colour, encode_depth, grey_bytes, quantise_depth, rgb_bytes
+from noisy_world.core.datasets.images import encode_colour, encode_png, grey_bytes, quantise_depth, rgb_bytes
 from noisy_world.core.datasets.layouts import LAYOUTS
 
 
@@ -27,11 +32,29 @@ def test_what_does_not_fit_is_void():
     assert quantise_depth(np.array([[0.6 / 6553.5]], np.float32), 6553.5)[0, 0] == 1
 
 
-def test_depth_png_is_lossless():
-    steps = np.random.default_rng(0).integers(0, 65536, (37, 51)).astype(np.uint16)
-    decoded = cv2.imdecode(np.frombuffer(encode_depth(steps), np.uint8), cv2.IMREAD_UNCHANGED)
-    assert decoded.dtype == np.uint16
-    assert np.array_equal(decoded, steps)
+@cases(("dtype", "shape"), [(np.uint8, (37, 51)), (np.uint8, (37, 51, 3)), (np.uint16, (37, 51)),
+                            (np.uint16, (37, 51, 3)), (np.uint16, (1, 1)), (np.uint16, (300, 2000))])  # fmt: skip
+def test_png_is_lossless_whoever_reads_it(dtype, shape):
+    rng = np.random.default_rng(0)
+    noise = rng.integers(0, np.iinfo(dtype).max, shape, endpoint=True).astype(dtype)
+    ramp = np.add.outer(np.arange(shape[0]) * 3, np.arange(shape[1]) * 5).astype(dtype)
+    smooth = ramp if len(shape) == 2 else np.stack([ramp, ramp // 2, ramp // 3], axis=-1)
+    for pixels in (noise, smooth, noise[::-1, ::-1], np.zeros(shape, dtype), np.full(shape, np.iinfo(dtype).max)):
+        data = encode_png(pixels.astype(dtype, copy=False))
+        decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(decoded[..., ::-1] if len(shape) == 3 else decoded, pixels)
+        assert decoded.dtype == dtype
+        (length,) = struct.unpack(">I", data[33:37])  # of the pixels, behind signature and header
+        rows = np.frombuffer(zlib.decompress(data[41 : 41 + length]), np.uint8).reshape(shape[0], -1)
+        assert (rows[:, 0] == 2).all()
+        rows = np.cumsum(rows[:, 1:], axis=0, dtype=np.uint8)
+        assert np.array_equal(rows.reshape(-1).view(np.dtype(dtype).newbyteorder(">")).reshape(shape), pixels)
+        if find_spec("PIL") and (len(shape) == 2 or dtype == np.uint8):  # it reads no 16 bits of three channels
+            from PIL import Image
+
+            assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), pixels)
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
+    assert len(encode_png(smooth)) <= 1.1 * cv2.imencode(".png", smooth, options)[1].nbytes + 100
 
 
 def test_rgb_keeps_its_order_and_rounds_to_nearest():
@@ -59,7 +82,7 @@ def test_one_pixel():
     assert cv2.imdecode(np.frombuffer(encode_colour(np.full((1, 1, 3), 7, np.uint8), "png"), np.uint8), 1).tolist() == [
         [[7] * 3]
     ]
-    assert encode_depth(np.ones((1, 1), np.uint16))
+    assert encode_png(np.ones((1, 1), np.uint16))
 
 
 def test_names_sort_as_numbers():

@@ -16,7 +16,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.output import OutputSpec
 from noisy_world.core.presets.preset import check_document
-from noisy_world.core.schema import Choice, Place, key, list_keys, parse
+from noisy_world.core.schema import Choice, ConfigPath, key, list_keys, parse
 from noisy_world.core.trajectories.rig import Rig, Sensor
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.stamps import nanoseconds
@@ -176,11 +176,11 @@ class Chosen:
 
 
 def test_choices_of_a_key():
-    assert parse(Chosen, {"fruit": "pear", "many": ["apple"]}, Place("p")) == Chosen("pear", ("apple",))
+    assert parse(Chosen, {"fruit": "pear", "many": ["apple"]}, ConfigPath("p")) == Chosen("pear", ("apple",))
     with pytest.raises(InputError, match=r"fruit: unknown value 'peer'; did you mean 'pear'"):
-        parse(Chosen, {"fruit": "peer"}, Place("p"))
+        parse(Chosen, {"fruit": "peer"}, ConfigPath("p"))
     with pytest.raises(InputError, match=r"many\.0: unknown value 'pear'"):
-        parse(Chosen, {"fruit": "pear", "many": ["pear"]}, Place("p"))
+        parse(Chosen, {"fruit": "pear", "many": ["pear"]}, ConfigPath("p"))
     assert dict(list_keys(Chosen))["fruit"] == "a fruit; one of apple, pear; required"
 
 

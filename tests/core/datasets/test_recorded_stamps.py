@@ -10,7 +10,7 @@ from cases import cases
 
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.sources.recording import read_recording
 
 POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1\n"
@@ -121,7 +121,7 @@ def test_a_folder_for_frames_jsonl_is_one_line(tmp_path):
 
 
 def test_a_rate_that_the_recordings_stamps_contradict(tmp_path):
-    place = Place("p.yaml", "scenes.0")
+    place = ConfigPath("p.yaml", "scenes.0")
     ntsc = [{"frame": k, "time_s": k * 1001 / 30000} for k in range(3)]
     folder = write_replica(tmp_path / "a", times=ntsc)
     for rate_hz in (30, 29.97, None):
@@ -168,7 +168,7 @@ def test_what_association_leaves_out_is_said(tmp_path):
     said = "3 of 10 colour images are left out: 2 with no depth image, 1 with no pose within 0.02 s"
     assert find_sequence(folder).notes == (said,)
     notes = []
-    recording = read_recording(folder, Place("p"), None)
+    recording = read_recording(folder, ConfigPath("p"), None)
     with recording.prepare(None, notes.append):
         assert notes == [said]
 

@@ -7,7 +7,7 @@ from noisy_world.core.node_graphs.chain import build_written
 from noisy_world.core.node_graphs.flat import REPEATED, flat
 from noisy_world.core.node_graphs.graph import Graph, GroupInput
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
@@ -79,7 +79,7 @@ def test_a_menu_that_is_known_becomes_numbers():
 @pytest.mark.parametrize("name", ["gaussian_noise", "jpeg_compression"])
 def test_what_is_evaluated_takes_the_frame_as_it_is(name):
     """The frame is encoded and every step is on, so nothing is converted and nothing chosen by that."""
-    graph = build_written(parse_steps([{name: {"severity": 3}}], Place("test"), registry()))
+    graph = build_written(parse_steps([{name: {"severity": 3}}], ConfigPath("test"), registry()))
     assert [item.name for item in graph.outputs] == ["Image", "Bytes"]
     assert [item.name for item in graph.inputs if item.name.endswith(": Encoded")] == []
     assert "CompositorNodeConvertColorSpace" not in idnames(graph)

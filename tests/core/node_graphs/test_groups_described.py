@@ -24,7 +24,7 @@ from noisy_world.core.node_graphs.groups import Canvas, build_group
 from noisy_world.core.node_graphs.node_layout import arrange
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place, key
+from noisy_world.core.schema import ConfigPath, key
 from noisy_world.perturbations import registry
 
 COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation)}
@@ -32,7 +32,7 @@ WHERE = (7, "room", "setting")
 
 
 def steps_of(*items):
-    return parse_steps(items, Place("test"), registry())
+    return parse_steps(items, ConfigPath("test"), registry())
 
 
 def sockets_by_parameter(name):
@@ -219,7 +219,7 @@ def test_a_choice_of_words_is_a_menu():
     group = build_group(tinted)
     (hue,) = (item for item in group.inputs if item.kind == "menu")
     assert (group.name, hue.name, hue.items, hue.default) == ("Tint by Hue", "Hue", ("Deep Red", "Green"), "Green")
-    (step,) = parse_steps([{"tinted": {"hue": "deep_red"}}], Place("test"), {"tinted": tinted})
+    (step,) = parse_steps([{"tinted": {"hue": "deep_red"}}], ConfigPath("test"), {"tinted": tinted})
     assert socket_values(step, 0, WHERE)[0]["Hue"] == "Deep Red"
 
 

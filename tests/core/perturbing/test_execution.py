@@ -24,7 +24,7 @@ from noisy_world.core.perturbing.kinds import (
 )
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Setting
-from noisy_world.core.schema import Place, key
+from noisy_world.core.schema import ConfigPath, key
 from noisy_world.core.streams import stream
 from noisy_world.core.trajectories.motion import CameraMotion
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
@@ -53,6 +53,16 @@ def test_colour_is_not_rounded_between_two_steps():
     assert np.array_equal(made, np.full((2, 2, 3), 101))
 
 
+def test_float_colour_is_rounded_before_a_single_step_on_bytes():
+    # 100.4 is rounded to 100 and doubled, to 200; unrounded it would be 200.8, rounded to 201. Of two steps the first
+    # takes it unrounded: another 0.4 makes it 201.2.
+    double = colour("a", lambda rgb, *_: rgb * 2, apply_bytes=lambda rgb, *_: rgb * 2)
+    rgb = np.full((2, 2, 3), 100.4 / 255, np.float32)
+    assert (perturb_rgb(steps(double), rgb, WHERE)[0] == 200).all()
+    both = steps(double, colour("b", adding), b={"amount": 0.4 / 255})
+    assert (perturb_rgb(both, rgb, WHERE)[0] == 201).all()
+
+
 def test_equal_perturbations_act_in_the_order_given_and_others_in_theirs():
     def note(rgb, parameters, _context):
         acted.append(parameters.amount)
@@ -62,7 +72,7 @@ def test_equal_perturbations_act_in_the_order_given_and_others_in_theirs():
     known = {item.name: item for item in (second, first)}
     asked = [{"a_second": {"amount": 3}}, {"z_first": {"amount": 2}}, {"z_first": {"amount": 1}}]
     acted = []
-    perturb_rgb(parse_steps(asked, Place("x"), known), np.zeros((2, 2, 3), np.uint8), WHERE)
+    perturb_rgb(parse_steps(asked, ConfigPath("x"), known), np.zeros((2, 2, 3), np.uint8), WHERE)
     assert acted == [2, 1, 3]
 
 
@@ -231,9 +241,9 @@ def test_a_pairing_out_of_range_is_named(made):
 def test_what_acts_on_a_sequence_acts_once_and_at_one_severity():
     lift = motion("lift", apply=raising, **BY_SEVERITY)
     with pytest.raises(InputError, match="lift is given twice; it acts once on a sequence"):
-        parse_steps([{"lift": None}, {"lift": None}], Place("x"), {"lift": lift})
+        parse_steps([{"lift": None}, {"lift": None}], ConfigPath("x"), {"lift": lift})
     with pytest.raises(InputError, match="mode: is dynamic, but it acts on the whole sequence"):
-        parse_steps([{"lift": {"mode": "dynamic"}}], Place("x"), {"lift": lift})
+        parse_steps([{"lift": {"mode": "dynamic"}}], ConfigPath("x"), {"lift": lift})
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from noisy_world.core.datasets.provenance import _step as described
 from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 
 def step_of(name, **values):
-    (step,) = parse_steps([{name: values}], Place("preset.yaml", "perturb"), registry())
+    (step,) = parse_steps([{name: values}], ConfigPath("preset.yaml", "perturb"), registry())
     return step
 
 

@@ -10,7 +10,7 @@ from noisy_world.core.perturbing.kinds import MotionPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Setting
 from noisy_world.core.planning.sequence import Shown, lay_out, written_paths
-from noisy_world.core.schema import Place, key
+from noisy_world.core.schema import ConfigPath, key
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
@@ -42,7 +42,7 @@ def moving(name, order):
 
 def sequence(perturb, count, chosen=None, more=()):
     known = registry() | {item.name: item for item in more}
-    return lay_out(Setting("setting", parse_steps(perturb, Place("test"), known)), "room", count, NAMES, chosen)
+    return lay_out(Setting("setting", parse_steps(perturb, ConfigPath("test"), known)), "room", count, NAMES, chosen)
 
 
 def test_a_plain_sequence_shows_each_frame_once():

@@ -9,12 +9,12 @@ from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.planning.sequence import lay_out
 from noisy_world.core.planning.sharing import parts_made
 from noisy_world.core.presets.settings import SettingSpec, SweepSpec
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
 
 def sequences_of(*items):
-    settings = parse_settings(items, [Place("test")] * len(items), registry())
+    settings = parse_settings(items, [ConfigPath("test")] * len(items), registry())
     return [lay_out(setting, "room", 4, (1, "room", setting.name)) for setting in settings]
 
 

@@ -8,8 +8,8 @@ from worlds import write_box_ply, write_world
 
 from noisy_world.core.errors import InputError
 from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import PresetSpec, read_preset
-from noisy_world.core.schema import list_keys
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.sources import preset_keys, read_scenes
 
 MINIMAL = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"
 
@@ -30,11 +30,13 @@ def write(tmp_path):
 
 
 def test_defaults(write):
-    spec = read_preset(write(MINIMAL)).spec
+    preset = read_preset(write(MINIMAL))
+    spec = preset.spec
     assert (spec.seed, spec.render.engine, spec.render.samples) == (0, "cycles", 1)
     assert [setting.name for setting in spec.settings] == ["clean"]
     assert (spec.mesh_camera.width, spec.mesh_camera.height, spec.mesh_camera.cx) == (1200, 680, 599.5)
-    assert spec.scenes[0].trajectory.file == "b.txt"
+    (scene,) = read_scenes(preset)
+    assert (scene.kind.name, scene.keys.trajectory.file) == ("mesh", "b.txt")
 
 
 @cases(
@@ -81,7 +83,7 @@ def test_defaults(write):
         ("seed: !!python/object/apply:os.system ['true']\n" + MINIMAL, ["line 1", "YAML"]),
         ("a: \x07\n", ["YAML"]),
         (MINIMAL + "1: 2\n", ["line 2, column 1", "a key is the number 1"]),
-        ("scenes: [{trajectory: b.txt}]\n", ["scenes.0", "either mesh or sequence"]),
+        ("scenes: [{trajectory: b.txt}]\n", ["scenes.0: needs one of mesh, replica, sequence, video, blend"]),
         ("scenes: [{sequence: a, trajectory: b.txt}]\n", ["scenes.0.trajectory", "goes with mesh"]),
         (MINIMAL + "settings: [{}]\n", ["settings.0", "either name or sweep"]),
         (perturbed("fog: {severity: 3}", bare=True), ["settings.0.perturb", "has to be a list"]),
@@ -145,12 +147,13 @@ def test_missing_preset_lists_those_there(write):
 
 def test_overrides(write):
     path = write(MINIMAL)
-    spec = read_preset(
+    preset = read_preset(
         path, ["render.samples=16", "scenes.0.name=kitchen", "scenes.0.trajectory.every=3", "camera.far_m=1e1",
                "camera.width=4", "camera.height=4", "camera.fx=1", "camera.fy=1", "camera.cx=1", "camera.cy=1"]
-    ).spec  # fmt: skip
-    assert (spec.render.samples, spec.scenes[0].name, spec.camera.far_m) == (16, "kitchen", 10.0)
-    assert (spec.scenes[0].trajectory.file, spec.scenes[0].trajectory.every) == ("b.txt", 3)
+    )  # fmt: skip
+    (scene,) = read_scenes(preset)
+    assert (preset.spec.render.samples, scene.keys.name, preset.spec.camera.far_m) == (16, "kitchen", 10.0)
+    assert (scene.keys.trajectory.file, scene.keys.trajectory.every) == ("b.txt", 3)
     for bad, word in (
         (["seed"], "key.path=value"),
         (["=1"], "key.path=value"),
@@ -240,7 +243,7 @@ def test_resampling_and_subsampling_count_frames(tmp_path):
 
 
 def test_every_key_is_listed_with_its_meaning():
-    rows = dict(list_keys(PresetSpec))
+    rows = dict(preset_keys())
     for name in ("seed", "scenes[].mesh", "camera.fx", "render.samples", "settings[].name", "output.layout", "rig.rgb"):
         assert rows[name]
     assert "px" in rows["camera.fx"]

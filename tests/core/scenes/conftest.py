@@ -8,12 +8,6 @@ from noisy_world.core.scenes.ply import read_ply
 
 
 @pytest.fixture(scope="session")
-def room(kept_rooms):
-    """The embedded room, built here and now, as these tests are about that."""
-    return kept_rooms.built(0)
-
-
-@pytest.fixture(scope="session")
 def read(tmp_path_factory):
     """The mesh that read_ply makes of these bytes."""
     path = tmp_path_factory.mktemp("ply") / "mesh.ply"

@@ -12,7 +12,7 @@ from odd_meshes import KINDS, odd_mesh
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.room import build_room
+from noisy_world.rooms import build_room
 from noisy_world.core.trajectories.handheld import handheld_path
 from noisy_world.core.trajectories.mesh_points import faces_of
 from noisy_world.core.trajectories.room_map import Grid, largest_part

@@ -253,7 +253,7 @@ def test_errors_hold_their_parts(write):
     with pytest.raises(InputError) as error:
         read_trajectory(str(write(IDENTITY + "1 2 3\n")))
     assert error.value.where == "line 2"
-    assert error.value.remedy
+    assert str(error.value.remedy)
 
 
 def test_one_pose(write):

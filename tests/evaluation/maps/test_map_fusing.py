@@ -68,7 +68,7 @@ def test_a_pose_that_is_kilometres_away_is_left_out():
         wild = view.c2w.copy()
         wild[0, 3] += wrong_m
         fused = fuse([view, view], [view.c2w, wild], CAMERA)
-        assert (fused.frames, fused.left_out) == (1, 1)
+        assert (fused.frames, fused.excluded) == (1, 1)
         assert np.abs(fused.mesh.vertices_m).max() < 1
 
 

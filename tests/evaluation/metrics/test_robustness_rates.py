@@ -12,7 +12,7 @@ def test_resilience_is_the_mean_over_perturbations():
     assert rate.value == pytest.approx(7 / 12)
     assert rate.by_perturbation == pytest.approx({"fog": 2 / 3, "frost": 1 / 2})
     assert list(rate.by_perturbation) == ["fog", "frost"]
-    assert rate.left_out == ()
+    assert rate.excluded == ()
 
 
 def test_corruption_error_is_relative_to_the_baseline():
@@ -27,14 +27,14 @@ def test_corruption_error_is_relative_to_the_baseline():
 @pytest.mark.parametrize("clean", [0.0, None])
 def test_a_system_that_fails_on_clean_frames_has_no_resilience(clean):
     rate = resilience_rate({"fog": [0.5]}, clean)
-    assert (rate.value, rate.by_perturbation, rate.left_out) == (None, {}, ("fog",))
+    assert (rate.value, rate.by_perturbation, rate.excluded) == (None, {}, ("fog",))
 
 
 def test_what_cannot_be_divided_is_left_out():
     rate = corruption_error({"fog": [0.5], "frost": [0.5], "snow": [0.2]}, {"fog": [0.0], "snow": [0.4]})
-    assert (rate.value, rate.left_out) == (0.5, ("fog", "frost"))
+    assert (rate.value, rate.excluded) == (0.5, ("fog", "frost"))
     assert corruption_error({}, {}).value is None
-    assert resilience_rate({"fog": []}, 0.9).left_out == ("fog",)
+    assert resilience_rate({"fog": []}, 0.9).excluded == ("fog",)
 
 
 def test_other_runs_are_not_compared():

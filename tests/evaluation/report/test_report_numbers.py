@@ -11,7 +11,7 @@ from results_made import SETTINGS, make_results
 
 pytest.importorskip("pandas", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluation.report.beside import beside_table, treatments
+from noisy_world.evaluation.report.paper_comparison import paper_comparison, paper_conditions
 from noisy_world.evaluation.report.escaping import latex, markdown
 from noisy_world.evaluation.report.paper_tables import paper_tables
 from noisy_world.evaluation.report.per_setting import endings, settings_table
@@ -19,7 +19,7 @@ from noisy_world.evaluation.report.picks import picked_runs, picked_sequences
 from noisy_world.evaluation.report.published import published
 from noisy_world.evaluation.report.reading import read_results, records
 from noisy_world.evaluation.report.tables import shown
-from noisy_world.evaluation.report.treatments import treatment
+from noisy_world.evaluation.report.paper_conditions import paper_condition
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def plain_rows(folder):
 
 
 def find(system, perturbation, mode="", metric="ate", **parameters):
-    return published().find(system, treatment(perturbation, mode, parameters), metric)
+    return published().find(system, paper_condition(perturbation, mode, parameters), metric)
 
 
 # --- the paper's figures ---
@@ -93,7 +93,7 @@ def test_cells_agree_with_the_means_that_are_printed(mode):
         cells = [
             number.value
             for number in published().numbers
-            if number.system == system and number.treatment.mode == mode and number.severities == (1, 3, 5)
+            if number.system == system and number.paper_condition.mode == mode and number.severities == (1, 3, 5)
         ]
         assert len(cells) == 16
         assert statistics.mean(cells) == pytest.approx(mean, abs=1.01e-4)
@@ -132,7 +132,7 @@ def test_endings_tell_failures_apart():
 
 
 def test_beside_the_paper(folder, results):
-    table = beside_table(results, published())
+    table = paper_comparison(results, published())
     row = next(row for row in records(table.frame) if (row["treatment"], row["mode"]) == ("gaussian_noise", "static"))
     mine = [
         float(item["paper.ate_m"])
@@ -149,8 +149,8 @@ def test_beside_the_paper(folder, results):
 
 
 def test_setting_whose_parameters_are_not_known_has_no_counterpart(results):
-    known = treatments(results)
-    assert known["speed_x2"] == treatment("faster_motion", "", {"factor": 2})
+    known = paper_conditions(results)
+    assert known["speed_x2"] == paper_condition("faster_motion", "", {"factor": 2})
     assert find("orb_slam3", "faster_motion") is None
 
 

@@ -165,6 +165,9 @@ def test_what_is_wrong_is_a_line(tmp_path, capfd):
     preset = small_world(tmp_path / "world")
     assert evaluate(preset, "--systems", "nobodys_slam", "--out", tmp_path / "out") == 1
     assert "nobodys_slam" in capfd.readouterr().err
+    two = ",".join(write_systems(tmp_path / name, "fine", frames=2 + len(name)) for name in ("a", "bc"))
+    assert evaluate(preset, "--systems", two, "--out", tmp_path / "out") == 1
+    assert "bc/fine.yaml: name: is a second system called fine; rename one" in capfd.readouterr().err
     assert evaluate(tmp_path / "none.yaml", "--systems", "fine", "--out", tmp_path / "out") == 1
     assert "no such preset" in capfd.readouterr().err
     for words in (["--seeds", "1,two"], ["--repeats", "0"], []):

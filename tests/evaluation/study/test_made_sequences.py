@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sequences that a study makes: the bytes that `generate` makes, each clean frame rendered once, and nothing left."""
 
+import argparse
 import hashlib
+import shutil
 import sys
+import threading
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +13,17 @@ import pytest
 from study_tools import FRAMES, small_world
 from written import run
 
+from noisy_world.cli.study_tasks import _fitting
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluation.study.cases import Case, Condition
 from noisy_world.evaluation.study.made_origin import MadeOrigin
+from noisy_world.evaluation.study.order import StudyOrder
+from noisy_world.evaluation.study.study import Study
 from noisy_world.evaluation.study.results import ResultsFolder
 from noisy_world.perturbations import registry
+from noisy_world.sources import read_scenes
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
@@ -64,7 +71,7 @@ def test_the_bytes_are_those_of_generate_and_each_frame_is_rendered_once(world, 
     session = next(item for item in vars(frame).values() if isinstance(item, type) and hasattr(item, "serves"))
     original = session.frame
     monkeypatch.setattr(
-        session, "frame", lambda self, moment: (rendered.append(moment.index), original(self, moment))[1]
+        session, "frame", lambda self, request: (rendered.append(request.index), original(self, request))[1]
     )
     origin = origin_of(world, tmp_path / "results", 3, 8)
     made = {}
@@ -83,6 +90,19 @@ def test_the_bytes_are_those_of_generate_and_each_frame_is_rendered_once(world, 
             if case.seed == seed:
                 assert files == files_in(tmp_path / f"seed{seed}" / case.setting / case.scene), case
     assert not [path for path in tmp_path.glob("results/**/*") if path.is_file()]
+
+
+def test_kept_frames_that_a_power_cut_has_damaged_are_made_again(world, tmp_path):
+    made = []
+    for damage in (None, lambda data: b"\0" * len(data), lambda data: data[:100]):
+        origin = origin_of(world, tmp_path, 3)
+        for path in tmp_path.glob(".noisy_world/clean/box/*/rgb/00000[1-4].npy") if damage else ():
+            path.write_bytes(damage(path.read_bytes()))
+        with origin.sequence(Case("box", "noise", 3), progress()) as sequence:
+            made.append(files_in(sequence.folder))
+            assert [frame.rgb.any() for frame in sequence.clean] == [True] * 12
+    assert len(list(tmp_path.glob(".noisy_world/clean/box/*/rgb/*.npy"))) == 12
+    assert made[0] == made[1] == made[2]
 
 
 def test_settings_that_no_seed_changes_have_the_first_seed_only(world, tmp_path):
@@ -107,6 +127,8 @@ def test_clean_counterparts(world, tmp_path):
             for (rgb, depth_m), counterpart in zip(frames, noisy.clean, strict=True):
                 assert np.array_equal(counterpart.rgb, rgb)
                 assert np.array_equal(counterpart.depth_m, depth_m)
+            with pytest.raises(InputError, match="its rgb is in no file of a dataset"):
+                counterpart.rgb_bytes()
     with origin.sequence(Case("box", "shaky_mixed", 3), progress()) as mixed:
         assert mixed.clean is not None
         assert not np.array_equal(mixed.truth.c2w, truth.c2w)
@@ -134,6 +156,18 @@ def test_without_kept_clean_frames_the_bytes_are_the_same(world, tmp_path):
     assert found[0] == found[1]
 
 
+def test_clean_frames_that_would_fill_the_disk_are_not_kept(tmp_path, monkeypatch):
+    mesh = {"mesh": "mesh.ply", "trajectory": "traj.txt"}
+    preset = small_world(tmp_path, scenes=[{"name": "one", **mesh}, {"name": "two", **mesh}])
+    order = StudyOrder(str(preset), read_preset(preset).document, str(tmp_path / "out"), ("rgbd_odometry",))
+    usage = shutil.disk_usage(tmp_path)._replace(free=4 * 2 * FRAMES * 32 * 24 * 16 - 1)  # short of two scenes' fourth
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    for jobs, kept in ((1, True), (2, False)):
+        options = argparse.Namespace(jobs=jobs, ray=None)
+        study = _fitting(Study(order, stop=threading.Event()), options, progress(), threading.Event())
+        assert study.order.keep_clean == kept
+
+
 def test_paths_keep_the_presets_seed(tmp_path):
     walked = {"handheld": {"frames": FRAMES}}
     own = {"handheld": {"frames": FRAMES, "seed": 11}}
@@ -142,7 +176,7 @@ def test_paths_keep_the_presets_seed(tmp_path):
         {"name": "two", "mesh": "embedded:room?seed=0", "trajectory": own},
     ]
     origin = origin_of(small_world(tmp_path, scenes=scenes), tmp_path / "results", 21, 22)
-    seeds = [scene.trajectory.handheld.seed for scene in origin.preset.spec.scenes]
+    seeds = [scene.keys.trajectory.handheld.seed for scene in read_scenes(origin.preset)]
     assert seeds == [3, 11]
     assert origin.preset.spec.seed == 3
 

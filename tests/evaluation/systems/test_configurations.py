@@ -14,6 +14,7 @@ import pytest
 import yaml
 
 from noisy_world.core.errors import InputError
+from noisy_world.evaluation.systems.checking import PROGRAMS
 from noisy_world.evaluation.systems.configurations import CONFIGURATIONS
 from noisy_world.evaluation.systems.configurations.__main__ import main
 from noisy_world.evaluation.systems.configurations.given import bound_m
@@ -88,7 +89,9 @@ def check_sequence(folder, *, colour_only=False):
 @pytest.mark.parametrize(("name", "inherited"), [("nice_slam", "replica.yaml"), ("imap", "replica_imap.yaml")])
 def test_nice_slam_and_imap(tmp_path, index, checkout, name, inherited):
     started = write(name, index, tmp_path)
-    assert started == ["run.py", str(tmp_path / "run/configuration.yaml"), *(["--imap"] if name == "imap" else [])]
+    program = [str(PROGRAMS / "checkpoint_poses.py"), "nice_slam", str(tmp_path / "run/result/ckpts")]
+    system = ["run.py", str(tmp_path / "run/configuration.yaml"), *(["--imap"] if name == "imap" else [])]
+    assert started == [*program, str(tmp_path / "run"), *system]
     assert yaml.full_load((tmp_path / "run/configuration.yaml").read_text())["inherit_from"].endswith(inherited)
     told = loaded(tmp_path / "run/configuration.yaml", checkout)
     assert is_camera(told["cam"])
@@ -102,7 +105,9 @@ def test_nice_slam_and_imap(tmp_path, index, checkout, name, inherited):
 
 
 def test_co_slam(tmp_path, index, checkout):
-    assert write("co_slam", index, tmp_path) == ["coslam.py", "--config", str(tmp_path / "run/configuration.yaml")]
+    program = [str(PROGRAMS / "checkpoint_poses.py"), "co_slam", str(tmp_path / "run/result"), str(tmp_path / "run")]
+    system = ["coslam.py", "--config", str(tmp_path / "run/configuration.yaml")]
+    assert write("co_slam", index, tmp_path) == [*program, *system]
     told = loaded(tmp_path / "run/configuration.yaml", checkout)
     assert is_camera(told["cam"])
     assert told["cam"]["far"] == told["mapping"]["bound"][0][1]
@@ -188,37 +193,27 @@ def test_bounds_are_as_far_as_the_camera_sees(index):
 
 # --- started as a user starts it ---
 
-# Stands for NICE-SLAM: reads what its configuration names, and saves poses as torch's old format has them.
+# Stands for NICE-SLAM: reads what its configuration names, and saves poses.
 RUN_PY = """
-import pickle, struct, sys
+import pickle, sys
 from pathlib import Path
 import numpy as np, yaml
-assert "PYTHONPATH" not in __import__("os").environ
 told = yaml.full_load(open(sys.argv[1]))
 yaml.full_load(open(told["inherit_from"]))
 rows = np.loadtxt(Path(told["data"]["input_folder"]) / "traj.txt").reshape(-1, 4, 4)
 rows[:, :3, 3] = np.arange(len(rows))[:, None] * [0.5, 0.25, 0.125]
 rows[:, :3, 1:3] *= -1
-data = rows.astype("<f4")
-
-def text(word):
-    return b"X" + struct.pack("<I", len(word)) + word.encode()
-
-def whole(number):
-    return b"J" + struct.pack("<i", number)
-
-count = len(rows)
-pid = b"(" + text("storage") + b"ctorch\\nFloatStorage\\n" + text("0") + text("cpu") + whole(data.size) + b"NtQ"
-shape = b"(" + whole(count) + whole(4) + whole(4) + b"t(" + whole(16) + whole(4) + whole(1) + b"t"
-tensor = b"ctorch._utils\\n_rebuild_tensor_v2\\n(" + pid + whole(0) + shape + b"\\x89ccollections\\nOrderedDict\\n)RtR"
-value = b"\\x80\\x02}(" + text("estimate_c2w_list") + tensor + text("idx") + whole(count - 1) + b"u."
-head = [0x1950A86A20F9469CFC6C, 1001, {"little_endian": True}]
 out = Path(told["data"]["output"]) / "ckpts"
 out.mkdir(parents=True)
-(out / f"{count - 1:05d}.tar").write_bytes(
-    b"".join(pickle.dumps(item, 2) for item in head) + value + pickle.dumps(["0"], 2)
-    + struct.pack("<q", data.size) + data.tobytes()
-)
+for last in (2, len(rows) - 1):
+    (out / f"{last:05d}.tar").write_bytes(pickle.dumps({"estimate_c2w_list": rows, "idx": last}))
+"""
+TORCH_PY = """
+import pickle
+__version__ = "1.10.1"
+def load(path, map_location):
+    assert map_location == "cpu"
+    return pickle.load(open(path, "rb"))
 """
 
 
@@ -239,13 +234,14 @@ def test_a_system_is_started_in_its_checkout(tmp_path, index, checkout, capsys, 
     assert refused(capsys, "nice_slam", frames, out).startswith("there is no Python of the system in")
     (environment / "bin").mkdir(parents=True)
     # Not a link: Python would not find its packages from there.
-    (environment / "bin/python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+    shim = f'#!/bin/sh\n[ -z $PYTHONPATH ] || exit 9\nPYTHONPATH={checkout} exec {sys.executable} "$@"\n'
+    (environment / "bin/python").write_text(shim)
     (environment / "bin/python").chmod(0o755)
     assert refused(capsys, "nice_slam", "--versions").startswith("there is no run.py in")
     (environment / "checkout").symlink_to(checkout)
     (checkout / "run.py").write_text(RUN_PY)
     assert "No module named 'torch'" in refused(capsys, "nice_slam", "--versions")
-    (checkout / "torch.py").write_text("__version__ = '1.10.1'\n")
+    (checkout / "torch.py").write_text(TORCH_PY)
     main(["nice_slam", "--versions"])
     told = json.loads(capsys.readouterr().out)
     assert (told["torch"], told["commit"]) == ("1.10.1", "unknown")
@@ -254,7 +250,7 @@ def test_a_system_is_started_in_its_checkout(tmp_path, index, checkout, capsys, 
     command = [sys.executable, "-m", "noisy_world.evaluation.systems.configurations", "nice_slam", frames, out]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    found = read_estimate("nice_slam", out / "result/ckpts", index)
+    found = read_estimate("array", out / "poses.npz", index, axes="opengl")
     assert found.stamps_s.tolist() == [frame["stamp_s"] for frame in index["frames"]]
     wanted = np.tile(np.eye(4), (COUNT, 1, 1))
     wanted[:, :3, 3] = np.arange(COUNT)[:, None] * [0.5, 0.25, 0.125]

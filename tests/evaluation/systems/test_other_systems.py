@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Results that exist already, and formats that are no text of poses, as systems whose runs have a record."""
 
-import numpy as np
 import pytest
-from recorded_checkpoints import CO_SLAM, NICE_SLAM, pose_of
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import InputError
@@ -49,18 +47,6 @@ def test_a_result_that_exists_is_a_system_that_copies_it(tmp_path, sequence):
         run_system(system, sequence, tmp_path / "run")
 
 
-@pytest.mark.parametrize(("name", "count"), [("nice_slam", 5), ("co_slam", 6)])
-def test_a_folder_of_checkpoints(tmp_path, sequence, name, count):
-    (tmp_path / "mine/ckpts").mkdir(parents=True)
-    (tmp_path / "mine/ckpts/00004.tar").write_bytes(NICE_SLAM)
-    (tmp_path / "mine/ckpts/checkpoint5.pt").write_bytes(CO_SLAM)
-    system = copies(tmp_path / "mine", '[cp, -r, "{here}/ckpts", "{out}"]', f"{{file: ckpts, format: {name}}}")
-    assert run_system(system, sequence, tmp_path / "run").outcome is Outcome.FINISHED
-    found = read_estimate_file(tmp_path / "run/estimate.txt")
-    assert np.allclose(found.stamps_s, 0.05 * np.arange(count))
-    assert np.allclose(found.c2w, [pose_of(k) for k in range(count)], atol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("text", "outcome", "detail"),
     [
@@ -93,9 +79,9 @@ def test_colmap_names_the_images(tmp_path, sequence):
 
 def test_what_a_format_says_itself_cannot_be_said(tmp_path):
     with pytest.raises(
-        InputError, match=r"copied\.yaml: writes\.axes: is given, but nice_slam says it itself; leave it out"
+        InputError, match=r"copied\.yaml: writes\.axes: is given, but colmap says it itself; leave it out"
     ):
-        copies(tmp_path, "[x]", "{file: a, format: nice_slam, axes: opengl}")
+        copies(tmp_path, "[x]", "{file: a, format: colmap, axes: opengl}")
     with pytest.raises(InputError, match=r"writes\.stamps: is given, but array says it itself"):
         copies(tmp_path, "[x]", "{file: a, format: array, direction: w2c, axes: robot, stamps: index}")
     assert copies(tmp_path, "[x]", "{file: a, format: array, direction: w2c}").writes.direction == "w2c"

@@ -73,11 +73,11 @@ def test_a_definition_that_is_not_there(tmp_path):
 
 def test_lists_of_systems(tmp_path):
     path = str(written(tmp_path))
-    assert [system.name for system in find_systems(f"rgbd_odometry, {path}")] == ["rgbd_odometry", "mine"]
-    with pytest.raises(InputError, match="second system called mine"):
-        find_systems(f"{path},{path}")
-    with pytest.raises(InputError, match="--systems: names no system"):
-        find_systems(" ,")
+    (tmp_path / "other").mkdir()
+    other = written(tmp_path / "other")
+    assert [system.name for system in find_systems(["rgbd_odometry", path, path])] == ["rgbd_odometry", "mine"]
+    with pytest.raises(InputError, match="second system called mine; rename one"):
+        find_systems([path, str(other)])
 
 
 def test_the_digest_is_of_what_counts(tmp_path):

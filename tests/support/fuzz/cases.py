@@ -63,7 +63,7 @@ def judge(area, folder, peer=None):
         except NoisyWorldError as error:
             outcome = _judge_refusal(str(error), folder)
         except Exception:  # noqa: BLE001 - what is looked for
-            outcome = Outcome("finding", f"traceback: {_told_traceback()}")
+            outcome = Outcome("finding", f"traceback: {_last_traceback()}")
         else:
             outcome = Outcome("accepted")
     if outcome.kind == "refused" and is_sound(folder):
@@ -83,7 +83,7 @@ def judge(area, folder, peer=None):
             try:
                 told = _ALL[area].differs(folder, meaning, peer)
             except Exception:  # noqa: BLE001 - the independent reader refuses what was accepted
-                told = _told_traceback()
+                told = _last_traceback()
         if told:
             return Outcome("finding", f"meaning: {told}")
     return outcome
@@ -97,7 +97,7 @@ def _judge_refusal(message, folder):
     return Outcome("refused", message)
 
 
-def _told_traceback():
+def _last_traceback():
     kind, error, trace = sys.exc_info()
     frames = [item for item in traceback.extract_tb(trace) if "/fuzz/" not in item.filename]
     at = f" ({frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""

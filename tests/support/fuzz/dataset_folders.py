@@ -20,6 +20,7 @@ import numpy as np
 
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.presets.preset import check_document
+from noisy_world.core.progress import SilentProgress
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 
@@ -118,26 +119,10 @@ def _others(folder):
     return found
 
 
-class Silent:
-    """Hears how a run goes on, and says nothing."""
-
-    def start(self, label, total, done=0):
-        pass
-
-    def advance(self, count=1):
-        pass
-
-    def note(self, text, subject=""):
-        pass
-
-    def finish(self):
-        pass
-
-
 class _CutRun(Run):
     """A run that ends, as if killed, when its frames are written and nothing else is."""
 
-    def _finish(self):
+    def _seal(self, start_s):
         raise InterruptedRunError("stopped")
 
 
@@ -151,7 +136,7 @@ def make(out, *, grown=False, overwrite=False, frames=None, kind=Run, layout="re
         "output": {"layout": layout, "image": "png", "overview": True},
     }
     plan = make_plan(check_document(document, recording() / "preset.yaml"), frames)
-    kind(plan, out, progress=Silent(), stop=threading.Event(), overwrite=overwrite).make_dataset()
+    kind(plan, out, progress=SilentProgress(), stop=threading.Event(), overwrite=overwrite).make_dataset()
 
 
 @functools.cache

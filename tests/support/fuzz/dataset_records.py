@@ -15,7 +15,7 @@ import warnings
 
 import numpy as np
 from fuzz import dataset_folders
-from fuzz.dataset_folders import Silent, cut, make, recording
+from fuzz.dataset_folders import cut, make, recording
 from fuzz.mutation import pick
 from fuzz.structure import as_json, as_lines, as_table, as_yaml, changed, is_sound, note
 from recipes_made import frames_from_arithmetic
@@ -24,6 +24,7 @@ from recipes_made import make as make_rendered
 from noisy_world.core.datasets.layouts import LAYOUTS
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.progress import SilentProgress
 from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.status import read_status
@@ -61,7 +62,7 @@ def base(layout, *, ended=True):
 def base_recipe():
     """Return the recipe of the first layout's dataset, beside the recording that it was made from."""
     path = recording() / "recipe.json"
-    path.write_text(recipe_of(base("replica"), Silent()).text())
+    path.write_text(recipe_of(base("replica"), SilentProgress()).text())
     return path
 
 
@@ -181,9 +182,9 @@ def _opened(opened):
 
 
 def _status(_folder, out, *, check=False):
-    status = read_status(out, registry(), Silent(), check=check)
+    status = read_status(out, registry(), SilentProgress(), check=check)
     for each in status.sequences:
-        assert each.of is None or 0 <= each.tally.done <= each.of
+        assert each.of is None or 0 <= each.inventory.done <= each.of
     return status
 
 
@@ -213,14 +214,14 @@ def _images(layout):
 
 
 def _recipe(_folder, out):
-    text = recipe_of(out, Silent()).text()
+    text = recipe_of(out, SilentProgress()).text()
     assert json.loads(text)["sequences"].keys() <= {"clean/box", "noise/box", "late/box"}
 
 
 def _verify(_folder, out):
     # the recipe is of another layout, so all is told to be otherwise, in lines
-    findings = verify(read_recipe(base_recipe()), out, Silent(), threading.Event())
-    return [*findings.lines(), *findings.told()]
+    findings = verify(read_recipe(base_recipe()), out, SilentProgress(), threading.Event())
+    return [*findings.lines(), *findings.summary_lines()]
 
 
 def _recipe_planned(folder, _out):
@@ -232,8 +233,8 @@ def _recipe_planned(folder, _out):
 
 
 def _recipe_verified(folder, _out):
-    findings = verify(read_recipe(folder / "recipe.json"), base("replica"), Silent(), threading.Event())
-    return [*findings.lines(), *findings.told()]
+    findings = verify(read_recipe(folder / "recipe.json"), base("replica"), SilentProgress(), threading.Event())
+    return [*findings.lines(), *findings.summary_lines()]
 
 
 def _recipe_opened(folder, _out):

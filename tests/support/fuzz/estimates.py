@@ -8,9 +8,8 @@ import warnings
 import zipfile
 
 import numpy as np
-from fuzz import pickles
 from fuzz.mutation import pick
-from fuzz.structure import PLAIN, Raw, as_cell, as_json, as_table, changed, is_sound, note, whole
+from fuzz.structure import OF_NUMBERS, PLAIN, as_cell, as_json, as_table, changed, is_sound, note, raws, whole
 
 from noisy_world.core.errors import NoisyWorldError as Refused
 from noisy_world.evaluation.outcome import Outcome
@@ -24,36 +23,9 @@ STAMPS_S = [1000.0 + 0.1 * k for k in range(COUNT)]
 TASK = "task.json"
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 WORDS = (
-    "nan",
-    "tracked",
-    "lost",
-    "frame000001.png",
-    "index",
-    "# ",
-    "1000.1",
-    "1000100000000",
-    "transform_matrix",
-    "pose",
-)
-RAWS = tuple(
-    map(
-        Raw,
-        (
-            b"nan",
-            b"inf",
-            b"-inf",
-            b"1e999",
-            b"\xff\xfe",
-            b"\x00",
-            b"9" * 5000,
-            b"0x10",
-            b"1_0",
-            b"\r",
-            b"1e400",
-            b"\x1a",
-        ),
-    )
-)
+    "nan", "tracked", "lost", "frame000001.png", "index", "# ", "1000.1", "1000100000000", "transform_matrix", "pose",
+)  # fmt: skip
+RAWS = raws(*OF_NUMBERS, b"-inf", b"1_0", b"1e400", b"\x1a")
 
 
 def _poses():
@@ -200,22 +172,6 @@ def _splatam():
     return "params.npz", {name: _described(np.ascontiguousarray(array)) for name, array in held.items()}, _npz
 
 
-def _checkpoint(arrays):
-    return lambda tree: pickles.checkpoint(tree, arrays)
-
-
-def _nice_slam():
-    array = (POSES @ OPENGL).astype("<f4")
-    tree = {"estimate_c2w_list": pickles.tensor(array, 0), "idx": COUNT - 1, "keyframe_list": [0, 3]}
-    return "00005.tar", tree, _checkpoint([array])
-
-
-def _co_slam(name="pose"):
-    arrays = list((POSES @ OPENGL).astype("<f4"))
-    poses = {str(k): pickles.tensor(array, k) for k, array in enumerate(arrays)}
-    return "checkpoint5.pt", {"pose": poses, "pose_rel": {}, "model": {}, "config": [1, None]}, _checkpoint(arrays)
-
-
 WRITERS = {
     "tum": (_tum,),
     "euroc": (_euroc,),
@@ -227,10 +183,6 @@ WRITERS = {
     "array": (_array, _array_of_some, _array_by_number),
     "colmap": (_colmap,),
     "vslamlab": (_vslamlab,),
-    "nice_slam": (_nice_slam,),
-    "co_slam": (_co_slam,),
-    "co_slam_relative": (_co_slam,),
-    "go_slam": (_array,),
     "splatam": (_splatam,),
 }
 assert set(WRITERS) == set(READERS), "a reader's format is written, too"
@@ -254,7 +206,7 @@ def write(folder, rng):
         return
     format_ = pick(rng, tuple(WRITERS))
     name, tree, render = pick(rng, WRITERS[format_])()
-    binary = render not in (as_table, as_json) and name.rpartition(".")[2] in ("npy", "npz", "tar", "pt")
+    binary = render not in (as_table, as_json) and name.rpartition(".")[2] in ("npy", "npz")
     tree, told = changed(tree, rng, raws=() if binary else RAWS, words=WORDS)
     try:
         data = render(tree)

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 from fuzz.mutation import pick
-from fuzz.structure import Raw, as_cell, as_json, as_table, changed, note, whole
+from fuzz.structure import as_cell, as_json, as_table, changed, note, raws, whole
 from rooms_in_formats import gltf, room_attributes, walls
 
 from noisy_world.core.scenes.mesh_files import check_mesh, files_beside, imported_format
@@ -116,7 +116,7 @@ def obj(rng):
     return _texts(tree), told
 
 
-TEXT_RAWS = tuple(map(Raw, (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"1e", b"9" * 5000, b"\\\n", b"#", b"\r")))
+TEXT_RAWS = raws(b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"1e", b"9" * 5000, b"\\\n", b"#", b"\r")
 
 
 def _texts(tree):

@@ -13,6 +13,7 @@ from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
+from noisy_world.sources import read_scenes
 
 WORDS = (
     *NUMBERS, "yes", "no", "on", "off", "y", "null", "~", "", "<<", "=", "<<: *a", "&a ", "*a", "*b", "? ", ": ",
@@ -138,7 +139,8 @@ def read(folder):
     if (told := folder / "set.txt").exists():
         preset = read_preset(path, [told.read_bytes().decode("utf-8", "surrogateescape")])
     settings = read_settings(preset, registry())
-    if all(scene.trajectory is None or scene.trajectory.handheld is None for scene in preset.spec.scenes):
+    paths = [getattr(scene.keys, "trajectory", None) for scene in read_scenes(preset)]
+    if all(path is None or path.handheld is None for path in paths):
         make_plan(preset)
     assert settings
     assert len(preset.sha256) == 64

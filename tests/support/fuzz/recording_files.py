@@ -6,7 +6,7 @@ import json
 import yaml
 from fuzz import recorded, recordings
 from fuzz.mutation import pick
-from fuzz.structure import Raw, as_json, as_table, as_yaml, changed, note
+from fuzz.structure import OF_NUMBERS, as_json, as_table, as_yaml, changed, note, raws
 
 LAYOUTS = (
     recordings.replica, recordings.tum, recordings.euroc, recordings.vslamlab, *recorded.WRITERS
@@ -16,25 +16,7 @@ WORDS = (
     "PINHOLE",
     "1403636579760000000", "OPENCV_FISHEYE", "m_depthShift", "=", "frames", "file_path", "k1", "nan",
 )  # fmt: skip
-RAWS = tuple(
-    map(
-        Raw,
-        (
-            b"nan",
-            b"inf",
-            b"-inf",
-            b"1e999",
-            b"\xff\xfe",
-            b"\x00",
-            b"9" * 5000,
-            b"0x10",
-            b"#",
-            b"\r",
-            b"1,5",
-            b"\xef\xbb\xbf",
-        ),
-    )
-)
+RAWS = raws(*OF_NUMBERS, b"-inf", b"#", b"1,5", b"\xef\xbb\xbf")
 
 
 def write(folder, rng):

@@ -15,7 +15,7 @@ from stored_sequences import write_euroc, write_vslamlab
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.sources.recording import read_recording
 
@@ -136,7 +136,7 @@ def with_header(data, rng):
 def read(folder):
     """Read every frame as a run does; return the sequence with its images, as they are stored."""
     task = json.loads((folder / TASK).read_text())
-    recording = read_recording(folder / "sequence", Place(folder / TASK), **task)
+    recording = read_recording(folder / "sequence", ConfigPath(folder / TASK), **task)
     stored = recording.stored
     assert min(stored.size_px) > 0
     count = len(stored.trajectory)

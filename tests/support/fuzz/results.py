@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 from fuzz.mutation import pick
-from fuzz.structure import Raw, as_json, as_table, changed, note
+from fuzz.structure import OF_NUMBERS, as_json, as_table, changed, note, raws
 from results_made import SETTINGS, make_results
 
 from noisy_world.core.errors import InputError
@@ -21,22 +21,10 @@ from noisy_world.evaluation.study.tables import write_tables
 TASK = "task.json"
 FEW = {"systems": ("rgbd_odometry", "orb_slam3"), "scenes": ("room0",), "settings": SETTINGS[:4], "seeds": ("1",)}
 WORDS = (
-    "room0",
-    "clean",
-    "finished",
-    "crashed",
-    "strict",
-    "paper",
-    "nan",
-    "inf",
-    "seed",
-    "gaussian_noise",
-    "dynamic",
+    "room0", "clean", "finished", "crashed", "strict", "paper", "nan", "inf", "seed", "gaussian_noise", "dynamic",
     "ate_rmse_m",
-)
-RAWS = tuple(
-    map(Raw, (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b'"', b"\r", b"a,b", b"'"))
-)
+)  # fmt: skip
+RAWS = raws(*OF_NUMBERS, b'"', b"a,b", b"'")
 
 
 @functools.cache

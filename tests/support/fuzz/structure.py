@@ -49,18 +49,21 @@ PATHS = (
     "**",
     "[", "?", "file:///etc/passwd", "s3://bucket/x", "con", "-rf", "$HOME", "{x}", "{", "x/..", "./x", "x/",
 )  # fmt: skip
-RAWS = tuple(
-    map(
-        Raw,
-        (
-            b"NaN", b"nan", b"Infinity", b"-inf", b".nan", b"1e999", b"-1e999", b"9" * 5000, b"0." + b"0" * 4000 + b"1",
-            b'"\xff\xfe"', b"\xc3\x28", b'"\\ud800"', b'"\xed\xa0\x80"', b"'a'", b"0x10", b"010", b"1_0", b"+1",
-            b".5", b"1.",
-            b"[" * 3000 + b"]" * 3000, b'{"a":' * 2000 + b"1" + b"}" * 2000, b"{", b"]", b"", b",", b'"', b"True", b"-",
-            b"1e5", b"\xef\xbb\xbf1", b"\x00", b"# 1", b"\xef\xbc\x91",
-        ),
-    )
+
+
+def raws(*contents):
+    """Return contents that stand in a file as they are."""
+    return tuple(map(Raw, contents))
+
+
+RAWS = raws(
+    b"NaN", b"nan", b"Infinity", b"-inf", b".nan", b"1e999", b"-1e999", b"9" * 5000, b"0." + b"0" * 4000 + b"1",
+    b'"\xff\xfe"', b"\xc3\x28", b'"\\ud800"', b'"\xed\xa0\x80"', b"'a'", b"0x10", b"010", b"1_0", b"+1", b".5", b"1.",
+    b"[" * 3000 + b"]" * 3000, b'{"a":' * 2000 + b"1" + b"}" * 2000, b"{", b"]", b"", b",", b'"', b"True", b"-",
+    b"1e5", b"\xef\xbb\xbf1", b"\x00", b"# 1", b"\xef\xbc\x91",
 )  # fmt: skip
+OF_NUMBERS = (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b"\r")
+"""What may stand in a table where a number has to be."""
 LONG = 40  # entries that a list is repeated to, where it is
 
 

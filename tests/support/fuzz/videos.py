@@ -11,9 +11,9 @@ import numpy as np
 from fuzz.mutation import mutate_bytes, pick
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.schema import Place
+from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.frame_request import FrameRequest
-from noisy_world.sources.video import read_video_source
+from noisy_world.sources.video_source import read_video_source
 
 COUNT, SIZE = 4, (32, 24)
 CODECS = {"walk.avi": "MJPG", "walk.mkv": "MJPG", "walk.mp4": "mp4v"}
@@ -65,7 +65,7 @@ def read(folder):
     """Read every frame as a run does; return the task, and colour and depth of each."""
     task = json.loads((folder / TASK).read_text())
     depth = folder / "depth" if task["deep"] else None
-    source = read_video_source(folder / task["video"], Place(folder / TASK), depth, task["scale"])
+    source = read_video_source(folder / task["video"], ConfigPath(folder / TASK), depth, task["scale"])
     if len(source.stamps_s) > MOST:
         raise InputError(folder, "has many frames")
     assert np.isfinite(source.stamps_s).all()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether what an importer made of a file is finite, asked before Blender puts 0 where it is not."""
+"""Checks that imported coordinates are finite, before Blender replaces those that are not by 0."""
 
 import contextlib
 from collections.abc import Iterator

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files of the images that imported materials show: as they are, so that they are read as any texture's."""
+"""The image files of imported materials, unchanged, so that they are read like any texture."""
 
 import contextlib
 import importlib

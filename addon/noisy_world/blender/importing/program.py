@@ -15,16 +15,18 @@ from typing import Any
 import bpy
 
 from ...core.errors import InputError
+from ...core.messages import Message
 from ...core.scenes.beside import is_inside
-from ...core.scenes.imported import FACES_LEFT_OUT, ImportedScene, write_imported
+from ...core.scenes.imported import FACES_EXCLUDED, ImportedScene, write_imported
 from ...core.scenes.turning import Up
+from ..scene_objects import numbered_objects
 from .base_colour import surface_of
 from .compressed import compression_problem
 from .finite import NonFiniteMeshError, check_finite, finite_gltf
 from .images import ImageFiles, UnusablePictureError, located
 from .lit import save_lit
 from .parts import TooManyError, imported_parts
-from .usd_layers import UsdLook, look_at
+from .usd_layers import UsdInspection, inspect_usd
 
 REFUSED = 4  # the exit status where the importer refuses
 NOT_FINITE = 5  # where a coordinate is not finite
@@ -48,15 +50,15 @@ def main(order: str) -> int:
     except NonFiniteMeshError as error:
         return _refused(folder, str(error), NOT_FINITE)
     except InputError as error:
-        return _refused(folder, f"{error.problem}; {error.remedy}" if error.remedy else error.problem)
+        return _refused(folder, Message(error.problem, error.remedy))
     except (_RefusedError, TooManyError, UnusablePictureError, RuntimeError) as error:  # the last is Blender's own
         return _refused(folder, str(error))
     return 0
 
 
-def _beside(mesh_folder: Path, look: UsdLook) -> tuple[str, ...]:
+def _beside(mesh_folder: Path, inspected: UsdInspection) -> tuple[str, ...]:
     """Return the files that a USD file reads, sorted: layers, and pictures where they are taken from."""
-    found = {name for name in look.beside if is_inside(mesh_folder, Path(name))}
+    found = {name for name in inspected.beside if is_inside(mesh_folder, Path(name))}
     for image in bpy.data.images:
         if image.source == "FILE" and image.packed_file is None:
             with contextlib.suppress(UnusablePictureError):  # which is said where it is shown
@@ -90,21 +92,21 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
     module, operator = _OPERATORS[form]
     if operator not in dir(getattr(bpy.ops, module)):
         raise _RefusedError(f"this Blender is built without an importer of {form}; export the mesh as PLY or glTF")
-    look = look_at(path) if form == "USD" else UsdLook(_UP[form], (), ())
-    if look.missing:
-        raise _RefusedError(f"refers to {look.missing[0][:200]!r}, which is not there")
+    inspected = inspect_usd(path) if form == "USD" else UsdInspection(_UP[form], (), ())
+    if inspected.missing:
+        raise _RefusedError(f"refers to {inspected.missing[0][:200]!r}, which is not there")
     if problem := compression_problem(wanted["compression"]):
         raise _RefusedError(problem)
     _IMPORTERS[form](str(path), wanted["webp"], wanted["blend"] is not None)
-    left_out = _validate_meshes()
+    excluded = _validate_meshes()
     notes = _still()
-    if left_out and form in ("USD", "FBX"):  # of other formats, the file says how many faces there are
-        notes += (f"{left_out} {FACES_LEFT_OUT}",)
-    beside = _beside(path.parent, look) if form == "USD" else ()
+    if excluded and form in ("USD", "FBX"):  # of other formats, the file says how many faces there are
+        notes += (f"{excluded} {FACES_EXCLUDED}",)
+    beside = _beside(path.parent, inspected) if form == "USD" else ()
     if wanted["blend"] is not None:
-        if problem := save_lit(Path(wanted["blend"]), look.up, wanted["asked"], path.parent):
+        if problem := save_lit(Path(wanted["blend"]), inspected.up, wanted["asked"], path.parent):
             raise _RefusedError(problem)
-        return ImportedScene((), (), (), look.up, beside, notes)
+        return ImportedScene((), (), (), inspected.up, beside, notes, numbered_objects(bpy.data.objects))
     images = ImageFiles(folder, path.parent)
     materials = sorted(bpy.data.materials, key=lambda each: each.name)
     parts = imported_parts({material.name: number for number, material in enumerate(materials)})
@@ -113,8 +115,8 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
         surface_of(material, images.number_of if number in used else lambda _: 0)
         for number, material in enumerate(materials)
     )
-    told = (*notes, *images.notes, *([look.unknown] if look.unknown else []))
-    return ImportedScene(parts, surfaces, tuple(images.images), look.up, beside, told)
+    all_notes = (*notes, *images.notes, *([inspected.unknown] if inspected.unknown else []))
+    return ImportedScene(parts, surfaces, tuple(images.images), inspected.up, beside, all_notes)
 
 
 def _validate_meshes() -> int:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that a USD file is made of, told by Pixar's library, which comes with Blender."""
+"""The files that a USD file refers to, found by Pixar's library, which comes with Blender."""
 
 import importlib.util
 import os
@@ -12,7 +12,7 @@ from .images import add_library_folders
 
 
 @dataclass(frozen=True)
-class UsdLook:
+class UsdInspection:
     """What is known of a USD file before it is imported.
 
     up: the axis that points up, None where that is not known. beside: the files that it reads beside itself, sorted.
@@ -25,14 +25,14 @@ class UsdLook:
     unknown: str = ""
 
 
-def look_at(path: Path) -> UsdLook:
+def inspect_usd(path: Path) -> UsdInspection:
     """Look at a USD file. Raises RuntimeError where it cannot be opened, InputError where layers lie elsewhere."""
     add_library_folders()
     if importlib.util.find_spec("pxr") is None:
         unknown = (
             "this Blender lacks the module pxr: of what the file refers to, only pictures are told apart by content"
         )
-        return UsdLook(None, (), (), unknown)
+        return UsdInspection(None, (), (), unknown)
     from pxr import Tf, Usd, UsdGeom, UsdUtils  # pyright: ignore[reportMissingImports]  # noqa: PLC0415 - found only now
 
     try:
@@ -45,7 +45,7 @@ def look_at(path: Path) -> UsdLook:
     files = {layer.realPath for layer in layers} | set(assets)
     beside = {name for name in files if Path(name).is_file() and not path.samefile(name)}
     up: Up = "y" if UsdGeom.GetStageUpAxis(stage) == "Y" else "z"
-    return UsdLook(up, tuple(sorted(beside)), tuple(sorted(missing)))
+    return UsdInspection(up, tuple(sorted(beside)), tuple(sorted(missing)))
 
 
 def _check_layers(path: Path) -> None:

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a channel is: one kind of image that a camera gives for a frame, such as colour or depth."""
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.depth_range import OutOfRange
+from ..datasets.float_files import decode_exr, decode_npy, encode_exr, encode_npy
+from ..datasets.images import decode_steps, encode_png
 from ..trajectories.stamps import FrameStamps
 
 Image: TypeAlias = Literal["jpg", "png"]
 """What colour may be stored as."""
+
+FileKind: TypeAlias = Literal["jpg", "png", "exr", "npy"]
+"""What files of images are: PNG and JPEG of whole numbers, and what keeps values as they are in memory."""
+
+FILE_KINDS = {"png": "PNG of 16 bits", "exr": "EXR, float32, zipped", "npy": "an array of numpy's, uncompressed"}
+"""What a channel other than colour may be stored as, in words."""
 
 
 class ImageNames(Protocol):
@@ -38,6 +47,11 @@ class ImageFormat(Protocol):
         """What colour is stored as."""
         ...
 
+    @property
+    def formats(self) -> tuple[tuple[str, FileKind], ...]:
+        """What other channels are stored as, by name, where that is not their default."""
+        ...
+
     def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
         """Encode colour."""
         ...
@@ -50,6 +64,9 @@ class ImageFormat(Protocol):
         """Count the pixels whose depth an image cannot hold; None where it holds all."""
         ...
 
+
+BLENDERS_PARTS = {1: ("V",), 2: ("X", "Y"), 3: ("X", "Y", "Z"), 4: ("X", "Y", "Z", "W")}
+ZIPPED = 0.25  # of the bytes in memory that an EXR of normals takes, in a room; measured, and rounded
 
 KindOfSteps: TypeAlias = Literal["rgb", "depth"]
 """Which of a setting's steps act on a channel: perturbations of colour, or of depth."""
@@ -77,6 +94,9 @@ class Channel(ABC):
     messages. dtype, components, unit: of its values in memory. convention: what its files hold, for the manifest.
     steps: which steps of a setting act on it; None for none: its images are always clean. paired: whether it is the
     depth sensor's, which has stamps and poses of its own and which desynchronisation shifts; else it is colour's.
+    pairs: whether it leads from a frame to the sequence's next one. kinds: what its files may be, the default first.
+    parts: the names of its components, for files that name them; by default as Blender names those of its passes.
+    bytes_per_pixel: of its files, as measured, of the first kind.
     """
 
     name: ClassVar[str]
@@ -89,33 +109,74 @@ class Channel(ABC):
     convention: ClassVar[str]
     steps: ClassVar[KindOfSteps | None] = None
     paired: ClassVar[bool] = False
+    pairs: ClassVar[bool] = False
+    kinds: ClassVar[tuple[FileKind, ...]] = ("png",)
+    parts: ClassVar[tuple[str, ...]] = ()
+    bytes_per_pixel: ClassVar[float]
 
-    @abstractmethod
     def suffix(self, written: ImageFormat) -> str:
         """Return how the names of its files end, such as "png"."""
+        return dict(written.formats).get(self.name, self.kinds[0])
 
-    @abstractmethod
-    def suffix_told(self, output: dict[str, Any]) -> str:
+    def recorded_suffix(self, output: dict[str, Any]) -> str:
         """Return the same by what the identity of a dataset says of its output."""
+        return output.get("formats", {}).get(self.name, self.kinds[0])
 
-    @abstractmethod
     def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
-        """Return the name of a frame's file inside its sequence's folder."""
+        """Return the name of a frame's file inside its sequence's folder: in a folder of the channel's name."""
+        return layout.channel_name(self.name, frame, stamps, suffix)
 
-    @abstractmethod
     def encode(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
         """Return its image, (H, W) or (H, W, components), as a file of the dataset."""
+        match self.suffix(written):
+            case "exr":
+                return encode_exr(pixels, self.parts or BLENDERS_PARTS[self.components])
+            case "npy":
+                return encode_npy(pixels)
+            case _:
+                return encode_png(self.steps_of(pixels))
 
-    @abstractmethod
+    def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
+        """Return an image as 16-bit values, as a PNG holds them, where it may be one."""
+        raise NotImplementedError
+
+    def pixels_of(self, steps: NDArray[np.uint16]) -> NDArray[Any]:
+        """Return the image of 16-bit values: by default these themselves."""
+        return steps
+
+    def stored(self, pixels: NDArray[Any], kind: str) -> NDArray[Any]:
+        """Return an image as it is read back from a file of some kind."""
+        return self.pixels_of(self.steps_of(pixels)) if kind == "png" else pixels
+
+    def decode(self, data: bytes, kind: str) -> NDArray[Any]:
+        """Return the image in a file of some kind, (H, W) or (H, W, components). Raises ValueError."""
+        match kind:
+            case "exr":
+                return decode_exr(data, self.parts or BLENDERS_PARTS[self.components])
+            case "npy":
+                return decode_npy(data)
+            case _:
+                return self.pixels_of(decode_steps(data))
+
+    def convention_in(self, kind: str) -> str:
+        """Return what its files hold, of some kind."""
+        as_it_is = kind in ("exr", "npy") and "png" in self.kinds
+        return f"{self.meaning}; {self.dtype}, not in steps" if as_it_is else self.convention
+
     def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large its files are."""
+        whole = self.components * np.dtype(self.dtype).itemsize
+        kind = self.suffix(written)
+        usual = self.bytes_per_pixel if kind == self.kinds[0] else whole * (1.0 if kind == "npy" else ZIPPED)
+        bounds = (whole, whole) if kind == "npy" else (0.1 * usual, min(3 * usual, whole))
+        return PixelBytes(usual, usual, bounds, bounds, bounds)
 
     def lost(self, pixels: NDArray[Any], written: ImageFormat) -> OutOfRange | None:
         """Return what of an image its file cannot hold; None where it holds all."""
         del pixels, written
         return None
 
-    def told(self, depth_scale_per_m: float) -> str:
+    def describe_files(self, depth_scale_per_m: float, kind: str) -> str:
         """Return what its files hold, in a few words, for the description of a packed dataset."""
         del depth_scale_per_m
-        return self.spoken
+        return f"{self.spoken} as {FILE_KINDS[kind]}; {self.convention_in(kind)}"

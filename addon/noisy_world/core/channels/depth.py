@@ -26,16 +26,6 @@ class Depth(Channel):
     steps = "depth"
     paired = True
 
-    def suffix(self, written: ImageFormat) -> str:
-        """Return PNG's."""
-        del written
-        return "png"
-
-    def suffix_told(self, output: dict[str, Any]) -> str:
-        """Return PNG's."""
-        del output
-        return "png"
-
     def name_in(self, layout: ImageNames, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the layout's name of a depth image."""
         del suffix
@@ -54,8 +44,9 @@ class Depth(Channel):
         """Return the depth that 16 bits do not hold."""
         return written.out_of_range(pixels)
 
-    def told(self, depth_scale_per_m: float) -> str:
+    def describe_files(self, depth_scale_per_m: float, kind: str) -> str:
         """Return how depth is stored."""
+        del kind
         return f"depth in 16 bits, {depth_scale_per_m:g} steps a metre, 0 void"
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which object of a scene each pixel sees, as the mesh's file numbers them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from ..datasets.images import UINT16_MAX
 from ..datasets.json_text import read_json
 from ..errors import InputError
+from ..scenes.mesh import OBJECT_ID as PROPERTY
 from ..scenes.mesh import Mesh
-from ..scenes.ply import OBJECT_ID as PROPERTY
-from ..scenes.ply import face_properties
+from ..scenes.scene_object import SceneObject
 from .surface import Surface, SurfaceChannel
 
 NAMES = "info_semantic.json"  # beside Replica's mesh_semantic.ply
 
 
 class Instance(SurfaceChannel):
-    """The face property `object_id` of Replica's mesh_semantic.ply, and its names where the file beside it has them."""
+    """The face property `object_id` of Replica's mesh_semantic.ply, with its names, or the objects of a .blend."""
 
     name = "instance"
     label = "Instances"
@@ -29,13 +29,19 @@ class Instance(SurfaceChannel):
     dtype = "uint16"
     components = 1
     unit = "object id"
-    convention = "object_id of the mesh's face that the pixel's centre sees; uint16; 0 is void, or no known object"
-    needs = frozenset({"faces"})
+    convention = (
+        "number of the object that the pixel's centre sees: object_id of the mesh's face, or that of instance.json; "
+        "uint16; 0 is void, or no known object"
+    )
+    needs = frozenset({"objects"})
     bytes_per_pixel = 0.05
+    kinds = ("png", "npy")  # an EXR has whole numbers of 32 bits alone
     has_content = True
 
     def problem(self, mesh: str) -> str:
         """Return why a mesh's file has no objects, or ""."""
+        from ..scenes.ply import face_properties  # noqa: PLC0415 - few datasets have objects
+
         path = Path(mesh)
         if path.suffix.lower() == ".ply" and path.is_file() and PROPERTY in face_properties(path):
             return ""
@@ -46,15 +52,10 @@ class Instance(SurfaceChannel):
         beside = Path(mesh).parent / NAMES
         return (beside,) if beside.is_file() else ()
 
-    def of_mesh(self, mesh: Mesh) -> Callable[[Surface], NDArray[Any]]:
+    def of_mesh(self, mesh: Mesh | None) -> Callable[[Surface], NDArray[Any]]:
         """Return what gives the ids (H, W) uint16."""
-        ids = _known(mesh)
-
-        def image(surface: Surface) -> NDArray[Any]:
-            assert surface.faces is not None, "they are needed"
-            return np.where(surface.faces >= 0, np.take(ids, surface.faces, mode="clip"), np.uint16(0))
-
-        return image
+        del mesh
+        return _objects
 
     def content(self, mesh: Mesh, path: str) -> dict[str, Any]:
         """Return the ids of the mesh's objects in increasing order, each with its name, None where no file tells it.
@@ -64,15 +65,25 @@ class Instance(SurfaceChannel):
         names: dict[int, str] = {}
         for beside in self.files(path):
             names |= _names(beside)
-        ids = np.unique(_known(mesh))
+        ids = np.unique(known_objects(mesh))
         return {"void": 0, "objects": [{"id": number, "name": names.get(number)} for number in ids[ids > 0].tolist()]}
+
+    def content_of(self, objects: Sequence[SceneObject]) -> dict[str, Any]:
+        """Return the numbers of a scene's objects, each with its name and its own pass index."""
+        lines = [{"id": item.number, "name": item.name, "pass_index": item.pass_index} for item in objects]
+        return {"void": 0, "objects": lines}
 
     def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
         """Return the ids as they are."""
         return pixels
 
 
-def _known(mesh: Mesh) -> NDArray[np.uint16]:
+def _objects(surface: Surface) -> NDArray[Any]:
+    assert surface.objects is not None, "they are needed"
+    return surface.objects
+
+
+def known_objects(mesh: Mesh) -> NDArray[np.uint16]:
     """Return the object (F,) of each face; 0 where it is negative, which is none. Raises ValueError."""
     if mesh.object_ids is None:
         raise ValueError(f"its faces have no property {PROPERTY}")

@@ -28,12 +28,13 @@ class Rgb(Channel):
     unit = "display-encoded, 0 to 1"
     convention = "RGB, 8 bits, sRGB-encoded; void is black"
     steps = "rgb"
+    kinds = ("jpg", "png")  # `output.image` chooses
 
     def suffix(self, written: ImageFormat) -> str:
         """Return the kind of image that the preset chose."""
         return written.image
 
-    def suffix_told(self, output: dict[str, Any]) -> str:
+    def recorded_suffix(self, output: dict[str, Any]) -> str:
         """Return the kind of image that the identity tells."""
         return output["image"]
 
@@ -48,6 +49,11 @@ class Rgb(Channel):
     def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large JPEG or PNG is."""
         return _BYTES[written.image]
+
+    def describe_files(self, depth_scale_per_m: float, kind: str) -> str:
+        """Return no more than its word."""
+        del depth_scale_per_m, kind
+        return self.spoken
 
 
 CHANNEL = Rgb()

@@ -34,20 +34,20 @@ class StampedFiles:
 class Associated:
     """The frames of a recording. path: the poses, at the stamps of the colour.
 
-    left_out: what is not used, in words. read: what is to be said about how the poses were read.
+    excluded: what is not used, in words. read: what is to be said about how the poses were read.
     """
 
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
     path: Trajectory
     stamps: FrameStamps
-    left_out: str
+    excluded: str
     read: tuple[str, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user should know."""
-        return (*self.read, self.left_out) if self.left_out else self.read
+        return (*self.read, self.excluded) if self.excluded else self.read
 
 
 def associate(
@@ -123,15 +123,15 @@ def associate_frames(
         stamps = FrameStamps(taken, depth.stamps.take(of_depth), _pose_stamps(taken, poses, with_pose, of_pose))
         found = Trajectory(c2w, taken.seconds, posed=known)
         read = (*(() if path is None else path.notes), *((note,) if note else ()))
-        left_out = _left_out(len(rgb.files), with_depth, with_depth)
-        return Associated(*_files(rgb, of_rgb, depth, of_depth), found, stamps, left_out, read)
+        excluded = _excluded(len(rgb.files), with_depth, with_depth)
+        return Associated(*_files(rgb, of_rgb, depth, of_depth), found, stamps, excluded, read)
     of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
     stamps = FrameStamps(rgb.stamps.take(of_rgb), depth.stamps.take(of_depth), poses.take(of_pose))
     return Associated(
         *_files(rgb, of_rgb, depth, of_depth),
         Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
         stamps,
-        _left_out(len(rgb.files), with_depth, len(of_rgb)),
+        _excluded(len(rgb.files), with_depth, len(of_rgb)),
         path.notes,
     )
 
@@ -151,7 +151,7 @@ def _pose_stamps(taken: Stamps, poses: Stamps, with_pose: NDArray[np.int64], of_
     return Stamps(seconds, None if None in exact else tuple(stamp for part in exact if part for stamp in part))
 
 
-def _left_out(images: int, paired: int, frames: int) -> str:
+def _excluded(images: int, paired: int, frames: int) -> str:
     """Say how many colour images have no depth, and how many of the others no pose; "" where each has both."""
     reasons = [(images - paired, "no depth image"), (paired - frames, "no pose")]
     parts = [f"{number} with {reason}" for number, reason in reasons if number]

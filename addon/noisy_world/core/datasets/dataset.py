@@ -19,7 +19,6 @@ from typing import Any
 
 from ..errors import CannotJoinError, StorageError
 from ..presets.preset import canonical
-from .agreement import identity_mismatch
 from .dataset_state import (
     IDENTITY,
     JOURNALS,
@@ -32,7 +31,9 @@ from .dataset_state import (
     manifest_is_changed,
     read_dataset_state,
 )
-from .differences import with_remedy
+from .differences import other_dataset
+from .hashing import Hasher
+from .identity_mismatch import identity_mismatch
 from .journal import Journal
 from .layouts import FrameNames, OutputFormat
 from .merging import kept_notes, merged_identity, merged_manifest
@@ -51,7 +52,6 @@ from .shard_merging import (
 from .shard_record import ShardRecord
 from .storage import (
     FolderLock,
-    Hasher,
     link_or_copy,
     sha256_of_bytes,
     sha256_of_regular_file,
@@ -118,7 +118,7 @@ class Dataset:
         check_no_links(self.out, there.sequences)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
         if problem and there.holds_frames:
-            raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")
+            raise other_dataset(self.out, problem)
 
     def _begin(
         self,
@@ -132,7 +132,7 @@ class Dataset:
         check_no_links(self.out, {*there.sequences, *identity["sequences"]}, folders_alone=overwrite)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "") or ""
         if problem and (there.holds_frames or shards_hold_frames(self.out)) and not overwrite:
-            raise StorageError(f"{self.out}: holds another dataset: {with_remedy(problem)}")
+            raise other_dataset(self.out, problem)
         if problem or overwrite:
             remove_dataset(self.out, self._work, {*there.sequences, *identity["sequences"]})
             remove_shards(self.out)
@@ -165,7 +165,7 @@ class Dataset:
                 (self._work / IDENTITY).unlink()  # nothing here was made from it
             also = f" (and {len(shards) - 1} more)" if len(shards) > 1 else ""
             remedy = "remove its folder, and make the shard again"
-            raise StorageError(f"{folder}: this shard{also} does not belong to the dataset: {reason}; {remedy}")
+            raise StorageError(f"this shard{also} does not belong to the dataset: {reason}", file=folder, remedy=remedy)
 
     def _gather(self, shards: ShardRules, identity: dict[str, Any]) -> Gathered:
         """Merge the shards in the folder that were made from what an identity says."""
@@ -219,11 +219,12 @@ class Dataset:
         """
         there = read_dataset_state(self.out) if self.scratch.is_dir() else None
         if there is None or there.identity is None or there.problem:
-            raise CannotJoinError(f"{self.out}: no run is open here")
+            raise CannotJoinError("no run is open here", file=self.out)
         if difference := identity_mismatch(there.identity, identity, any_processor=any_processor):
             raise CannotJoinError(
-                f"{self.out}: the run was opened with another identity ({difference}); do not change its inputs "
-                "while it runs, and start it again"
+                f"the run was opened with another identity ({difference})",
+                file=self.out,
+                remedy="do not change its inputs while it runs, and start it again",
             )
 
     def close(self) -> None:
@@ -262,8 +263,8 @@ class Dataset:
         """The files of the finished sequences that stay as they are, SHA-256 by name, by the sequence's folder."""
         return {folder: self._there.files[folder] for folder in self._kept if folder in self._there.finished}
 
-    def take_stock(self, folder: str, names: FrameNames, count: int, as_planned: AsPlanned) -> dict[int, set[str]]:
-        """Return by frame the files of a sequence that exist as they were written.
+    def keep_intact(self, folder: str, names: FrameNames, count: int, as_planned: AsPlanned) -> None:
+        """Check which files of a sequence exist as they were written.
 
         names: of the frames' files. count: of the sequence's frames. as_planned: of records in journals, whose own
         hash nothing tells. Records of lost or damaged files are dropped, those of frames that the sequence does not
@@ -272,7 +273,7 @@ class Dataset:
         """
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
-            raise StorageError(f"{recorded}: is a folder where a file of the dataset belongs; move it away")
+            raise StorageError("is a folder where a file of the dataset belongs", file=recorded, remedy="move it away")
         fresh = self._journal_path(folder, self._fresh)
         written = plausible_records(self.finished_records(folder), names, count)
         journals = chain.from_iterable(read_records(path) for path in self._journals(folder) if path != fresh)
@@ -289,7 +290,6 @@ class Dataset:
             for journal in (self._work / folder).glob(JOURNALS):
                 if journal != kept or not intact:
                     journal.unlink()
-        return {frame: set(record.files) for frame, record in intact.items()}
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
         """Return the records of a sequence's finished frames by frame, in order."""

@@ -204,8 +204,8 @@ def identity_problem(value: Any) -> str:
         return ""
     whole = _fits(value, _IDENTITY) and _has_cameras(value)
     if whole and value["output"]["layout"] not in LAYOUTS:
-        told = shown(value["output"]["layout"])
-        return f"is in the layout {told}, which is not known here: install the package that brings it"
+        layout = shown(value["output"]["layout"])
+        return f"is in the layout {layout}, which is not known here: install the package that brings it"
     whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
     if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
         return "lacks what an identity holds, or holds something else"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth images of a folder that belong to the frames of a video, one to each, in the order of their numbers."""
+"""A folder of depth images for the frames of a video: one each, in the order of their numbers."""
 
 import re
 from collections.abc import Iterator

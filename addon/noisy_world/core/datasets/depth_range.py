@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth beyond what 16 bits hold: how much of it an image has, a sequence and a scene, and what to do about it."""
+"""Depth beyond the range of 16 bits: how many pixels of an image, sequence or scene are, and the remedy."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..messages import Message, PresetKey, Remedy, either
 from .images import UINT16_MAX, depth_steps
 
 Beyond = Literal["void", "farthest"]
@@ -121,12 +122,12 @@ class DepthRange:
     scale_per_m: float
     beyond: Beyond
 
-    def told_of_image(self, image: OutOfRange, pixels: int) -> str:
+    def format_image_loss(self, image: OutOfRange, pixels: int) -> str:
         """Say what of an image of `pixels` pixels is out of range: "43.1 % of its pixels lie beyond 10 m ..."."""
         loss = RangeLoss(image.pixels / pixels, 1, image.farthest_m, image.infinite)
         return f"{_percent(loss.share)} of its pixels {self._fate(loss, 'become')}"
 
-    def told_of_scene(self, losses: Mapping[str, RangeLoss], frames: Mapping[str, int]) -> str:
+    def format_scene_loss(self, losses: Mapping[str, RangeLoss], frames: Mapping[str, int]) -> str:
         """Say in a sentence what of a scene is out of range: that of its worst setting.
 
         losses: by the setting's name, at least one. frames: how many each setting has.
@@ -137,15 +138,15 @@ class DepthRange:
         if farthest_m is not None and farthest_m != loss.farthest_m:
             among += f", of which one reaches {_digits(farthest_m, 4, math.ceil)} m"
         where = f"{worst} (in {loss.frames} of {frames[worst]} frames{among})"
-        told = f"{_percent(loss.share)} of the pixels of {where} {self._fate(loss, 'became')}"
-        return self.with_remedy(told, farthest_m)
+        message = f"{_percent(loss.share)} of the pixels of {where} {self._fate(loss, 'became')}"
+        return self.with_remedy(message, farthest_m)
 
-    def with_remedy(self, told: str, farthest_m: float | None) -> str:
+    def with_remedy(self, problem: str, farthest_m: float | None) -> str:
         """Add to a sentence which keys keep depth as far as that, with values that do.
 
         farthest_m: finite; None if there is none to keep.
         """
-        return f"{told}; {remedy}" if (remedy := self._remedy(farthest_m)) else told
+        return Message(problem, self._remedy(farthest_m))
 
     def _fate(self, loss: RangeLoss, verb: str) -> str:
         reach = "infinitely far" if loss.farthest_m is None else f"as far as {_digits(loss.farthest_m, 4, math.ceil)} m"
@@ -157,15 +158,16 @@ class DepthRange:
     def _becomes(self) -> str:
         return "void" if self.beyond == "void" else _limit(self.scale_per_m)
 
-    def _remedy(self, farthest_m: float | None) -> str:
+    def _remedy(self, farthest_m: float | None) -> Remedy:
         # A scale below a step a metre is no remedy.
-        ways: list[str] = []
+        ways: list[Message] = []
         if farthest_m is not None and (scale_per_m := scale_that_holds(farthest_m)) >= 1:
             held = f"{_limit(scale_per_m)} in steps of {1000 / scale_per_m:g} mm"
-            ways.append(f"output.depth_scale_per_m: {scale_per_m:g} holds {held}")
+            ways.append(Message(PresetKey("output.depth_scale_per_m", f"{scale_per_m:g}"), f" holds {held}"))
         if self.beyond == "void":
-            ways.append(f"output.depth_beyond: farthest makes them {_limit(self.scale_per_m)}")
-        return ", or ".join(ways)
+            makes = f" makes them {_limit(self.scale_per_m)}"
+            ways.append(Message(PresetKey("output.depth_beyond", "farthest"), makes))
+        return either(*ways)
 
 
 def _limit(scale_per_m: float) -> str:

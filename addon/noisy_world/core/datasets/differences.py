@@ -1,29 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a dataset can grow into what a plan makes, and if not, why, in the words of the preset.
+"""Why a dataset cannot grow by a plan, as the first difference in the preset's words.
 
 A dataset grows where what is common to all frames is equal, and each scene and setting that both name.
 """
 
 import json
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..channels import COLOUR_AND_DEPTH, in_order
+from ..channels import COLOUR_AND_DEPTH, in_order, pair_channels
+from ..errors import StorageError
+from ..messages import Action, CommandLineOnly, Message, PresetKey, either, offers
 from ..planning.numbers import array_of
 from ..planning.plan import Plan
+from ..planning.scene import Scene
 from ..planning.sequence import Sequence, lay_out
-from ..planning.source import Scene
 from ..planning.source_paths import source_paths
-from ..presets.names import told_one_folder
+from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
 from .provenance import BETWEEN, CHANNELS, KEYS, path_sha256
 
-ANOTHER_FOLDER = "choose another folder with --out, or replace the dataset with --overwrite"
-ANOTHER_NAME = f"give it another name, {ANOTHER_FOLDER}"
-PROCESSORS = "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough"
+ELSEWHERE = (Action.OTHER_FOLDER, Action.OVERWRITE)
+ANOTHER_FOLDER = either(*ELSEWHERE)
+ANOTHER_NAME = either(Action.OTHER_NAME, *ELSEWHERE)
+PROCESSORS = Message(
+    "set ", PresetKey("render.processors", "any"),
+    " where frames of unlike processors, within 1/255 of each other, are good enough",
+)  # fmt: skip
 COMMON = ("seed", "near_m", "far_m", "rig", "render", "output")
 IN_PRESET = {"near_m": "camera.near_m", "far_m": "camera.far_m"}  # where they stand there
 DECIDE_OTHERS = ("layout", "file")  # keys whose values decide what others mean or default to
@@ -38,17 +45,17 @@ def why_not(there: dict[str, Any], here: dict[str, Any], plan: Plan) -> str | No
     any_processor = plan.preset.spec.render.processors == "any"
     for key in COMMON:
         if None not in (there[key], here[key]) and there[key] != here[key]:
-            return f"{_common(key, there[key], here[key])}; {ANOTHER_FOLDER}"
+            return Message(_common(key, there[key], here[key]), ANOTHER_FOLDER)
     if problem := _keys(there, here):
-        return f"{problem}; {ANOTHER_FOLDER}"
+        return Message(problem, ANOTHER_FOLDER)
     for kind, names in (("settings", plan.settings), ("scenes", plan.scenes)):
         if problem := _one_folder(there[kind], [item.name for item in names]):
-            return f"{kind}: {problem}; {ANOTHER_NAME}"
+            return Message(f"{kind}: {problem}", ANOTHER_NAME)
     for setting in plan.settings:
         if setting.name in there["settings"]:
             before, now = there["settings"][setting.name], here["settings"][setting.name]
             if before != now:
-                return f"settings: {setting.name} {_setting(before, now)}; {ANOTHER_NAME}"
+                return Message(f"settings: {setting.name} {_setting(before, now)}", ANOTHER_NAME)
     for scene in plan.scenes:
         if scene.name in there["scenes"]:
             before, now = there["scenes"][scene.name], here["scenes"][scene.name]
@@ -67,7 +74,7 @@ def _one_folder(there: Iterable[str], here: Iterable[str]) -> str | None:
     """Return in words which names are one folder's where case is not told apart, or None."""
     known = {name.casefold(): name for name in there}
     taken = ((name, known.get(name.casefold(), name)) for name in here)
-    return next((told_one_folder(name, other) for name, other in taken if name != other), None)
+    return next((format_same_folder(name, other) for name, other in taken if name != other), None)
 
 
 def first_difference(there: Any, here: Any, where: str = "") -> str | None:
@@ -77,7 +84,7 @@ def first_difference(there: Any, here: Any, where: str = "") -> str | None:
     elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
         parts = [(str(index), left, right) for index, (left, right) in enumerate(zip(there, here, strict=True))]
     else:
-        return None if there == here else f"{where} {was_is(there, here)}"
+        return None if there == here else Message(PresetKey(where), " ", was_is(there, here))
     inside = (first_difference(left, right, f"{where}.{name}" if where else name) for name, left, right in parts)
     return next((found for found in inside if found), None)
 
@@ -130,6 +137,9 @@ def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
 
 def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None:
     """Return the key in which two steps of the same perturbation differ, and both values."""
+    versions = [step.get("version", 1) for step in (there, here)]
+    if versions[0] != versions[1]:
+        return "version", was_is(*versions)
     modes = [_mode(step) for step in (there, here)]
     if modes[0] != modes[1]:
         return "mode", was_is(*modes)
@@ -166,15 +176,18 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
             continue  # a file may be called otherwise
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
-            what = f"{place}.{key}: {_short(now[key])} is" if key in now else f"{place}: its {key} are"
-            return f"{what} not what the dataset was made from; {ANOTHER_NAME}"
-        return f"{place}.{name.removesuffix('_sha256')} {was_is(before.get(name), now.get(name))}; {ANOTHER_NAME}"
+            own = Message(PresetKey(f"{place}.{key}"), f": {_short(now[key])} is") if key in now else ""
+            what = own or Message(PresetKey(place), f": its {key} are")
+            return Message(what, " not what the dataset was made from", ANOTHER_NAME)
+        changed = PresetKey(f"{place}.{name.removesuffix('_sha256')}")
+        return Message(changed, f" {was_is(before.get(name), now.get(name))}", ANOTHER_NAME)
     if problem := _keys(there, here, place):
-        return f"{problem}; {ANOTHER_NAME}"
+        return Message(problem, ANOTHER_NAME)
     if there.get(CHANNELS) != here.get(CHANNELS):
-        return f"{place}: the file of its objects' names is not what the dataset was made from; {ANOTHER_NAME}"
+        message = ": the file of its objects' names is not what the dataset was made from"
+        return Message(PresetKey(place), message, ANOTHER_NAME)
     if there["camera"] != here["camera"]:
-        return f"{first_difference(there['camera'], here['camera'], 'camera')}; {ANOTHER_FOLDER}"
+        return Message(first_difference(there["camera"], here["camera"], "camera") or "camera", ANOTHER_FOLDER)
     return None
 
 
@@ -187,11 +200,12 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     where = scene.place.path
     between = {item[BETWEEN] for item in (before, now) if BETWEEN in item}
     if before["frames"] == now["frames"] and len(between) > 1:
-        return f"{where}: its path goes another way between the poses than the dataset's; {ANOTHER_NAME}"
+        message = ": its path goes another way between the poses than the dataset's"
+        return Message(PresetKey(where), message, ANOTHER_NAME)
     if {**before, BETWEEN: None} == {**now, BETWEEN: None}:
         return None
-    key = "trajectory" if here["entry"].get("blend") is None or here["entry"]["trajectory"] else "frames"
-    where = f"{scene.place.path}.{key}"
+    where = scene.path_place.path
+    key = where.rpartition(".")[2]
     changed = first_difference(there["entry"].get(key), here["entry"].get(key), where)
     if any_processor and changed is None and there["inputs"] == here["inputs"] and before["frames"] == now["frames"]:
         return None
@@ -201,11 +215,14 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     elif changed is None or changed.startswith(
         (f"{where}.stop ", f"{where}.handheld.frames ", f"{scene.place.path}.frames ")
     ):
-        cause = changed or f"{where}: the path was {before['frames']} frames long, is {now['frames']}"
-        return f"{cause}; keep the path, and choose its first frames with --frames 0:{now['frames']}, or {ANOTHER_NAME}"
+        message = f": the path was {before['frames']} frames long, is {now['frames']}"
+        cause = changed or Message(PresetKey(where), message)
+        shorter = f"keep the path, and choose its first frames with --frames 0:{now['frames']}"
+        return Message(cause, either(CommandLineOnly(shorter), Action.OTHER_NAME, *ELSEWHERE))
     name = here["inputs"].get("trajectory")
-    cause = f"{changed}, which makes another path" if changed else f"{where}: {_short(name)} has other poses or stamps"
-    return f"{cause}; {ANOTHER_NAME}"
+    if changed:
+        return Message(changed, ", which makes another path", ANOTHER_NAME)
+    return Message(PresetKey(where), f": {_short(name)} has other poses or stamps", ANOTHER_NAME)
 
 
 def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
@@ -213,24 +230,28 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
 
     counts: how long the path was that each sequence of the dataset was made from.
     """
+    path = PresetKey(scene.path_place.path)
     for render in plan.renders:
         for sequence in render.sequences if render.scene.name == scene.name else ():
             count = counts.get(sequence.folder, scene.frame_count)
             if not 0 < count < scene.frame_count:
                 continue
+            if led_on := pair_channels(plan.format.modalities):
+                message = f"the {led_on[0].spoken} of what was the last frame leads on, now that it is longer"
+                return Message(path, f": {message}", ANOTHER_NAME)
             before, after = source_paths(plan, render, count), source_paths(plan, render)
             if render.exposure:
-                told = "which a setting looks at, lies otherwise now that the path is longer"
-                where = f"{scene.place.path}.trajectory: what is between the poses of {scene.name}"
-                return f"{where}, {told}; {ANOTHER_NAME}"
-            moved = scene.source.gives.rendered and scene.source.gives.own is None  # others stay where they are
+                message = "which a setting looks at, lies otherwise now that the path is longer"
+                return Message(path, f": what is between the poses of {scene.name}, {message}", ANOTHER_NAME)
+            capabilities = scene.source.capabilities
+            moved = capabilities.rendered and capabilities.own is None  # others stay where they are
             if moved and not np.array_equal(recentring_m(before.rgb), recentring_m(after.rgb)):
                 far = "so far from the origin, a longer path is rendered around another point"
-                return f"{scene.place.path}.trajectory: {far}, and float32's rounding shows; {ANOTHER_NAME}"
+                return Message(path, f": {far}, and float32's rounding shows", ANOTHER_NAME)
             if not _goes_on(sequence, count, before, after):
                 steps = ", ".join(step.perturbation.name for step in sequence.setting.steps)
                 problem = f"changes frames that are there, now that the path of {scene.name} is longer"
-                return f"settings: {sequence.setting.name} ({steps}) {problem}; {ANOTHER_NAME}"
+                return Message(f"settings: {sequence.setting.name} ({steps}) {problem}", ANOTHER_NAME)
     return None
 
 
@@ -254,15 +275,18 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
 
 
 def _made_with(there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str | None:
+    if "isal" not in there["versions"]:
+        return Message("made before isal compressed PNG files, so bytes of equal images would differ", ANOTHER_FOLDER)
     for name in sorted({*there["versions"]} & {*here["versions"]}):
         before, now = there["versions"][name], here["versions"][name]
         if before != now:
-            return f"made with {name} {_short(before)}, this is {_short(now)}; {ANOTHER_FOLDER}"
+            return Message(f"made with {name} {_short(before)}, this is {_short(now)}", ANOTHER_FOLDER)
     if not any_processor and (found := first_difference(there["processor"], here["processor"])):
-        return f"made on another processor: {found}; {PROCESSORS}, or {ANOTHER_FOLDER}"
+        return Message("made on another processor: ", found, either(PROCESSORS, *ELSEWHERE))
     return None
 
 
-def with_remedy(problem: str) -> str:
-    """Return why a folder cannot take a dataset in, with what to do about it."""
-    return problem if "--overwrite" in problem else f"{problem}; {ANOTHER_FOLDER}"
+def other_dataset(out: Path, problem: str) -> StorageError:
+    """Return the error that says why a folder cannot take a dataset in, and what to do about it."""
+    remedy = "" if offers(problem, Action.OVERWRITE) else ANOTHER_FOLDER
+    return StorageError(Message("holds another dataset: ", problem), file=out, remedy=remedy)

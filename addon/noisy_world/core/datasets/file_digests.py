@@ -32,10 +32,10 @@ def read_digests(folder: Path) -> dict[str, str]:
             continue
         where = f"line {number}"
         record = parse_given_json(line, path, where=where, remedy=_REMEDY)
-        told = record.get("sha256", {}) if isinstance(record, dict) else None
-        if not isinstance(told, dict) or not all(map(_is_digest, told.values())):
+        digests = record.get("sha256", {}) if isinstance(record, dict) else None
+        if not isinstance(digests, dict) or not all(map(_is_digest, digests.values())):
             raise InputError(path, "tells no SHA-256 by the files' names", where=where, remedy=_REMEDY)
-        found |= told
+        found |= digests
     return found
 
 

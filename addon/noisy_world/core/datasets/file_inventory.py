@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is on disk of a sequence, by its records: frames that are finished, files that are lost or damaged.
+"""An inventory of a sequence by its records: finished frames, lost files, damaged files.
 
 Reading changes nothing and takes no lock, so it may be done while a run writes.
 """
@@ -8,20 +8,15 @@ import contextlib
 import os
 import re
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Container, Iterable, Iterator, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
-from ..machine import available_threads
 from ..regular_files import open_text
 from .dataset_state import JOURNALS
+from .hashing import Hasher
 from .records import FRAMES, FrameRecord, read_record
-from .storage import sha256_of_regular_file
-
-Digest: TypeAlias = Callable[[Path], str | None]
-"""A function that returns a file's SHA-256; None where it is missing or cannot be read."""
 
 RECENT = 200  # records of a journal, the last ones, of which it is asked when they were written
 
@@ -41,11 +36,11 @@ class JournalTimes:
 
 @dataclass(frozen=True)
 class FileInventory:
-    """A sequence as it is on disk.
+    """A sequence as far as it is there.
 
     done: how many of its frames are finished. lost: files that a record names and that are not there. damaged: files
-    whose content is another than was recorded, which only hashing finds. Names are relative to the sequence's folder.
-    written: when the newest frames of each journal were written.
+    whose content is another than was recorded, which only hashing finds. Names begin at the dataset. written: when the
+    newest frames of each journal were written.
     """
 
     done: int
@@ -54,8 +49,40 @@ class FileInventory:
     written: tuple[JournalTimes, ...] = ()
 
 
+Recorded: TypeAlias = dict[str, tuple[int, str]]
+"""The frame and the SHA-256 of each file that records name, by its name in the sequence."""
+
+
+def inventory(
+    folder: str, parts: Iterable["Part"], images_each: int, asked: Container[int] | None, hasher: Hasher | None = None
+) -> FileInventory:
+    """Return what there is of a sequence.
+
+    folder: the sequence's. parts: where its files may be; the dataset's own folder last, as files are moved there while
+    this looks. images_each: how many images a frame has. asked: the frames that are asked for; None for all. hasher:
+    hashes every file; None to see only whether each is there.
+    """
+    # All records before any file: files are written, and moved, before their records.
+    lines = [(part, part.recorded(asked, images_each)) for part in parts]
+    named: dict[str, int] = {}  # the frame of each file
+    intact: set[str] = set()
+    damaged: set[str] = set()
+    for part, (files, _) in lines:
+        named |= {name: frame for name, (frame, _) in files.items()}
+        there, wrong = part.present(files, hasher)
+        damaged |= wrong
+        intact |= there - wrong
+    images = Counter(named[name] for name in intact)
+    return FileInventory(
+        sum(count >= images_each for count in images.values()),
+        tuple(f"{folder}/{name}" for name in sorted(named.keys() - intact - damaged)),
+        tuple(f"{folder}/{name}" for name in sorted(damaged - intact)),
+        tuple(times for _, (_, written) in lines for times in written),
+    )
+
+
 @dataclass(frozen=True)
-class ImageLocation:
+class FolderPart:
     """A folder with a sequence's images, and what tells of them: the dataset's, or a shard's.
 
     journals: files of records. records: those of a finished shard, which has no journals.
@@ -65,60 +92,67 @@ class ImageLocation:
     journals: tuple[Path, ...] = ()
     records: tuple[FrameRecord, ...] = ()
 
+    def recorded(self, asked: Container[int] | None, images_each: int) -> tuple[Recorded, list[JournalTimes]]:
+        """Return what frames.jsonl, journals and records say, and when the newest of the last two were written."""
+        found: Recorded = {}
+        written: list[JournalTimes] = []
+        sources = [(_lines(path), path.name != FRAMES) for path in (self.images / FRAMES, *self.journals)]
+        sources += [(((record.frame, record.files) for record in self.records), True)] if self.records else []
+        for lines, by_run in sources:
+            newest: deque[dict[str, str]] = deque(maxlen=RECENT)
+            for frame, files in lines:
+                newest.append(files)
+                if asked is None or frame in asked:
+                    found |= {name: (frame, digest) for name, digest in files.items()}
+            if by_run and (lately := _written(self.images, newest, images_each)):
+                written.append(lately)
+        return found, written
 
-class Digests:
-    """The SHA-256 of files; one that has several names is read once."""
+    def present(self, files: Recorded, hasher: Hasher | None) -> tuple[Set[str], Set[str]]:
+        """Return which files are there, and which of these have another hash than was recorded."""
+        there = files.keys() & _listed(self.images, files)
+        if hasher is None:
+            return there, frozenset()
+        names = sorted(there)
+        digests = zip(names, hasher.ahead(f"{self.images}/{name}" for name in names), strict=True)
+        return there, {name for name, digest in digests if digest != files[name][1]}
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[int, int], str | None] = {}
 
-    def __call__(self, path: Path) -> str | None:
-        """Return the SHA-256 of a file; None where it is missing or cannot be read."""
-        try:
-            found = path.stat()
-        except OSError:
-            return None
-        if found.st_nlink == 1:
-            return sha256_of_regular_file(path)
-        key = (found.st_dev, found.st_ino)
-        if key not in self._known:
-            self._known[key] = sha256_of_regular_file(path)
-        return self._known[key]
+@dataclass(frozen=True)
+class HashedPart:
+    """What holds files of a sequence and has been read as a whole: a tar, or a shard at an address.
+
+    records: what it says of them. digest: returns the SHA-256 of a file by its name and the one that was recorded; None
+    where it is not there. time_s: when all were written, where they are a run's.
+    """
+
+    records: Iterable[FrameRecord]
+    digest: Callable[[str, str], str | None]
+    time_s: float | None = None
+
+    def recorded(self, asked: Container[int] | None, images_each: int) -> tuple[Recorded, list[JournalTimes]]:
+        """Return what the records say."""
+        records = [record for record in self.records if asked is None or record.frame in asked]
+        found = {name: (record.frame, digest) for record in records for name, digest in record.files.items()}
+        if not found or self.time_s is None:
+            return found, []
+        return found, [JournalTimes((self.time_s,), len(found) / images_each, cut=False)]
+
+    def present(self, files: Recorded, hasher: Hasher | None) -> tuple[Set[str], Set[str]]:
+        """Return which files it holds, and which of these have another hash."""
+        del hasher
+        digests = {name: self.digest(name, wanted) for name, (_, wanted) in files.items()}
+        there = {name for name, digest in digests.items() if digest is not None}
+        return there, {name for name in there if digests[name] != files[name][1]}
+
+
+Part: TypeAlias = FolderPart | HashedPart
+"""Where some of a sequence's images may be, and what tells of them."""
 
 
 def journals_of(folder: Path) -> tuple[Path, ...]:
     """Return the journals in a sequence's part of a working folder."""
     return tuple(sorted(folder.glob(JOURNALS)))
-
-
-def tally(
-    places: Iterable[ImageLocation], images_each: int, frames: frozenset[int] | None, digest: Digest | None = None
-) -> FileInventory:
-    """Return what there is of a sequence.
-
-    places: where its files may be; the dataset's own folder last, as files are moved there while this looks.
-    images_each: how many images a frame has. frames: those that are asked for; None for all. digest: hashes every file;
-    None to see only whether each is there.
-    """
-    written: list[JournalTimes] = []
-    # All records before any file: files are written, and moved, before their records.
-    recorded = [(place, _recorded(place, frames, images_each, written)) for place in places]
-    named: dict[str, int] = {}  # the frame of each file
-    intact: set[str] = set()
-    damaged: set[str] = set()
-    for place, files in recorded:
-        named |= {name: frame for name, (frame, _) in files.items()}
-        there = files.keys() & _listed(place.images, files)
-        wrong = _wrong(place.images, {name: files[name][1] for name in there}, digest) if digest else frozenset[str]()
-        damaged |= wrong
-        intact |= there - wrong
-    images = Counter(named[name] for name in intact)
-    return FileInventory(
-        sum(count >= images_each for count in images.values()),
-        tuple(sorted(named.keys() - intact - damaged)),
-        tuple(sorted(damaged - intact)),
-        tuple(written),
-    )
 
 
 def counted(images: Path, frames: int, images_each: int) -> FileInventory | None:
@@ -131,27 +165,6 @@ def counted(images: Path, frames: int, images_each: int) -> FileInventory | None
         return None
     there = sum(_entries(images / folder) for folder in _folders(first[1]))
     return FileInventory(frames) if there >= frames * images_each else None
-
-
-def _recorded(
-    place: ImageLocation, frames: frozenset[int] | None, images_each: int, written: list[JournalTimes]
-) -> dict[str, tuple[int, str]]:
-    """Return the frame and the SHA-256 of each file that a place's records name, by name.
-
-    Add to `written` when the newest of each journal were written.
-    """
-    found: dict[str, tuple[int, str]] = {}
-    sources = [(_lines(path), path.name != FRAMES) for path in (place.images / FRAMES, *place.journals)]
-    sources += [(((record.frame, record.files) for record in place.records), True)] if place.records else []
-    for lines, by_run in sources:
-        newest: deque[dict[str, str]] = deque(maxlen=RECENT)
-        for frame, files in lines:
-            newest.append(files)
-            if frames is None or frame in frames:
-                found |= {name: (frame, digest) for name, digest in files.items()}
-        if by_run and (lately := _written(place.images, newest, images_each)):
-            written.append(lately)
-    return found
 
 
 # A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times longer.
@@ -208,10 +221,3 @@ def _listed(images: Path, names: Iterable[str]) -> frozenset[str]:
         except OSError:
             continue
     return frozenset(found)
-
-
-def _wrong(images: Path, expected: Mapping[str, str], digest: Digest) -> frozenset[str]:
-    """Return the files whose content is another than was recorded. Hashing frees Python's lock, so threads share it."""
-    with ThreadPoolExecutor(available_threads()) as pool:
-        found = pool.map(lambda item: digest(images / item[0]) == item[1], expected.items())
-        return frozenset(name for name, right in zip(expected, found, strict=True) if not right)

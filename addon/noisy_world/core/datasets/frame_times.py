@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..messages import Message, PresetKey
 from ..trajectories.stamps import FrameStamps, Stamps
 from .json_text import finite_number, parse_given_json
 from .records import FRAMES
 from .stored import read_text
 
-_REMEDY = "mend it; without it, frames are rate_hz apart"
+_REMEDY = Message("mend it; without it, frames are ", PresetKey("rate_hz"), " apart")
 
 
 def read_frame_times(folder: Path, frames: Sequence[int]) -> FrameStamps | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images as files: whether one is whole, what its header says, and its content, for what is used only if it is whole.
+"""Image files: their headers, and a check that a file is complete and undamaged.
 
 Decoders fill in what is lost, and take a length or a size that is wrong at its word; so files are looked at before.
 """

@@ -57,7 +57,7 @@ class ImageHeader:
         return self.width_px, self.height_px
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """What it is, in words."""
         colours = {1: "grey", 3: "colour", 4: "CMYK"}[self.channels]
         name = "JPEG" if self.kind == "jpg" else "PNG"

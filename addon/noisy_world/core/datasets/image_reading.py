@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixels of images on disk, read so that what is damaged is refused where it can be seen."""
+"""Reading the pixels of image files; damage that can be detected is refused."""
 
 import importlib
 import importlib.util
@@ -71,14 +71,14 @@ def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
 def check_colour(path: Path, header: ImageHeader) -> None:
     """Raise InputError where an image is no colour as it is meant here."""
     if header.channels == 1 and header.bits == 16:
-        problem = f"is {header.told}, as depth and thermal images are, but colour has to be 8-bit grey, or RGB"
+        problem = f"is {header.description}, as depth and thermal images are, but colour has to be 8-bit grey, or RGB"
         raise InputError(path, problem, remedy="write it with 8 bits, as it is to be seen")
 
 
 def check_depth(path: Path, header: ImageHeader) -> None:
     """Raise InputError where an image is no 16-bit grey PNG."""
     if (header.kind, header.bits, header.channels, header.alpha) != ("png", 16, 1, False):
-        raise InputError(path, f"is {header.told}, but depth has to be a PNG of 16-bit grey")
+        raise InputError(path, f"is {header.description}, but depth has to be a PNG of 16-bit grey")
 
 
 def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own: bool = False) -> None:
@@ -141,7 +141,7 @@ def _decoded(data: bytes, mode: int, header: ImageHeader, dtype: type) -> NDArra
         raise DamagedImageError("it cannot be decoded")
     expected = (header.height_px, header.width_px)
     if pixels.dtype != dtype or pixels.shape[:2] != expected:
-        raise DamagedImageError(f"it says {header.told} of {spoken(header.size_px)}, and holds {pixels.shape}")
+        raise DamagedImageError(f"it says {header.description} of {spoken(header.size_px)}, and holds {pixels.shape}")
     return pixels
 
 

@@ -4,9 +4,11 @@
 import contextlib
 import errno
 import os
+import threading
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, ClassVar, cast
 
 from ..batches import batched
 from ..regular_files import read_bytes, read_text
@@ -15,16 +17,24 @@ from .records import FrameRecord
 from .storage import storage_errors
 
 AT_ONCE = 500  # records that are written together, when many are there: some 200 kB
+MOST_OPEN = 100  # journals at once; chosen: of the 256 files that a process may have open on some systems
 
 
 class Journal:
-    """The lines of finished frames, appended one by one."""
+    """The lines of finished frames, appended one by one.
+
+    Of all journals of a process the MOST_OPEN last used are open: a scene may have more settings than a process may
+    have open files.
+    """
+
+    _open: ClassVar[OrderedDict["Journal", BinaryIO]] = OrderedDict()
+    _lock: ClassVar[threading.Lock] = threading.Lock()
 
     def __init__(self, path: Path) -> None:
         with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             _cut_torn_line(path)
-            self._file = path.open("ab", buffering=0)
+            path.open("ab", buffering=0).close()
         self._path = path
 
     def append(self, record: FrameRecord) -> None:
@@ -39,13 +49,23 @@ class Journal:
     def append_line(self, text: str) -> None:
         """Add a line, or several, each of which ends with a line feed."""
         line = text.encode()
-        with storage_errors(self._path):
-            if self._file.write(line) != len(line):  # an unbuffered write may write only a part when the disk is full
+        with storage_errors(self._path), self._lock:  # another thread's journal may take this one's place
+            if self._opened().write(line) != len(line):  # a full disk takes a part of an unbuffered write
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _opened(self) -> BinaryIO:
+        if self not in self._open:
+            if len(self._open) >= MOST_OPEN:
+                self._open.popitem(last=False)[1].close()
+            self._open[self] = cast("BinaryIO", self._path.open("ab", buffering=0))
+        self._open.move_to_end(self)
+        return self._open[self]
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        with self._lock:
+            if (file := self._open.pop(self, None)) is not None:
+                file.close()
 
 
 def _cut_torn_line(path: Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What shows that a JPEG is damaged without decoding it: that its parts contradict the standard, or one another.
+"""Finds damage in a JPEG without decoding it: segments that contradict the standard or one another.
 
 ITU-T T.81, annexes B (segments), C (Huffman tables), F and G (what sequential and progressive scans may hold). Values
 that any encoder could have chosen are taken as they are: steps of quantisation, what else is in a scan, what pixels do
@@ -282,8 +282,8 @@ def _read_entropy_coded(image: _JpegState, chosen: dict[int, tuple[int, int]], d
     units = _units(image, list(chosen))
     expected = _ceiling(units, image.interval) - 1 if image.interval else 0
     if len(restarts) != expected and image.marker in _IN_BLOCKS:
-        told = f"a scan has {len(restarts)} restarts, where an image of its size has {expected}"
-        raise DamagedImageError(told)
+        message = f"a scan has {len(restarts)} restarts, where an image of its size has {expected}"
+        raise DamagedImageError(message)
     if image.marker in (_BASELINE, _EXTENDED):
         _check_amount(image, chosen, units, data[start:end], len(restarts))
     if any(stop == begin for (_, stop), (begin, _) in pairwise([(start, start), *restarts, (end, end)])):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""JSON read strictly: what a user gave, and what this program wrote and a disk, a tool or a person may have changed."""
+"""Strict reading of JSON, from users and of our own files, which may have been changed since."""
 
 import json
 import math

@@ -26,14 +26,14 @@ def chosen_by_pose(path: Path, known: NDArray[np.bool_], policy: PosePolicy) -> 
     everything = np.arange(len(known))
     if not lacking or policy == "none":
         return everything, ""
-    told = f"{lacking} of {len(known)} frames have no valid pose"
+    message = f"{lacking} of {len(known)} frames have no valid pose"
     if policy == "require":
-        raise InputError(path, f"{told}, the first is frame {int(np.argmin(known))}", remedy=_POSES)
+        raise InputError(path, f"{message}, the first is frame {int(np.argmin(known))}", remedy=_POSES)
     if policy == "keep":
-        return everything, f"{told}; they are kept, and no pose is written for them"
+        return everything, f"{message}; they are kept, and no pose is written for them"
     if not rows.size:
-        raise InputError(path, told, remedy="poses: none uses the images without ground truth")
-    return rows, f"{told} and are left out"
+        raise InputError(path, message, remedy="poses: none uses the images without ground truth")
+    return rows, f"{message} and are left out"
 
 
 def truth_file(path: Path, policy: PosePolicy) -> Path | None:

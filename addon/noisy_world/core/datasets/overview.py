@@ -78,7 +78,7 @@ def _shown(frames: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
     return {folder: _spread(numbers) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers}
 
 
-def looked_at(frames: Mapping[str, Sequence[int]]) -> dict[str, set[int]]:
+def needed_frames(frames: Mapping[str, Sequence[int]]) -> dict[str, set[int]]:
     """Return the frames whose images are needed to draw the sheet: those shown, and those that these are compared with.
 
     frames: the numbers of all, by the sequence's folder.

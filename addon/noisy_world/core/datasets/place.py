@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a folder can be a dataset's: nobody's but ours, and nothing of the dataset lies behind a link."""
+"""Checks that a folder can hold a dataset: it has no other owner, and nothing in it is a link."""
 
 import os
 from collections.abc import Collection, Iterator, Sequence
@@ -7,6 +7,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
+from ..messages import Action
 from .dataset_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .layouts import LAYOUTS
 from .records import FRAMES
@@ -16,12 +17,13 @@ def check_place(out: Path) -> None:
     """Raise StorageError where a folder is somebody else's."""
     work = out / WORK_FOLDER
     if out.exists() and not out.is_dir():
-        raise StorageError(f"{out}: is a file, not a folder; choose another with --out")
+        raise StorageError("is a file, not a folder", file=out, remedy=Action.OTHER_FOLDER)
     if work.is_symlink() or (work.exists() and not work.is_dir()):
-        raise StorageError(f"{work}: is not the folder that a run works in; remove it")
+        raise StorageError("is not the folder that a run works in", file=work, remedy="remove it")
     others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())
     if others and read_dataset_state(out) is None:
-        raise StorageError(f"{out}: is not empty and holds no dataset of Noisy World; choose another folder with --out")
+        problem = "is not empty and holds no dataset of Noisy World"
+        raise StorageError(problem, file=out, remedy=Action.OTHER_FOLDER)
 
 
 def check_no_links(out: Path, sequences: Collection[str], *, folders_alone: bool = False) -> None:
@@ -33,7 +35,7 @@ def check_no_links(out: Path, sequences: Collection[str], *, folders_alone: bool
     for link in _links(out, sequences):
         if not folders_alone or link.is_dir():
             remedy = "remove it, or put what it leads to in its place"
-            raise StorageError(f"{link}: is a link, but what is in a dataset has to be its own; {remedy}")
+            raise StorageError("is a link, but what is in a dataset has to be its own", file=link, remedy=remedy)
 
 
 def _links(out: Path, sequences: Collection[str]) -> Iterator[Path]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which records can be those of a sequence: journals may have been changed by a disk, a tool or a person."""
+"""Drops records that cannot belong to a sequence; a disk, a tool or a person may have changed a journal."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
@@ -30,12 +30,12 @@ def planned_records(
         planned.append(record) if as_planned(record) else changed.append(record.frame)
     if not changed:
         return joined_records(planned), ""
-    told = f"{len(changed)} records of its journals, of frame {changed[0]} the first, do not say what is planned"
-    return joined_records(planned), f"{told}; what they tell of is made again"
+    message = f"{len(changed)} records of its journals, of frame {changed[0]} the first, do not say what is planned"
+    return joined_records(planned), f"{message}; what they tell of is made again"
 
 
 def _plausible(records: Iterable[FrameRecord], names: FrameNames, count: int) -> Iterator[FrameRecord]:
     for record in records:
-        if 0 <= record.frame < count and (record.time_s, record.depth_time_s) == names.stamps.told(record.frame):
+        if 0 <= record.frame < count and (record.time_s, record.depth_time_s) == names.stamps.frame_times(record.frame):
             own = names.of(record.frame)
             yield replace(record, files={name: digest for name, digest in record.files.items() if name in own})

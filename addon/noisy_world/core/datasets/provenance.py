@@ -25,9 +25,8 @@ from ..machine import processor_features
 from ..optics import OPTICS_KEYS
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
-from ..planning.source import Scene
+from ..planning.scene import Scene, SceneEntry
 from ..presets.preset import canonical
-from ..presets.scene_keys import BLEND_KEYS, MESH_KEYS, RECORDING_KEYS, SceneSpec
 from ..regular_files import read_text
 from ..schema import deciding_values
 from ..trajectories.rig import Sensor
@@ -77,7 +76,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
     (--frames) is no part of it, nor what decides no bytes, such as the overview.
     """
     spec = plan.preset.spec
-    rendered = plan.renders_as_told
+    rendered = plan.uses_render_settings
     cameras = {render.scene.name: render.camera for render in plan.renders}
     counts = {scene.name: scene.frame_count for scene in plan.scenes}
     return {
@@ -120,6 +119,7 @@ def _sensor(sensor: Sensor | None) -> list[list[float]] | None:
 
 def _output(format_: OutputFormat) -> dict[str, Any]:
     coloured = "rgb" in format_.modalities
+    formats = {name: kind for name, kind in format_.formats if name in format_.modalities}
     return {
         "layout": format_.layout.name,
         "image": format_.image if coloured else None,
@@ -127,25 +127,25 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
         "depth_scale_per_m": format_.depth_scale_per_m,
         "depth_beyond": format_.depth_beyond,
         "modalities": sorted(format_.modalities),
+        **({"formats": formats} if formats else {}),
     }
 
 
 def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    entry = told_entry(plan.preset.spec.scenes[entry_number(scene)])
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
         if any(render.exposure for render in plan.renders if render.scene.name == scene.name):
             path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {
-        "entry": entry,
+        "entry": relevant_entry(scene.entry),
         "inputs": plain_values(scene.source.hashes()),
         **_channels(plan, scene),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
-        **_keys(deciding_values(plan.preset.spec.scenes[entry_number(scene)])),
+        **_keys({} if scene.entry is None else scene.entry.deciding()),
     }
 
 
@@ -159,20 +159,9 @@ def _channels(plan: Plan, scene: Scene) -> dict[str, dict[str, str]]:
     return {CHANNELS: found} if found else {}
 
 
-def told_entry(spec: SceneSpec) -> dict[str, Any]:
-    """Return a scene's entry of a preset as plain values, without keys that say nothing of a scene of its kind."""
-    entry = asdict(spec)
-    if entry["blend"] is None:  # a dataset without a .blend says nothing of one
-        entry = {name: value for name, value in entry.items() if name not in BLEND_KEYS}
-    untold = SceneSpec()
-    optional = (*RECORDING_KEYS, *MESH_KEYS)
-    told = {name: value for name, value in entry.items() if name not in optional or value != getattr(untold, name)}
-    return plain_values(told)
-
-
-def entry_number(scene: Scene) -> int:
-    """Return the number of a scene's entry in the preset, whose place is `scenes.NUMBER`."""
-    return int(scene.place.path.split(".")[1])
+def relevant_entry(entry: SceneEntry[Any] | None) -> dict[str, Any]:
+    """Return a scene's entry of a preset as plain values, without keys that say nothing of it."""
+    return {} if entry is None else plain_values(entry.recorded_keys())
 
 
 def _camera(camera: Intrinsics) -> dict[str, float]:
@@ -221,6 +210,7 @@ def _step(step: Step[Any]) -> dict[str, Any]:
         "severity": step.severity,
         "levels": None if step.levels is None else list(step.levels),
         **({"keyed": True} if step.keyed else {}),
+        **({} if step.perturbation.version == 1 else {"version": step.perturbation.version}),
         "temporal": step.temporal,
         "parameters": parameters[0] if step.levels is None else parameters,
     }
@@ -236,6 +226,7 @@ def plain_values(value: Any) -> Any:
 def base_versions() -> dict[str, str]:
     """Return the versions of what every dataset is made with, by name."""
     import cv2
+    import isal
     import OpenEXR
 
     return {
@@ -244,6 +235,7 @@ def base_versions() -> dict[str, str]:
         "numpy": np.__version__,
         "opencv": cv2.__version__,
         "openexr": OpenEXR.__version__,
+        "isal": isal.__version__,
     }
 
 
@@ -253,10 +245,11 @@ def processor() -> dict[str, Any]:
 
 
 def _packages(plan: Plan) -> dict[str, str]:
-    """Return the versions of the installed packages whose perturbations, layout or channels a preset uses, by name."""
+    """Return the versions of the installed packages whose perturbations, layout, channels or sources a plan uses."""
     used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
     used.append(EVERY.distribution(plan.format.layout.name))
     used += [REGISTERED.distribution(name) for name in plan.format.modalities]
+    used += [scene.entry.distribution for scene in plan.scenes if scene.entry is not None]
     return {item.name: item.version for item in used if item is not None}
 
 
@@ -276,9 +269,9 @@ def manifest(
     frames: how many frames each sequence has. losses: the depth that the images of sequences cannot hold.
     """
     spec = plan.preset.spec
-    told = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
+    clipping = {"near_m": spec.mesh_camera.near_m, "far_m": spec.mesh_camera.far_m}
     inputs = {name: scene["inputs"] for name, scene in identity_["scenes"].items()}
-    seen = {name: {key: own.get(key, value) for key, value in told.items()} for name, own in inputs.items()}
+    seen = {name: {key: own.get(key, value) for key, value in clipping.items()} for name, own in inputs.items()}
     beyond = optics_of(identity_)
     cameras = {name: asdict(camera) | seen[name] | beyond[name] for name, camera in cameras_of(identity_).items()}
     shared = None
@@ -302,7 +295,7 @@ def manifest(
 
 def conventions(format_: OutputFormat) -> dict[str, str]:
     """Return what the values in a dataset's files mean; colour and depth are told where they are left out, too."""
-    channels = {name: REGISTERED[name].convention for name in format_.modalities}
+    channels = {name: REGISTERED[name].convention_in(REGISTERED[name].suffix(format_)) for name in format_.modalities}
     return CONVENTIONS | channels | (GREY if format_.colour == "grey" else {}) | format_.layout.conventions
 
 

@@ -102,8 +102,8 @@ def record_of(record: Any) -> FrameRecord | None:
             depth_time_s = finite_number(record.get("depth_time_s"))
         case _:
             return None
-    told = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
-    if not told or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
+    valid = isinstance(done, dict) and all(isinstance(digest, str) for digest in files.values())
+    if not valid or isinstance(frame, bool) or isinstance(time_s, bool) or abs(time_s) > LARGEST_S:
         return None
     return FrameRecord(frame, float(time_s), files, done, lost, depth_time_s)
 

@@ -15,15 +15,15 @@ from typing import Any, Protocol, TypeAlias
 
 from ..errors import BusyError
 from ..presets.preset import canonical
-from .agreement import identity_mismatch
 from .dataset_state import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_dataset_state
-from .hashing import hashed_ahead
+from .hashing import Hasher
+from .identity_mismatch import identity_mismatch
 from .journal import append_line, read_lines
 from .layouts import OutputFormat
 from .records import FrameRecord, joined_records, read_records
 from .removal import remove_dataset, remove_journals, remove_work_folder
 from .shard_record import SHARD, ShardRecord, read_shard, shard_folders
-from .storage import FolderLock, Hasher, Mover, storage_errors, write_atomic
+from .storage import FolderLock, Mover, storage_errors, write_atomic
 
 PATIENCE_S = 2.0  # how long the lock of a process is waited for that may have been killed; chosen
 
@@ -213,10 +213,10 @@ def _made_from(folder: Path) -> tuple[ShardRecord | None, dict[str, Any] | None,
         return None, None, f"{SHARD} {error}"
     if record is not None:
         return record, record.identity, ""
-    standing = read_dataset_state(folder)
-    if standing is None or not standing.holds_frames:
+    state = read_dataset_state(folder)
+    if state is None or not state.holds_frames:
         return None, None, ""
-    return None, standing.identity, standing.problem or standing.note
+    return None, state.identity, state.problem or state.note
 
 
 def _recorded(folder: Path) -> Frames:
@@ -243,7 +243,7 @@ def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, li
     places = frozenset(dataset.format.folders)
     names = (f"{folder}/{sequence}/{name}" for sequence, name in _names(frames, places))
 
-    with contextlib.closing(hashed_ahead(names)) as digests:
+    with contextlib.closing(Hasher(links=False).ahead(names)) as digests:
         for sequence, records in frames.items():
             dataset.make_folders(sequence)
             source, target = f"{folder}/{sequence}", f"{dataset.out}/{sequence}"

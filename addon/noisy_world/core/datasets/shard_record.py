@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from ..planning.shards import Shard
-from .agreement import identity_sha256
 from .dataset_state import WORK_FOLDER
+from .identity_mismatch import identity_sha256
 from .json_text import read_json
 from .records import FrameRecord, record_of
 from .storage import sha256_of_bytes

@@ -6,13 +6,14 @@ import errno
 import hashlib
 import itertools
 import os
+import platform
 import re
-import stat
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from ..errors import BusyError, StorageError
+from ..messages import Action, Message, either
 from ..regular_files import read_bytes
 from .hashing import read_sha256
 
@@ -27,10 +28,11 @@ def storage_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in FULL:
-            remedy = "make room there and run the same command again: finished frames are kept"
-            raise StorageError(f"{path}: no space left to write it ({error.strerror}); {remedy}") from error
-        remedy = "mend that or choose another --out"
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}; {remedy}") from error
+            problem = f"no space left to write it ({error.strerror})"
+            remedy = Message("make room there and ", Action.RUN_AGAIN, ": finished frames are kept")
+            raise StorageError(problem, file=path, remedy=remedy) from error
+        problem = f"cannot be written: {error.strerror or error}"
+        raise StorageError(problem, file=path, remedy=either("mend that", Action.OTHER_FOLDER)) from error
 
 
 def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
@@ -41,7 +43,7 @@ def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
 
     Raises StorageError; the unfinished file is removed.
     """
-    unfinished = _unfinished(scratch, path)
+    unfinished = unfinished_name(scratch, path)
     with storage_errors(path):
         try:
             unfinished.write_bytes(data)
@@ -52,9 +54,17 @@ def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
             raise
 
 
+def own_scratch(folder: Path) -> Path:
+    """Return a folder for this process's unfinished files: others, on other machines too, write beside it."""
+    own = folder / "unfinished" / f"{platform.node()}-{os.getpid()}"
+    with storage_errors(own):
+        own.mkdir(parents=True, exist_ok=True)
+    return own
+
+
 def link_or_copy(source: Path, target: Path, scratch: Path) -> None:
     """Give a finished file a second name, atomically; where the file system has no hard links, copy it."""
-    unfinished = _unfinished(scratch, target)
+    unfinished = unfinished_name(scratch, target)
     with storage_errors(target):
         try:
             unfinished.hardlink_to(source)
@@ -101,34 +111,11 @@ class Mover:
             self._copied[number] = target
 
 
-class Hasher:
-    """Hashes files; one that has several names is read once."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[int, int], str] = {}  # by device and number of the file
-
-    def sha256(self, path: Path) -> str | None:
-        """Return the SHA-256 of a file; None where there is none, where it is something else or cannot be read."""
-        try:
-            found = path.stat()
-            if not stat.S_ISREG(found.st_mode):
-                return None
-            number = found.st_dev, found.st_ino
-            if number in self._known:
-                return self._known[number]
-            digest = sha256_of_file(path)
-        except OSError:
-            return None
-        if digest is not None and found.st_nlink > 1:
-            self._known[number] = digest
-        return digest
-
-
 UNFINISHED = re.compile(r"[0-9]+-[0-9]+-.+")
 """What the names of unfinished files are like."""
 
 
-def _unfinished(scratch: Path, path: Path) -> Path:
+def unfinished_name(scratch: Path, path: Path) -> Path:
     """Return a unique name in the scratch folder: threads write files of equal names for different folders."""
     return scratch / f"{os.getpid()}-{next(_UNFINISHED)}-{path.name}"
 
@@ -172,7 +159,9 @@ class FolderLock:
                 self._file = path.open("a+b")
             if not _try_lock(self._file.fileno()):
                 self._file.close()
-                raise BusyError(f"{path.parent.parent}: another run is writing here; wait for it, or stop it")
+                raise BusyError(
+                    "another run is writing here", file=path.parent.parent, remedy="wait for it, or stop it"
+                )
             # An earlier run may have removed the file between our opening and our locking it; then try again.
             with contextlib.suppress(FileNotFoundError):
                 if path.stat().st_ino == os.fstat(self._file.fileno()).st_ino:

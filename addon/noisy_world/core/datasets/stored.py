@@ -136,11 +136,13 @@ class StoredSequence:
         """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
         if self.camera is None or (self.camera_path is None and not self.assumed):
             return None
-        told = (self.camera.width_px, self.camera.height_px)
-        if told != self.size_px:
+        stated_px = (self.camera.width_px, self.camera.height_px)
+        if stated_px != self.size_px:
             if self.camera_path is None:
                 return None  # images of another size than the dataset's: its documented camera is none of theirs
-            problem = f"says {told[0]} x {told[1]}, but {self.rgb_files[0].name} has {spoken(self.size_px)} pixels"
+            problem = (
+                f"says {stated_px[0]} x {stated_px[1]}, but {self.rgb_files[0].name} has {spoken(self.size_px)} pixels"
+            )
             raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
         return self.camera
 
@@ -163,7 +165,9 @@ class StoredSequence:
             header = read_header(file)
             check_depth(file, header)
             check_size_px(file, header, self.depth_size_px, self.depth_size_px != self.size_px)
-        return tuple(f"{count} of {len(self.rgb_files)} colour images {told}" for told, count in sorted(found.items()))
+        return tuple(
+            f"{count} of {len(self.rgb_files)} colour images {problem}" for problem, count in sorted(found.items())
+        )
 
     def check_images(self) -> None:
         """Raise InputError where the header of an image says that it cannot be used, before any is decoded."""
@@ -248,13 +252,13 @@ def checked_depth_scale(path: Path, where: str, value: object, *, remedy: str = 
     least, most = SCALES_PER_M
     if number is None or number <= 0:
         text = json.dumps(value, default=str)
-        told = text if len(text) <= 40 else f"{text[:37]}..."
-        raise InputError(path, f"is {told}, but has to be a number above 0", where=where, remedy=remedy)
+        message = text if len(text) <= 40 else f"{text[:37]}..."
+        raise InputError(path, f"is {message}, but has to be a number above 0", where=where, remedy=remedy)
     if not least <= number <= most:
-        told = f"is {number:g} steps per metre, so a step is {1 / number:.3g} m; it has to be {least:g} to {most:g}"
+        message = f"is {number:g} steps per metre, so a step is {1 / number:.3g} m; it has to be {least:g} to {most:g}"
         if least <= 1 / number <= most:
             remedy = f"write {1 / number:g} where {number:g} m per step is meant"
-        raise InputError(path, told, where=where, remedy=remedy)
+        raise InputError(path, message, where=where, remedy=remedy)
     return number
 
 

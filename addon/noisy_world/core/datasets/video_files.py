@@ -41,8 +41,8 @@ class VideoFile:
         missing = self.stated_count - len(self)
         if missing <= max(1, _UNCERTAIN * self.stated_count) or self._reaches_its_end:
             return ""
-        told = f"{self.path.name} says that it has {self.stated_count} frames, of which {len(self)} can be decoded"
-        return f"{told}: it may be cut"
+        message = f"{self.path.name} says that it has {self.stated_count} frames, of which {len(self)} can be decoded"
+        return f"{message}: it may be cut"
 
     @property
     def _reaches_its_end(self) -> bool:
@@ -126,7 +126,7 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float)
                 code = cv2.VideoWriter.fourcc(*WRITTEN[path.suffix.lower()])
                 writer = cv2.VideoWriter(str(path), code, rate_hz, (rgb.shape[1], rgb.shape[0]))
                 if not writer.isOpened():
-                    raise StorageError(f"{path}: OpenCV cannot write a video there")
+                    raise StorageError("OpenCV cannot write a video there", file=path)
             writer.write(np.ascontiguousarray(rgb[..., ::-1]))
             count += 1
     finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The sockets that tell a group of weather how the camera stands in the world, as of an object in Blender."""
+"""Sockets for the camera's pose and motion in the world, which groups of weather have."""
 
 import math
 from collections.abc import Mapping
@@ -71,6 +71,6 @@ def camera_sockets(graph: Graph) -> CameraSockets:
     return CameraSockets(location, velocity, turning, right, up, back)
 
 
-def camera_values(stance: CameraState) -> Mapping[str, Any]:
+def camera_values(camera_state: CameraState) -> Mapping[str, Any]:
     """Return the values of the sockets, by name."""
-    return dict(zip((item.name for item in CAMERA_INPUTS), stance.as_blender(), strict=True))
+    return dict(zip((item.name for item in CAMERA_INPUTS), camera_state.as_blender(), strict=True))

@@ -123,12 +123,12 @@ def socket_values(
     *,
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
-    stance: CameraState | None = None,
+    camera_state: CameraState | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
     scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if
-    known. stance: how it stands and moves; None leaves its sockets alone.
+    known. camera_state: how it stands and moves; None leaves its sockets alone.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
@@ -144,8 +144,8 @@ def socket_values(
             values[socket_name(item.name)] = value
     if severity != 0 and perturbation.is_repeatable(step.parameters(severity)):
         return values, note
-    if stance is not None:
-        values |= stance_values(step, severity, stance)
+    if camera_state is not None:
+        values |= camera_state_values(step, severity, camera_state)
     if perturbation.temporals:
         values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
@@ -154,16 +154,18 @@ def socket_values(
     return values, note
 
 
-def stance_values(step: Step[ColourPerturbation], severity: float | None, stance: CameraState) -> dict[str, Any]:
+def camera_state_values(
+    step: Step[ColourPerturbation], severity: float | None, camera_state: CameraState
+) -> dict[str, Any]:
     """Return the values of the camera's sockets, by name; none where a step does not ask for them.
 
-    severity: of the frame. stance: how the camera stands and moves.
+    severity: of the frame. camera_state: how the camera stands and moves.
     """
     perturbation = step.perturbation
     if severity == 0 or not perturbation.uses_motion or perturbation.is_repeatable(step.parameters(severity)):
         return {}
     held = perturbation.goes_with_camera and step.temporal == "fixed"
-    return dict(camera_values(AT_REST if held else stance))
+    return dict(camera_values(AT_REST if held else camera_state))
 
 
 def shown_values(

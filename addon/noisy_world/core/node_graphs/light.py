@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An image as a group takes it and gives it back: scene-linear light or encoded colour, clipped or of any brightness.
+"""A group's image at its input and output: scene-linear or encoded, clipped or not.
 
 The encoding is sRGB's. Above 1 its power goes on, below 0 its straight line, so light comes back as it was.
 """

@@ -8,7 +8,7 @@ from typing import Any, Generic, Self, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.images import as_float, rgb_bytes
+from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
 from ..trajectories.trajectory import Trajectory
 from .exposing import TakenImages
@@ -145,7 +145,7 @@ def _drawn(step: Step[MotionPerturbation], count: int, identifiers: Identifiers)
     if wrong := [key for key, value in values.items() if value.shape[:1] != (count,) or not np.isfinite(value).all()]:
         raise NoisyWorldError(
             f"{step.perturbation.name}: drawn has to return finite numbers for each of {count} poses, but "
-            f"{wrong[0]} is {_told(values[wrong[0]])}"
+            f"{wrong[0]} is {_format_value(values[wrong[0]])}"
         )
     return values
 
@@ -163,7 +163,7 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
     if not _holds_indices(chosen, 0, count) or not 1 <= len(chosen) <= count:
         raise NoisyWorldError(
             f"{step.perturbation.name}: choose has to return 1 to {count} whole numbers from 0 to {count - 1}, one for "
-            f"each pose that is shown of {count}, not {_told(chosen)}"
+            f"each pose that is shown of {count}, not {_format_value(chosen)}"
         )
     return np.asarray(chosen, dtype=np.int64)
 
@@ -204,9 +204,9 @@ def expose(
 
     made = last.perturbation.apply(taken, last.parameters(last.severity))
     if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
-        told = [_told(item) for item in made] if isinstance(made, tuple) else _told(made)
+        lines = [_format_value(item) for item in made] if isinstance(made, tuple) else _format_value(made)
         raise NoisyWorldError(
-            f"{last.perturbation.name}: apply has to return colour and depth, each a float32 array or None, not {told}"
+            f"{last.perturbation.name}: apply has to return colour and depth, each a float32 array or None, not {lines}"
         )
     return made
 
@@ -247,14 +247,19 @@ class _ImageWork(Generic[P]):
 class ColourWork(_ImageWork[ColourPerturbation]):
     """What the steps of colour do to the colour of one frame."""
 
+    @property
+    def takes_bytes(self) -> bool:
+        """Whether it is a single step that works on bytes: float colour is then rounded before it, as its file is."""
+        return len(self.active) == 1 and self.active[0][0].perturbation.apply_bytes is not None
+
     def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
         """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
         if not self.active:
             return None
-        if len(self.active) == 1 and rgb.dtype == np.uint8:
-            step, context, severity = self.active[0]
-            if (apply_bytes := step.perturbation.apply_bytes) is not None:
-                return apply_bytes(rgb, step.parameters(severity), context)
+        if self.takes_bytes:
+            ((step, context, severity),) = self.active
+            assert step.perturbation.apply_bytes is not None, "it takes bytes"
+            return step.perturbation.apply_bytes(as_bytes(rgb), step.parameters(severity), context)
         image = as_float(rgb)
         for number, (step, context, severity) in enumerate(self.active):
             if number:
@@ -266,7 +271,7 @@ class ColourWork(_ImageWork[ColourPerturbation]):
 def perturb_rgb(
     steps: Sequence[Step[ColourPerturbation]], rgb: NDArray[Any], where: FrameContext
 ) -> tuple[NDArray[np.uint8] | None, Notes]:
-    """Perturb a colour image and round it once, at the end.
+    """Perturb a colour image and round it once, at the end; before a single step that works on bytes.
 
     rgb: (H, W, 3) sRGB-encoded RGB, float32 in [0, 1] or uint8. Between the steps values are float, clipped to [0, 1].
     where: the frame, with the identifiers of its sequence and its depth for steps that ask for it.
@@ -318,7 +323,7 @@ def perturb_depth(
 def _checked_image(step: Step[Any], made: NDArray[np.float32], before: NDArray[np.float32]) -> NDArray[np.float32]:
     if not isinstance(made, np.ndarray) or made.shape != before.shape or made.dtype != np.float32:
         wanted = f"a float32 array of shape {before.shape}"
-        raise NoisyWorldError(f"{step.perturbation.name}: apply has to return {wanted}, not {_told(made)}")
+        raise NoisyWorldError(f"{step.perturbation.name}: apply has to return {wanted}, not {_format_value(made)}")
     return made
 
 
@@ -341,7 +346,7 @@ def paired_depth(
         if not _holds_indices(made, -1, count) or len(made) != count:
             raise NoisyWorldError(
                 f"{step.perturbation.name}: apply has to return {count} whole numbers from -1 to {count - 1}, one for "
-                f"each frame, not {_told(made)}"
+                f"each frame, not {_format_value(made)}"
             )
         paired = made.astype(np.int64) if paired is None else _followed(paired, made)
     return paired
@@ -359,7 +364,7 @@ def _holds_indices(found: Any, lowest: int, count: int) -> bool:
     return bool(((found >= lowest) & (found < count)).all())
 
 
-def _told(found: Any) -> str:
+def _format_value(found: Any) -> str:
     if not isinstance(found, np.ndarray):
         return f"a {type(found).__name__}"
     spread = f", values {found.min()} to {found.max()}" if found.ndim == 1 and found.size else ""

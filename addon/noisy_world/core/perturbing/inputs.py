@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What callers of the library hand in: arrays and numbers, checked before any work and brought into the form that
-perturbations get.
+"""Checks and conversion of the arrays and numbers that callers of the library give.
 
 Each function names the argument in its errors: TypeError for what is of another kind, ValueError for values that it may
 not have.
@@ -71,8 +70,8 @@ def check_intrinsics(intrinsics: Any, size_px: tuple[int, int] | None = None) ->
     if not isinstance(intrinsics, Intrinsics):
         raise TypeError(f"intrinsics is a {type(intrinsics).__name__}, but has to be Intrinsics")
     if size_px is not None and (intrinsics.width_px, intrinsics.height_px) != size_px:
-        told = f"{intrinsics.width_px} x {intrinsics.height_px}"
-        raise ValueError(f"intrinsics is of {told} pixels, but the image is {size_px[0]} x {size_px[1]}")
+        message = f"{intrinsics.width_px} x {intrinsics.height_px}"
+        raise ValueError(f"intrinsics is of {message} pixels, but the image is {size_px[0]} x {size_px[1]}")
 
 
 def checked_whole_number(argument: str, value: Any, largest: int) -> int:

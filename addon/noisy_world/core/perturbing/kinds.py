@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..installed import Distribution
-from ..streams import stream
+from ..streams import integers_of_frames, stream
 from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
@@ -52,6 +52,10 @@ class SequenceContext:
         if frame is None:
             return stream(*self.identifiers, *purpose, "sequence")
         return stream(*self.identifiers, *purpose, frame=frame)
+
+    def integers(self, count: int, low: int, high: int) -> NDArray[np.int64]:
+        """Return (count,): the first `stream(frame=k).integers(low, high)` of each frame k, all at once."""
+        return integers_of_frames(*self.identifiers, count=count, low=low, high=high)
 
 
 @dataclass(frozen=True)
@@ -177,8 +181,9 @@ class Perturbation:
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
     natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default drift,
-    where it has that. counts: parameters that are whole numbers, which a fractional severity rounds. distribution: the
-    installed package that brought it, set when it is found; None for our own.
+    where it has that. counts: parameters that are whole numbers, which a fractional severity rounds. version: raised
+    when equal parameters give other results, so that datasets of before do not grow. distribution: the installed
+    package that brought it, set when it is found; None for our own.
 
     Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
     parameter with the name of a key that every perturbation has in a preset.
@@ -194,6 +199,7 @@ class Perturbation:
     temporals: tuple[Temporal, ...] = ()
     natural_temporal: Temporal | None = None
     counts: frozenset[str] = frozenset()
+    version: int = 1
     distribution: Distribution | None = None
 
     def __post_init__(self) -> None:
@@ -282,16 +288,16 @@ class ColourPerturbation(Perturbation):
     """Acts on a colour image; several of the same name may act after one another.
 
     stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used where
-    it is the only step on a frame that is read as bytes. build: the same definition as a compositor node group, or
-    None. capacity: for each parameter that the number of its nodes depends on, the largest value that the group serves
-    by default. needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the
-    result depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame
-    share a file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
-    linear light, of any brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the
-    camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does.
-    by_camera: of the group's parameters, what a known camera decides. repeats: tells of which parameters it is
-    repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its own, which files of
-    images hardly compress; estimates of sizes ask for it.
+    it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity: for each
+    parameter that the number of its nodes depends on, the largest value that the group serves by default. needs_depth:
+    the context holds the frame's depth, and the group has an input for it. repeatable: the result depends on image,
+    parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a file; it draws
+    nothing and does not look at the frame's number or stamp. linear: `build` is given and gives linear light, of any
+    brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the camera's motion, where the
+    context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does. by_camera: of the group's
+    parameters, what a known camera decides. repeats: tells of which parameters it is repeatable, and looks at no
+    motion, though it has temporals. grain: each pixel has noise of its own, which files of images hardly compress;
+    estimates of sizes ask for it.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from ..presets.names import told_one_folder
-from ..schema import Place, deciding_values, describe, parse, shown, unknown_name
+from ..presets.names import format_same_folder
+from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
@@ -16,7 +16,7 @@ DEFAULT_SEVERITY = 3.0  # chosen: the middle one; node groups have its values as
 
 
 def parse_settings(
-    items: Sequence[Any], places: Sequence[Place], registry: Registry, backend: Backend = "reference"
+    items: Sequence[Any], places: Sequence[ConfigPath], registry: Registry, backend: Backend = "reference"
 ) -> tuple[Setting, ...]:
     """Read the preset's settings: SettingSpec items with `name` and `perturb`, or with `sweep`.
 
@@ -25,7 +25,7 @@ def parse_settings(
     Raises InputError naming the key.
     """
     _check_count(items, places)
-    found: list[tuple[Setting, Place]] = []
+    found: list[tuple[Setting, ConfigPath]] = []
     for item, where in zip(items, places, strict=True):
         if (item.name is None) == (item.sweep is None):
             raise where.error("needs either name or sweep", "name the setting, or sweep over several")
@@ -46,12 +46,12 @@ def parse_settings(
     for setting, where in found:
         if (other := names.get(setting.name.casefold())) is not None:
             same = other == setting.name
-            raise where.error(f"{other!r} is given twice" if same else told_one_folder(setting.name, other))
+            raise where.error(f"{other!r} is given twice" if same else format_same_folder(setting.name, other))
         names[setting.name.casefold()] = setting.name
     return tuple(setting for setting, _ in found)
 
 
-def drawing_by(steps: tuple[Step[Any], ...], name: str, stream: str | None, place: Place) -> tuple[Step[Any], ...]:
+def drawing_by(steps: tuple[Step[Any], ...], name: str, stream: str | None, place: ConfigPath) -> tuple[Step[Any], ...]:
     """Return a setting's steps with the name under which those of colour and depth draw their random patterns.
 
     name: the setting's, which is what they draw by without a stream. Raises InputError where nothing is drawn by it.
@@ -59,14 +59,14 @@ def drawing_by(steps: tuple[Step[Any], ...], name: str, stream: str | None, plac
     if stream is None or stream == name:
         return steps
     if all(isinstance(step.perturbation, SEQUENCE_KINDS) for step in steps):
-        told = ", ".join(step.perturbation.name for step in steps) or "a clean setting"
-        raise place.error(f"goes with perturbations of colour and depth, not with {told}", "leave it out")
+        names = ", ".join(step.perturbation.name for step in steps) or "a clean setting"
+        raise place.error(f"goes with perturbations of colour and depth, not with {names}", "leave it out")
     return tuple(
         step if isinstance(step.perturbation, SEQUENCE_KINDS) else replace(step, stream=stream) for step in steps
     )
 
 
-def _check_count(items: Sequence[Any], places: Sequence[Place]) -> None:
+def _check_count(items: Sequence[Any], places: Sequence[ConfigPath]) -> None:
     count = 0
     for item, place in zip(items, places, strict=True):
         count += 1 if item.sweep is None else sweep_size(item.sweep, place.at("sweep"))
@@ -75,7 +75,7 @@ def _check_count(items: Sequence[Any], places: Sequence[Place]) -> None:
             raise place.error(problem)
 
 
-def parse_steps(items: Sequence[Any], place: Place, registry: Registry) -> tuple[Step[Any], ...]:
+def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> tuple[Step[Any], ...]:
     """Read a list of `{name: {severity, mode, levels, temporal, parameters...}}` into steps in propagation order."""
     steps: list[Step[Any]] = []
     for index, item in enumerate(items):
@@ -93,7 +93,7 @@ def parse_steps(items: Sequence[Any], place: Place, registry: Registry) -> tuple
     return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
 
 
-def _parse_step(perturbation: Perturbation, values: object, place: Place, same: int) -> Step[Any]:
+def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, same: int) -> Step[Any]:
     values = {} if values is None else values
     if not isinstance(values, Mapping):
         raise place.error(f"is {describe(values)}, but has to be a mapping", "write {severity: 3}, for instance")
@@ -123,7 +123,7 @@ def _parse_step(perturbation: Perturbation, values: object, place: Place, same: 
 
 
 def _parse_severity(
-    values: Mapping[str, Any], place: Place, *, by_parameters: bool
+    values: Mapping[str, Any], place: ConfigPath, *, by_parameters: bool
 ) -> tuple[float | None, tuple[float, ...] | None]:
     mode = values.get("mode", "static")
     if mode not in ("static", "dynamic", "keyed"):
@@ -151,7 +151,7 @@ def _parse_severity(
     return severity, tuple(float(k) for k in range(int(severity) + 1))
 
 
-def _level(value: object, place: Place) -> float:
+def _level(value: object, place: ConfigPath) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise place.error(f"is {describe(value)}, but has to be a severity")
     if value != 0 and not SEVERITIES[0] <= value <= SEVERITIES[-1]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a setting does to a sequence: its perturbations in the order of propagation.
+"""Settings and their steps: perturbations with parameters, in the order of propagation.
 
 The order is the paper's, whatever the order in the preset: motion, then colour (environment, lens, sensor,
 post-processing) and depth, then pairing. Within a stage, each perturbation's `order` decides.

@@ -8,7 +8,7 @@ from math import prod
 from typing import Any, TypeAlias
 
 from ..presets.names import PLACEHOLDER, safe_name, stream_name
-from ..schema import Place, describe, unknown_name
+from ..schema import ConfigPath, describe, unknown_name
 from .kinds import Perturbation
 
 Registry: TypeAlias = Mapping[str, Perturbation]
@@ -16,14 +16,14 @@ Registry: TypeAlias = Mapping[str, Perturbation]
 SEVERITIES_SWEPT = (1.0, 2.0, 3.0, 4.0, 5.0)  # where a sweep names none
 
 
-def known_perturbation(name: object, place: Place, registry: Registry) -> Perturbation:
+def known_perturbation(name: object, place: ConfigPath, registry: Registry) -> Perturbation:
     """Return the perturbation of a name. Raises InputError."""
     if name not in registry:
         raise unknown_name(place, "perturbation", str(name), list(registry))
     return registry[str(name)]
 
 
-def sweep_size(sweep: Any, place: Place) -> int:
+def sweep_size(sweep: Any, place: ConfigPath) -> int:
     """Return how many settings a SweepSpec makes, before any is left out. Raises InputError."""
     values = _parameters(sweep.parameters, place.at("parameters"))
     severities = _severities(sweep)
@@ -31,7 +31,9 @@ def sweep_size(sweep: Any, place: Place) -> int:
     return prod(len(axis) for axis in axes)
 
 
-def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, str | None, dict[str, Any], Place]]:
+def swept(
+    sweep: Any, place: ConfigPath, registry: Registry
+) -> Iterator[tuple[str, str | None, dict[str, Any], ConfigPath]]:
     """Yield each setting of a SweepSpec: its name, its stream, its step as a preset has it, and the place of that.
 
     The order is that of the lists, the last one varying first. Raises InputError.
@@ -40,8 +42,8 @@ def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, s
         if getattr(sweep, axis) == ():
             raise place.at(axis).error("is empty", "name one")
     parameters = _parameters(sweep.parameters, place.at("parameters"))
-    left_out = _left_out(sweep, place.at("without"), parameters)
-    unused = {id(item) for item in left_out}
+    excluded = _excluded(sweep, place.at("without"), parameters)
+    unused = {id(item) for item in excluded}
     for index, name in enumerate(sweep.perturb):
         where = place.at("perturb").at(index)
         _check_axes(sweep, known_perturbation(name, where, registry), parameters, place, where)
@@ -58,12 +60,12 @@ def swept(sweep: Any, place: Place, registry: Registry) -> Iterator[tuple[str, s
                 key: value for key, value in (("severity", severity), ("mode", mode)) if value is not None
             } | given
             parts = {"perturb": name, "mode": mode or "static", **chosen}
-            matching = [item for item in left_out if all(parts.get(key) == value for key, value in item.items())]
+            matching = [item for item in excluded if all(parts.get(key) == value for key, value in item.items())]
             unused -= {id(item) for item in matching}
             if not matching:
                 yield _name(sweep.name, parts, place.at("name")), _stream(sweep, parts, place), {name: chosen}, where
     if unused:
-        index = next(k for k, item in enumerate(left_out) if id(item) in unused)
+        index = next(k for k, item in enumerate(excluded) if id(item) in unused)
         raise place.at("without").at(index).error("leaves nothing out", "take it out, or mend its values")
 
 
@@ -75,7 +77,7 @@ def _severities(sweep: Any) -> tuple[float, ...]:
 
 
 def _check_axes(
-    sweep: Any, perturbation: Perturbation, parameters: Mapping[str, Any], place: Place, where: Place
+    sweep: Any, perturbation: Perturbation, parameters: Mapping[str, Any], place: ConfigPath, where: ConfigPath
 ) -> None:
     """Refuse a sweep over what a perturbation does not have."""
     name = perturbation.name
@@ -90,7 +92,7 @@ def _check_axes(
             raise unknown_name(place.at("parameters").at(parameter), f"parameter of {name}", parameter, own)
 
 
-def _parameters(given: object, place: Place) -> dict[str, Sequence[Any]]:
+def _parameters(given: object, place: ConfigPath) -> dict[str, Sequence[Any]]:
     """Return the lists of values by the name of the parameter."""
     if given is None:
         return {}
@@ -102,7 +104,7 @@ def _parameters(given: object, place: Place) -> dict[str, Sequence[Any]]:
     return {str(name): values for name, values in given.items()}
 
 
-def _left_out(sweep: Any, place: Place, parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _excluded(sweep: Any, place: ConfigPath, parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the combinations that are left out."""
     items = sweep.without
     if items is None:
@@ -119,7 +121,7 @@ def _left_out(sweep: Any, place: Place, parameters: Mapping[str, Any]) -> list[d
     return [dict(item) for item in items]
 
 
-def _name(template: str | None, parts: Mapping[str, Any], place: Place) -> str:
+def _name(template: str | None, parts: Mapping[str, Any], place: ConfigPath) -> str:
     """Return a setting's name. parts: what the template may name."""
     if template is None:
         suffix = "_dynamic" if parts["mode"] == "dynamic" else ""
@@ -130,7 +132,7 @@ def _name(template: str | None, parts: Mapping[str, Any], place: Place) -> str:
     return name
 
 
-def _stream(sweep: Any, parts: Mapping[str, Any], place: Place) -> str | None:
+def _stream(sweep: Any, parts: Mapping[str, Any], place: ConfigPath) -> str | None:
     """Return the name of a setting's stream, None where it is the setting's own."""
     if sweep.stream is None:
         return None
@@ -140,7 +142,7 @@ def _stream(sweep: Any, parts: Mapping[str, Any], place: Place) -> str | None:
     return stream
 
 
-def _filled(template: str, parts: Mapping[str, Any], place: Place) -> str:
+def _filled(template: str, parts: Mapping[str, Any], place: ConfigPath) -> str:
     for name in PLACEHOLDER.findall(template):
         if name not in parts:
             raise unknown_name(place, "placeholder", name, list(parts))

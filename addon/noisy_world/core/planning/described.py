@@ -10,7 +10,7 @@ from ..perturbing.execution import split_motion
 from ..perturbing.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from ..perturbing.reading import Registry, parse_steps
 from ..perturbing.steps import Setting
-from ..schema import Place
+from ..schema import ConfigPath
 from .estimate import (
     SECONDS_PER_COMPOSITED_PIXEL,
     SECONDS_PER_PERTURBED_PIXEL,
@@ -20,6 +20,7 @@ from .estimate import (
 from .numbers import Numbers
 from .sequence import lay_out
 
+RENDERED = {"mesh", "blend"}  # inputs of scenes that a renderer takes; of others frames are read or computed
 SECONDS_PER_LINK = 1e-4  # of an image that another sequence has already; measured, rounded
 
 
@@ -84,7 +85,7 @@ def _way(name: str, content: Mapping[str, Any], registry: Registry) -> _Way:
     perturbed = sum(any(isinstance(kind, image) for kind in kinds) for image in (ColourPerturbation, DepthPerturbation))
     composited = content["backend"] == "compositor" and any(isinstance(kind, ColourPerturbation) for kind in kinds)
     try:
-        steps = parse_steps(list(_written(deciding)), Place(name, "steps"), registry)
+        steps = parse_steps(list(_written(deciding)), ConfigPath(name, "steps"), registry)
     except InputError:  # of a package that is not installed here, or of a version with other parameters
         return _Way(None, False, perturbed, composited)
     setting = Setting(name, steps)
@@ -115,7 +116,7 @@ def _pixels(identity: Mapping[str, Any], scene: str) -> int:
 def _render_s(identity: Mapping[str, Any], scene: str) -> float:
     """Estimate what rendering or reading a source frame takes, and writing it clean."""
     render = identity["render"]
-    if render is None or identity["scenes"][scene]["entry"].get("sequence") is not None:
+    if render is None or not RENDERED & identity["scenes"][scene]["inputs"].keys():
         return _pixels(identity, scene) * SECONDS_PER_PIXEL
     samples = render["samples"]
     return _pixels(identity, scene) * (samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL)

@@ -13,12 +13,11 @@ from ..datasets.layouts import Modality
 from ..perturbing.steps import Setting
 from .numbers import Numbers, array_of
 from .plan import Plan, Render
-from .sharing import parts_made
 
 # Measured on two idle cores at 1200 x 680 (docs/cost.md), and rounded.
 SECONDS_PER_SAMPLE = 3.3e-7  # a ray in Cycles: 0.27 s for a frame of one sample
 SECONDS_PER_PIXEL = 3e-8  # reading or encoding and writing a frame's two images: 0.02 s
-SECONDS_PER_RAY = 1.5e-7  # engine embree: 0.12 s a frame
+SECONDS_PER_RAY = 6.5e-8  # engine embree: 0.05 s a frame
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.8e-8  # perturbing, encoding and writing an image: 0.015 s, the mean of the benchmark's
@@ -68,13 +67,13 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
     """Estimate the seconds (N,) that some source frames of a render take, with all images that show them."""
     pixels = render.camera.width_px * render.camera.height_px
     each_s = pixels * SECONDS_PER_PIXEL
-    if render.scene.source.gives.rendered:
-        told, own = plan.preset.spec.render, render.scene.source.gives.own
-        in_blender, samples = (told.in_blender, told.samples) if own is None else (True, own.samples)
+    if render.scene.source.capabilities.rendered:
+        render_spec, own = plan.preset.spec.render, render.scene.source.capabilities.own
+        in_blender, samples = (render_spec.in_blender, render_spec.samples) if own is None else (True, own.samples)
         each_s = each_s + pixels * samples * SECONDS_PER_SAMPLE if in_blender else pixels * SECONDS_PER_RAY
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
-        made = parts_made(render.sequences, modality)
+        made = plan.parts_made.of(render.name, render.sequences, modality)
         for sequence in render.sequences:
             pixel_s = SECONDS_PER_PERTURBED_PIXEL
             if CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
@@ -92,7 +91,7 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
 
 
 def _seconds_of(plan: Plan, render: Render) -> float:
-    loading_s = SECONDS_PER_RENDER if render.scene.source.gives.rendered else 0.0
+    loading_s = SECONDS_PER_RENDER if render.scene.source.capabilities.rendered else 0.0
     return loading_s + float(frame_seconds(plan, render, render.frames).sum())
 
 
@@ -103,7 +102,7 @@ def _bytes_of(plan: Plan, render: Render) -> float:
     clean = len(render.frames) * sum(size.usual for size in sizes.values())
     perturbed = 0.0
     for modality, size in sizes.items():
-        made = parts_made(render.sequences, modality)
+        made = plan.parts_made.of(render.name, render.sequences, modality)
         images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
         perturbed += size.perturbed * images
     return pixels * (clean + perturbed)
@@ -115,7 +114,7 @@ def _byte_bounds(plan: Plan, render: Render) -> NDArray[np.float64]:
     for modality in plan.format.modalities:
         size, pixels = CHANNELS[modality].pixel_bytes(plan.format), _pixels(render, modality)
         bounds += pixels * len(render.frames) * np.array(size.clean)
-        made = parts_made(render.sequences, modality)
+        made = plan.parts_made.of(render.name, render.sequences, modality)
         for sequence in render.sequences:
             images = made.get(sequence.folder, 0.0) * len(sequence.frames)
             bounds += pixels * images * np.array(_bytes_per_pixel(sequence.setting, modality, size))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What motion did to the frames of a sequence: which pose of the planned path each shows, and how it deviates."""
+"""The record of motion in frames.jsonl: which pose of the planned path a frame shows, and its deviation."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whole numbers one after another, such as the source frame of each frame: a range wherever they are one.
+"""Sequences of whole numbers, kept as a range where they are one.
 
 A plan has a thousand sequences of up to a million frames, and in most of them each frame shows its own source frame. A
 range says that in a few bytes; only what a perturbation chooses or pairs otherwise is kept number by number.

@@ -9,26 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import surface_channels
 from ..datasets.layouts import Modality, OutputFormat
 from ..datasets.registration import Registration
 from ..errors import InputError
 from ..geometry import Intrinsics
+from ..messages import Message, PresetKey
 from ..optics import PINHOLE, Optics
 from ..perturbing.execution import chosen_poses, exposure_key, split_motion
 from ..perturbing.kinds import ExposurePerturbation, Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
-from ..presets.names import told_one_folder
+from ..presets.names import format_same_folder
 from ..presets.preset import EngineName, Preset, SensorSpec
 from ..presets.selection import selected
-from ..schema import Place
+from ..schema import ConfigPath
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
 from ..trajectories.trajectory import Axes
+from .channel_checks import check_exposed, check_pairs, check_surface
 from .numbers import Numbers, union
+from .scene import Scene
 from .sequence import Sequence, lay_out
-from .source import Scene
-from .surface_checks import check_surface
+from .sharing import PartsMade
+
+OTHER_LAYOUT = Message("choose another ", PresetKey("output.layout"), ", such as tum")
 
 
 @dataclass(frozen=True)
@@ -118,26 +121,28 @@ class Plan:
     @property
     def renders_anything(self) -> bool:
         """Whether anything is rendered, rather than read from a recording."""
-        return any(scene.source.gives.rendered for scene in self.scenes)
+        return any(scene.source.capabilities.rendered for scene in self.scenes)
 
     @property
-    def renders_as_told(self) -> bool:
+    def uses_render_settings(self) -> bool:
         """Whether anything is rendered as the preset says, rather than by settings of its own."""
-        return any(scene.source.gives.rendered and scene.source.gives.own is None for scene in self.scenes)
+        return any(
+            scene.source.capabilities.rendered and scene.source.capabilities.own is None for scene in self.scenes
+        )
 
     @property
     def engines(self) -> tuple[EngineName, ...]:
         """The engines that render anything, each once, in alphabetical order."""
-        gives = [scene.source.gives for scene in self.scenes if scene.source.gives.rendered]
-        told = self.preset.spec.render.engine
-        return tuple(sorted({told if item.own is None else item.own.engine for item in gives}))
+        capabilities = [scene.source.capabilities for scene in self.scenes if scene.source.capabilities.rendered]
+        engine = self.preset.spec.render.engine
+        return tuple(sorted({engine if item.own is None else item.own.engine for item in capabilities}))
 
     @property
     def renders_in_blender(self) -> bool:
         """Whether Blender renders anything."""
         return any(engine != "embree" for engine in self.engines)
 
-    @property
+    @cached_property
     def composites(self) -> bool:
         """Whether anything is perturbed in Blender's compositor."""
         return "rgb" in self.format.modalities and any(setting.composited for setting in self.settings)
@@ -146,6 +151,11 @@ class Plan:
     def needs_blender(self) -> bool:
         """Whether Blender renders anything, or its compositor perturbs it."""
         return self.renders_in_blender or self.composites
+
+    @cached_property
+    def parts_made(self) -> PartsMade:
+        """Which part of each render's perturbed images is made, and not linked."""
+        return PartsMade()
 
     def only(self, render: Render) -> "Plan":
         """Return the plan of one of the renders alone, with the settings of its sequences."""
@@ -204,13 +214,13 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
     optics = _optics(scene, plan, camera)
+    check_pairs(scene, optics, preset)
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
-        if setting.needs_depth and not scene.source.gives.depth:
-            problem = f"{setting.name} needs depth, and a {scene.source.gives.key} has none"
-            remedy = "take that setting out, or name the folder of its depth: depth"
-            raise _place_of(scene).error(problem, remedy)
+        if setting.needs_depth and not scene.source.capabilities.depth:
+            problem = f"{setting.name} needs depth, and {scene.name} has none"
+            raise scene.error(problem, "take that setting out", lacks="depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
         if plan.chosen is None and not sequence.frames:
@@ -224,11 +234,11 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
         if not moving and not setting.exposure:
             shared.append(sequence)
             continue
-        if any(step.perturbation.apply is not None for step in moving) and not scene.source.gives.any_pose:
+        if any(step.perturbation.apply is not None for step in moving) and not scene.source.capabilities.any_pose:
             problem = (
                 f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
             )
-            raise _place_of(scene).error(problem, "take that setting out, or render the scene's mesh")
+            raise scene.error(problem, "take that setting out", "render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
         first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers))
         sequences = (*first.sequences, sequence)
@@ -261,12 +271,10 @@ def _check_exposure(
     if not setting.exposure:
         return
     exposing = setting.exposure[0].perturbation.name
-    if asked := surface_channels(preset.spec.output.modalities):
-        problem = f"{setting.name}: {exposing} makes colour and depth of several moments, and no {asked[0].name}"
-        raise preset.place("output.modalities").error(problem, "take one of them out")
-    if why := scene.source.gives.instants_only:
+    check_exposed(f"{setting.name}: {exposing}", preset)
+    if why := scene.source.capabilities.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
-        raise _place_of(scene).error(problem, "take that setting out, or render a mesh")
+        raise scene.error(problem, "take that setting out", "render a mesh")
     apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
     if lone := next((item.name for item in apart if not item.continuous), ""):
         problem = f"{setting.name}: {exposing} looks between the poses, but {lone} moves each pose by itself"
@@ -278,14 +286,10 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     optics, layout = scene.source.optics(camera), plan.format.layout
     if optics.plain or layout.optics:
         return optics
-    place = _place_of(scene)
     if optics.depth is not None:
         problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"
-        raise place.error(
-            problem, "register: true lays depth into colour; or choose another output.layout, such as tum"
-        )
-    problem = f"its lens distorts, which the {layout.label} layout cannot say"
-    raise place.error(problem, "undistort: true makes a pinhole of it; or choose another output.layout, such as tum")
+        raise scene.error(problem, OTHER_LAYOUT, lacks="registration")
+    raise scene.error(f"its lens distorts, which the {layout.label} layout cannot say", OTHER_LAYOUT, lacks="pinhole")
 
 
 def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Numbers:
@@ -302,34 +306,27 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
     for scene in scenes:
         if (other := names.get(scene.name.casefold())) is not None:
             same = other == scene.name
-            problem = f"{scene.name!r} names two scenes" if same else told_one_folder(scene.name, other)
+            problem = f"{scene.name!r} names two scenes" if same else format_same_folder(scene.name, other)
             raise scene.place.at("name").error(problem, "give each a name of its own")
         names[scene.name.casefold()] = scene.name
-        if preset.spec.rig is not None and not scene.source.gives.any_pose:
-            problem = "is a recording, which has no other poses for a rig"
-            raise _place_of(scene).error(problem, "leave rig out")
+        if preset.spec.rig is not None and not scene.source.capabilities.any_pose:
+            raise scene.error("is a recording, which has no other poses for a rig", "leave rig out")
         if problem := preset.spec.output.format.layout.stamps_problem(scene.source.frame_stamps):
-            raise scene.place.error(problem, "mend the stamps, or choose another output.layout")
-        if not scene.source.gives.any_pose:
+            raise scene.place.error(problem, Message("mend the stamps, or ", OTHER_LAYOUT))
+        if not scene.source.capabilities.any_pose:
             _check_poses(scene, preset)
-        if not scene.source.gives.depth and "depth" in preset.spec.output.modalities:
-            problem = f"a {scene.source.gives.key} has no depth, but output.modalities asks for it"
-            remedy = "write output: {modalities: [rgb]}, or name the folder of its depth: depth"
-            raise _place_of(scene).error(problem, remedy)
+        if not scene.source.capabilities.depth and "depth" in preset.spec.output.modalities:
+            problem = Message(f"{scene.name} has no depth, but ", PresetKey("output.modalities"), " asks for it")
+            raise scene.error(problem, Message("set ", PresetKey("output.modalities", "[rgb]")), lacks="depth")
         check_surface(scene, preset)
-
-
-def _place_of(scene: Scene) -> Place:
-    """Return the place of the key that names a scene's file or folder."""
-    return scene.place.at(scene.source.gives.key)
 
 
 def _check_poses(scene: Scene, preset: Preset) -> None:
     """Refuse frames without a pose in a layout that has a line for each."""
     known, layout = scene.source.trajectory().known, preset.spec.output.format.layout
     if known.any() and not known.all() and not layout.gaps:
-        told = f"{np.count_nonzero(~known)} of {len(known)} frames have no pose, but {layout.label} has one for each"
-        raise scene.place.at("poses").error(told, "leave them out (drop), or choose another output.layout, such as tum")
+        message = f"{np.count_nonzero(~known)} of {len(known)} frames have no pose, but {layout.label} has one for each"
+        raise scene.error(message, OTHER_LAYOUT, lacks="poses")
 
 
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
@@ -351,9 +348,8 @@ def _check_executions(settings: tuple[Setting, ...], preset: Preset) -> None:
     for setting in settings:
         lacking = [step.perturbation.name for step in setting.rgb if step.perturbation.build is None]
         if setting.composited and lacking:
-            raise preset.place("settings").error(
-                f"{setting.name}: {lacking[0]} has no node group for the compositor", "give it backend: reference"
-            )
+            problem = f"{setting.name}: {lacking[0]} has no node group for the compositor"
+            raise preset.place("settings").error(problem, Message("give it ", PresetKey("backend", "reference")))
 
 
 def _check_chosen(scene: Scene, plan: Plan) -> None:
@@ -379,7 +375,7 @@ def _rig(preset: Preset, axes: set[Axes]) -> Rig | None:
     return Rig(_sensor(spec.rgb, robot_axes, place.at("rgb")), depth)
 
 
-def _sensor(spec: SensorSpec, robot_axes: Axes, place: Place) -> Sensor:
+def _sensor(spec: SensorSpec, robot_axes: Axes, place: ConfigPath) -> Sensor:
     given: dict[str, Any] = {
         "quat_wxyz": spec.quat_wxyz,
         "rotation_euler_deg": spec.rotation_euler_deg,

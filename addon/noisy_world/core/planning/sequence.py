@@ -9,6 +9,7 @@ of one frame with the depth of another.
 from collections.abc import Sequence as Many
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,10 @@ from ..perturbing.kinds import Identifiers
 from ..perturbing.steps import Setting
 from ..trajectories.sensor_paths import SensorPaths
 from .numbers import ListedNumbers, Numbers, array_of, numbers_of, taken, union
+
+ShownSources: TypeAlias = tuple[int, int | None]
+"""What a clean image is made of: a source frame and, where its channel leads to the sequence's next frame, the source
+frame of that; None for other channels, and after the last frame."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,15 @@ class Sequence:
         """Return the source frame whose image of a channel a frame shows. Raises ValueError where it is left out."""
         shown = self.shown(frame)
         return shown.depth_source if CHANNELS[modality].paired else shown.rgb_source
+
+    def shows(self, modality: Modality, frame: int) -> ShownSources:
+        """Return what a frame's clean image of a channel is made of. Raises ValueError where the frame is left out."""
+        source = self.source_of(modality, frame)
+        if not CHANNELS[modality].pairs:
+            return source, None
+        later = range(frame + 1, len(self.source_frames))
+        following = next((number for number in later if not self.leaves_out(number)), None)
+        return source, None if following is None else self.source_frames[following]
 
     @cached_property
     def _shown(self) -> dict[bool, tuple[Numbers, Numbers]]:

@@ -37,6 +37,11 @@ class Shard:
         return f"{self.render}.{self.start:06d}-{self.stop:06d}"
 
     @property
+    def scene(self) -> str:
+        """The name of its scene. A render along a path of its own is named "scene@setting"."""
+        return self.render.partition("@")[0]
+
+    @property
     def folder_name(self) -> str:
         """The name of its folder: its own or, where that is too long for one, as much as fits and a hash."""
         if len(self.name) <= LONGEST_FOLDER:

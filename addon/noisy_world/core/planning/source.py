@@ -4,26 +4,29 @@
 All other code uses a source by this protocol alone and never asks which one it is. `noisy_world.sources` holds them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import COLOUR_AND_DEPTH
+from ..channels.surface import Fact
 from ..datasets.image_files import WholeFile
 from ..datasets.layouts import Modality, OutputFormat
 from ..geometry import Intrinsics
 from ..optics import Optics
-from ..presets.preset import EngineName
 from ..scenes.mesh import Mesh
-from ..schema import Place
+from ..scenes.scene_object import SceneObject
 from ..trajectories.frame_request import FrameRequest
 from ..trajectories.sensor_paths import SensorPaths
 from ..trajectories.stamps import FrameStamps
 from ..trajectories.trajectory import Axes, Trajectory
+
+if TYPE_CHECKING:  # presets name what packages bring, which import this
+    from ..presets.preset import EngineName
 
 
 class SourceFrame(Protocol):
@@ -96,22 +99,22 @@ class OwnRendering:
     What the preset gives of these stands here instead.
     """
 
-    engine: EngineName
+    engine: "EngineName"
     samples: int
     near_m: float
     far_m: float
 
 
 @dataclass(frozen=True)
-class Gives:
+class SourceCapabilities:
     """What a source can give.
 
-    rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose,
-    not only from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
-    importers read it, whatever renders it. depth: whether it has any. surface: whether the surface that each pixel sees
-    is known, for normals and the like. instants_only: why it has nothing between its frames; "" where it answers
-    requests for any time. key: of a scene in a preset, that names its file or folder; all messages about the source
-    name it.
+    rendered: its frames come from a renderer, which takes time. any_pose: it gives frames from any pose, not only
+    from those that were recorded. own: how it is rendered; None where the preset says it. imported: Blender's
+    importers read it, whatever renders it. depth: whether it has any. surface: what is known of the surface that each
+    pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
+    own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
+    where it answers requests for any time.
     """
 
     rendered: bool
@@ -119,9 +122,10 @@ class Gives:
     own: OwnRendering | None = None
     imported: bool = False
     depth: bool = True
-    surface: bool = False
+    surface: frozenset[Fact] = frozenset()
+    objects: Callable[[], Sequence[SceneObject]] | None = None
+    moving: bool = False
     instants_only: str = ""
-    key: str = "mesh"
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ class RenderOptions:
     far_m: float
     samples: int
     seed: int
-    engine: EngineName = "cycles"
+    engine: "EngineName" = "cycles"
     device: Literal["cpu", "gpu"] = "cpu"
     channels: frozenset[Modality] = COLOUR_AND_DEPTH
     threads: int = 0
@@ -153,12 +157,27 @@ class RenderOptions:
         return "depth" in self.channels
 
 
+Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
 class OpenSource(Protocol):
-    """A source that is ready to give frames along the paths of one render."""
+    """A source that is ready to give frames along the paths of one render.
+
+    One in which things move has a method `motion` too, as `motion_between` calls it.
+    """
 
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request."""
         ...
+
+
+def motion_between(source: OpenSource, here: FrameRequest, there: FrameRequest) -> Motion | None:
+    """Return how what the colour camera sees moves between two frames, of a source in which things move.
+
+    (H, W, 2) each, float32: how far what a pixel's centre sees here is from it there, x and y in pixels, and back. None
+    where both frames show the same moment.
+    """
+    return getattr(source, "motion")(here, there)  # noqa: B009 - others have none
 
 
 class PreparedSource(Protocol):
@@ -181,7 +200,7 @@ class Source(Protocol):
         ...
 
     @property
-    def gives(self) -> Gives:
+    def capabilities(self) -> SourceCapabilities:
         """What it can give."""
         ...
 
@@ -235,17 +254,3 @@ class Source(Protocol):
         should see.
         """
         ...
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A scene of a preset: its name in the dataset, its place in the preset, and its source."""
-
-    name: str
-    place: Place
-    source: Source
-
-    @property
-    def frame_count(self) -> int:
-        """How many frames its path has."""
-        return len(self.source.stamps_s)

@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from ..home import path_in
-from ..schema import Place, describe, parse
+from ..schema import ConfigPath, describe, parse
 from .settings import SettingSpec
 
 Load: TypeAlias = Callable[[Path], dict[str, Any]]
 """A function that reads a preset's file as a document; it raises InputError."""
 
 
-def included(document: dict[str, Any], path: Path, load: Load) -> tuple[dict[str, Any], tuple[Place, ...]]:
+def included(document: dict[str, Any], path: Path, load: Load) -> tuple[dict[str, Any], tuple[ConfigPath, ...]]:
     """Return a document with the settings that it includes written out, and the place of each.
 
     The document then stands for itself, wherever it is recorded. Without includes it is returned as it is, without
@@ -22,7 +22,7 @@ def included(document: dict[str, Any], path: Path, load: Load) -> tuple[dict[str
     items = document.get("settings")
     if not isinstance(items, list) or not any(_includes(item) for item in items):
         return document, ()
-    found = _settings(items, Place(path, "settings"), (path.resolve(),), load)
+    found = _settings(items, ConfigPath(path, "settings"), (path.resolve(),), load)
     return {**document, "settings": [item for item, _ in found]}, tuple(place for _, place in found)
 
 
@@ -30,9 +30,9 @@ def _includes(item: object) -> bool:
     return isinstance(item, Mapping) and item.get("include") is not None
 
 
-def _settings(items: list[Any], place: Place, files: tuple[Path, ...], load: Load) -> list[tuple[Any, Place]]:
+def _settings(items: list[Any], place: ConfigPath, files: tuple[Path, ...], load: Load) -> list[tuple[Any, ConfigPath]]:
     """Return settings with their places. files: those that are being read, the last one with these settings."""
-    found: list[tuple[Any, Place]] = []
+    found: list[tuple[Any, ConfigPath]] = []
     for index, item in enumerate(items):
         where = place.at(index)
         parsed = parse(SettingSpec, item, where)
@@ -48,5 +48,5 @@ def _settings(items: list[Any], place: Place, files: tuple[Path, ...], load: Loa
         others = load(file).get("settings")
         if not isinstance(others, list):
             raise where.at("include").error(f"{file} has no settings to take: they are {describe(others)}")
-        found += _settings(others, Place(file, "settings"), (*files, file.resolve()), load)
+        found += _settings(others, ConfigPath(file, "settings"), (*files, file.resolve()), load)
     return found

@@ -37,6 +37,6 @@ def template(name: str) -> str:
     return safe_name(PLACEHOLDER.sub("x", name))
 
 
-def told_one_folder(name: str, other: str) -> str:
+def format_same_folder(name: str, other: str) -> str:
     """Return in words that names are one folder's on disks that do not tell case apart, where a dataset may come to."""
     return f"{shown(name)} and {shown(other)} differ in case only, so they are one folder on macOS and Windows"

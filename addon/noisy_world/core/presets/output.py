@@ -2,11 +2,13 @@
 """The keys of a preset's `output`, derived from the registry of layouts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, make_dataclass
+from typing import TYPE_CHECKING, Any
 
 from ..channels import CHANNELS
+from ..channels.channel import FILE_KINDS
 from ..datasets.layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
-from ..schema import Choice, Place, key
+from ..schema import Choice, ConfigPath, key
 
 
 def _defaults(of: Callable[[Layout], str]) -> str:
@@ -15,6 +17,26 @@ def _defaults(of: Callable[[Layout], str]) -> str:
     for name, layout in LAYOUTS.items():
         names.setdefault(of(layout), []).append(name)
     return "default " + ", ".join(f"{value} for {' and '.join(those)}" for value, those in names.items())
+
+
+def _format_key(name: str) -> tuple[str, Any, Any]:
+    kinds = CHANNELS[name].kinds
+    choices = {kind: Choice(kind.upper(), FILE_KINDS[kind]) for kind in kinds}
+    meaning = f"what files of {CHANNELS[name].spoken} are"
+    return name, str, key(meaning, default=kinds[0], choices=choices, identity="meaning")
+
+
+if TYPE_CHECKING:
+
+    @dataclass(frozen=True)
+    class FormatsSpec:
+        """A field for each channel that may be stored in several ways, but colour, which has `image`."""
+
+else:
+    chosen = [name for name, item in CHANNELS.items() if item.steps is None and len(item.kinds) > 1]
+    # Before Python 3.12 make_dataclass does not say where the class stands, and what stands nowhere cannot be pickled.
+    named = {"__module__": __name__}
+    FormatsSpec = make_dataclass("FormatsSpec", map(_format_key, chosen), frozen=True, namespace=named)
 
 
 @dataclass(frozen=True)
@@ -57,6 +79,11 @@ class OutputSpec:
         choices={name: Choice(item.label, item.meaning) for name, item in CHANNELS.items()},
         identity="meaning",
     )
+    formats: FormatsSpec = key(
+        "what files of channels are that keep values exactly, or in steps; of colour, image says it",
+        default=FormatsSpec(),
+        identity="meaning",
+    )
     overview: bool = key(
         "whether to draw overview.png, a contact sheet of the dataset", default=False, identity="nothing"
     )
@@ -77,10 +104,15 @@ class OutputSpec:
             self.modalities,
             self.depth_scale_per_m or layout.depth_scale_per_m,
             self.depth_beyond,
+            tuple(
+                (item.name, value)
+                for item in fields(self.formats)
+                if (value := getattr(self.formats, item.name)) != item.default
+            ),
         )
 
 
-def check_output(spec: OutputSpec, place: Place) -> None:
+def check_output(spec: OutputSpec, place: ConfigPath) -> None:
     """Check that the layout can have these keys' values. Raises InputError naming the key."""
     layout = LAYOUTS[spec.layout]
     for name, allowed in (("image", layout.images), ("colour", layout.colours)):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..schema import Place, shown
+from ..schema import ConfigPath, shown
 from ..yaml_reading import DEEPEST, read_yaml
 
 
@@ -16,14 +16,14 @@ def override(document: dict[str, Any], text: str, path: Path) -> None:
     """
     name, equals, value_text = text.partition("=")
     keys = name.strip().split(".")
-    told = f"--set {text if text.isprintable() and len(text) <= 100 else shown(text)}"
+    message = f"--set {text if text.isprintable() and len(text) <= 100 else shown(text)}"
     if not equals or not all(keys):
-        raise InputError(path, f"{told}: has to be key.path=value")
+        raise InputError(path, f"{message}: has to be key.path=value")
     if len(keys) > DEEPEST:
-        raise InputError(path, f"{told}: leads more than {DEEPEST} deep")
-    value = read_yaml(value_text, path, told)
+        raise InputError(path, f"{message}: leads more than {DEEPEST} deep")
+    value = read_yaml(value_text, path, message)
     node: Any = document
-    where = Place(path)
+    where = ConfigPath(path)
     for index, step in enumerate(keys):
         where = where.at(step)
         last = index == len(keys) - 1
@@ -45,7 +45,7 @@ def override(document: dict[str, Any], text: str, path: Path) -> None:
             node = node[step]
 
 
-def _entry(entries: list[Any], step: str, where: Place) -> int:
+def _entry(entries: list[Any], step: str, where: ConfigPath) -> int:
     if not (step.isascii() and step.isdecimal()) or len(step) > 9 or int(step) >= len(entries):
         raise where.error(f"--set: {shown(step)} is no entry of this list", f"it has {len(entries)}, counted from 0")
     return int(step)

@@ -11,13 +11,13 @@ from typing import Any, Literal
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..home import path_in
+from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
-from ..schema import Place, key, parse
+from ..schema import ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .including import included
 from .output import OutputSpec, check_output
 from .overrides import override
-from .scene_keys import SceneSpec, check_scene
 from .selection import OnlySpec, chosen_part
 from .settings import SettingSpec
 
@@ -132,7 +132,10 @@ REPLICA_CAMERA = CameraSpec(width=1200, height=680, fx=600.0, fy=600.0, cx=599.5
 class PresetSpec:
     """A whole preset."""
 
-    scenes: tuple[SceneSpec, ...] = key("the scenes")
+    scenes: tuple[Any, ...] = key(
+        "the scenes, each {name, the key of a source, and the source's other keys}; see --list sources",
+        identity="meaning",
+    )
     seed: int = key(
         "the seed of everything that is random", default=0, minimum=0, maximum=2**63 - 1, identity="meaning"
     )
@@ -166,7 +169,7 @@ class Preset:
     path: Path
     document: dict[str, Any]
     spec: PresetSpec
-    places: tuple[Place, ...] = ()
+    places: tuple[ConfigPath, ...] = ()
 
     @property
     def described(self) -> dict[str, Any]:
@@ -185,12 +188,12 @@ class Preset:
         beside = self.path.parent
         return beside if self.spec.data is None else path_in(beside, self.spec.data, self.place("data"))
 
-    def place(self, path: str) -> Place:
+    def place(self, path: str) -> ConfigPath:
         """Return the place of a key, for errors."""
-        return Place(self.path, path)
+        return ConfigPath(self.path, path)
 
     @property
-    def setting_places(self) -> tuple[Place, ...]:
+    def setting_places(self) -> tuple[ConfigPath, ...]:
         """The place of each setting; those of an included preset are in that."""
         return self.places or tuple(self.place("settings").at(k) for k in range(len(self.spec.settings)))
 
@@ -227,8 +230,8 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
     Raises InputError naming the key.
     """
     document, places = included(document, path, _load)
-    spec = parse(PresetSpec, document, Place(path))
-    _check(spec, Place(path))
+    spec = parse(PresetSpec, document, ConfigPath(path))
+    _check(spec, ConfigPath(path))
     return Preset(path, document, spec, places)
 
 
@@ -245,29 +248,29 @@ def _load(path: Path) -> dict[str, Any]:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
     document = read_yaml(content, path)
     if not isinstance(document, dict):
-        raise InputError(path, "is empty" if document is None else "is not a mapping of keys", remedy="see --list keys")
+        problem = "is empty" if document is None else "is not a mapping of keys"
+        raise InputError(path, problem, remedy=CommandLineOnly("see --list keys"))
     return document
 
 
-def _check(spec: PresetSpec, place: Place) -> None:
+def _check(spec: PresetSpec, place: ConfigPath) -> None:
     """Check what involves several keys."""
     if not spec.scenes:
         raise place.at("scenes").error("is empty", "name a scene")
     if not spec.settings:
         raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
-        raise place.at("camera").at("far_m").error(f"is {spec.camera.far_m:g} m, not beyond near_m")
+        problem = Message(f"is {spec.camera.far_m:g} m, not beyond ", PresetKey("near_m"))
+        raise place.at("camera").at("far_m").error(problem)
     check_output(spec.output, place.at("output"))
     _check_render(spec.render, place.at("render"))
-    for index, scene in enumerate(spec.scenes):
-        check_scene(scene, place.at("scenes").at(index))
     if spec.rig:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
 
 
-def _check_render(spec: RenderSpec, place: Place) -> None:
+def _check_render(spec: RenderSpec, place: ConfigPath) -> None:
     if spec.device == "gpu" and spec.engine != "cycles":
         how = "casts its rays on the processor" if spec.engine == "embree" else "renders with GL, on whatever GL finds"
         raise place.at("device").error(f"is gpu, but {spec.engine} {how}", "leave it out, or use cycles")
@@ -279,7 +282,7 @@ def _check_render(spec: RenderSpec, place: Place) -> None:
         raise place.at("samples").error(problem, "leave it out, or use cycles")
 
 
-def _check_sensor(spec: SensorSpec, place: Place) -> None:
+def _check_sensor(spec: SensorSpec, place: ConfigPath) -> None:
     rotations = [spec.quat_wxyz, spec.rotation_euler_deg, spec.matrix]
     if sum(item is not None for item in rotations) > 1:
         raise place.error("gives more than one rotation", "keep one of quat_wxyz, rotation_euler_deg and matrix")

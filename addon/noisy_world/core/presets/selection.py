@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from ..schema import Place, key, shown
+from ..schema import ConfigPath, key, shown
 
 NAMED = 4  # names that a message lists
 
@@ -30,7 +30,7 @@ def chosen_part(scenes: Sequence[str], settings: Sequence[str]) -> dict[str, Any
     return {name: globs for name, globs in listed.items() if globs}
 
 
-def selected(names: Sequence[str], globs: Sequence[str] | None, place: Place) -> list[str]:
+def selected(names: Sequence[str], globs: Sequence[str] | None, place: ConfigPath) -> list[str]:
     """Return the names that any glob matches, in their order; all where there are no globs.
 
     place: of the globs, `only.settings` for instance. Raises InputError where one matches nothing.

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes: meshes, their files, and the room that comes with Noisy World."""
+"""Scenes: meshes, their files, and what a .blend says of itself."""

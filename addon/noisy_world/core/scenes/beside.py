@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the names in a mesh lead: into the mesh's folder or below it, whatever a stranger has written."""
+"""Resolves file names inside a mesh file, which may lead only into the mesh's folder or below it."""
 
 import os
 import posixpath

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a glTF file says of itself before it is imported: which files it is made of, and what it is packed with.
+"""Checks of a glTF file before it is imported: the files it refers to, and its compression.
 
 The layout of a GLB file is that of the glTF 2.0 specification, section 4.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the parts of a glTF document lie inside one another, as its specification (2.0, section 5) asks.
+"""Checks that a glTF document's buffers, views and accessors lie inside one another (glTF 2.0, section 5).
 
 Blender's importer believes a document: with a stride below zero it reads memory that is none of the file's, and with a
 count it takes memory for as many.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender's importers made of a mesh file, as arrays: written by the process that imported it, read by ours."""
+"""An imported mesh as arrays: written by the process in which Blender imported it, read by ours."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..regular_files import read_array, read_text
+from .scene_object import SceneObject
 from .turning import Up
 
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror", "black"]
 """What a picture shows beyond its edge: itself again, its last texel, itself mirrored, or nothing."""
 
-FACES_LEFT_OUT = "faces are left out: they have vertices that are not there, fewer than three, or those of another face"
+FACES_EXCLUDED = "faces are left out: they have vertices that are not there, fewer than three, or those of another face"
 _SCENE = "imported.json"
 
 
@@ -83,7 +84,8 @@ class ImportedScene:
     """All that was imported.
 
     up: the axis of the file that was taken for up, None where the importer does not tell. beside: the files that were
-    read beside it and that only the importer knows. notes: what a user should know.
+    read beside it and that only the importer knows. notes: what a user should know. objects: of a scene that is
+    rendered lit.
     """
 
     parts: tuple[ImportedPart, ...]
@@ -92,6 +94,7 @@ class ImportedScene:
     up: Up | None = "z"
     beside: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    objects: tuple[SceneObject, ...] = ()
 
 
 def write_imported(folder: Path, scene: ImportedScene) -> None:
@@ -112,6 +115,7 @@ def write_imported(folder: Path, scene: ImportedScene) -> None:
         "surfaces": [asdict(item) for item in scene.surfaces],
         "images": [asdict(item) for item in scene.images],
         "up": scene.up,
+        "objects": [asdict(item) for item in scene.objects],
         "beside": list(scene.beside),
         "notes": list(scene.notes),
     }
@@ -131,6 +135,7 @@ def read_imported(folder: Path) -> ImportedScene | None:
         listed["up"],
         tuple(listed["beside"]),
         tuple(listed["notes"]),
+        tuple(SceneObject(**item) for item in listed["objects"]),
     )
 
 

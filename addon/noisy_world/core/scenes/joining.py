@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was imported as one mesh: all copies of all its parts, with their base colours."""
+"""Joins the parts of an imported file, and all their copies, to one mesh with base colours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -64,8 +64,8 @@ def joined(path: Path, scene: ImportedScene, read_picture: Callable[[int], NDArr
         texture = Texture(looks.names, looks.pictures, of_corners([uv for uv, _ in placed]), face_pictures)
     rgb = corner_rgb = None
     if (face_pictures < 0).any():
-        told = [item for item in coloured if item is not None]
-        if told:
+        lines = [item for item in coloured if item is not None]
+        if lines:
             grey = [
                 np.full((len(part.corner_vertices), 3), NEUTRAL_GREY, np.float32) if item is None else item
                 for part, item in zip(scene.parts, coloured, strict=True)
@@ -180,7 +180,7 @@ def _on_vertices(
 
 
 @dataclass(frozen=True)
-class _Look:
+class _ShownPicture:
     """A picture as a surface shows it: the same image under another factor, or wrapped otherwise, is another one."""
 
     picture: ImportedPicture
@@ -199,33 +199,33 @@ class _Looks:
     ) -> None:
         """Read and make the pictures that any face shows."""
         self._surfaces = surfaces
-        self._reaches: dict[_Look, list[NDArray[np.float64]]] = {}
+        self._reaches: dict[_ShownPicture, list[NDArray[np.float64]]] = {}
         for part in scene.parts:
-            for look, there in self._shown(part):
-                uv = _transformed(part, look.picture)[there]
+            for shown_picture, there in self._shown(part):
+                uv = _transformed(part, shown_picture.picture)[there]
                 _check_finite(path, uv, "texture coordinate")
-                self._reaches.setdefault(look, []).append(np.stack([uv.min(axis=0), uv.max(axis=0)]))
-        self._numbers: dict[_Look, int] = {}
+                self._reaches.setdefault(shown_picture, []).append(np.stack([uv.min(axis=0), uv.max(axis=0)]))
+        self._numbers: dict[_ShownPicture, int] = {}
         self._places: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
         pictures: list[NDArray[np.uint8]] = []
         names: list[str] = []
-        for look, reached in self._reaches.items():
+        for shown_picture, reached in self._reaches.items():
             low, high = np.min(reached, axis=(0, 1)), np.max(reached, axis=(0, 1))
-            image = scene.images[look.picture.image]
-            shown = tinted(read_picture(look.picture.image), look.factor, linear=image.linear)
+            image = scene.images[shown_picture.picture.image]
+            shown = tinted(read_picture(shown_picture.picture.image), shown_picture.factor, linear=image.linear)
             across, up = Reach(low[0], high[0]), Reach(low[1], high[1])
             try:
-                shown, scale, offset = wrapped(shown, look.picture.wraps, across, up)
+                shown, scale, offset = wrapped(shown, shown_picture.picture.wraps, across, up)
             except ValueError as error:
                 remedy = "let the texture repeat, or its coordinates stay nearer to it"
                 raise InputError(path, f"its texture {image.name[:200]!r} {error}", remedy=remedy) from error
-            self._numbers[look] = len(pictures)
+            self._numbers[shown_picture] = len(pictures)
             self._places.append((scale, offset))
             pictures.append(shown)
             names.append(image.name)
         self.pictures, self.names = tuple(pictures), tuple(names)
 
-    def _shown(self, part: ImportedPart) -> list[tuple[_Look, NDArray[np.bool_]]]:
+    def _shown(self, part: ImportedPart) -> list[tuple[_ShownPicture, NDArray[np.bool_]]]:
         """Return the pictures of a part, each with the corners (C,) of the faces that show it."""
         sizes = np.diff(part.face_starts, append=len(part.corner_vertices))
         found = []
@@ -233,16 +233,16 @@ class _Looks:
             surface = self._surfaces[number] if number >= 0 else _NO_SURFACE
             if surface.picture is not None and _coordinates(part, surface.picture) is not None:
                 there = np.repeat(part.face_surfaces == number, sizes)
-                found.append((_Look(surface.picture, surface.factor), there))
+                found.append((_ShownPicture(surface.picture, surface.factor), there))
         return found
 
     def coordinates(self, part: ImportedPart) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
         """Return where a part's corners (C, 2) lie, and the picture (F,) of each face, -1 where it has none."""
         corner_uv = np.zeros((len(part.corner_vertices), 2), np.float32)
         corner_pictures = np.full(len(part.corner_vertices), -1, np.int32)
-        for look, there in self._shown(part):
-            uv = _transformed(part, look.picture)[there]
-            number = self._numbers[look]
+        for shown_picture, there in self._shown(part):
+            uv = _transformed(part, shown_picture.picture)[there]
+            number = self._numbers[shown_picture]
             scale, offset = self._places[number]
             corner_uv[there] = uv * scale + offset
             corner_pictures[there] = number

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+OBJECT_ID = "object_id"  # the property of faces in Replica's mesh_semantic.ply
 NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from ..errors import InputError
 from ..regular_files import open_regular
 from .beside import check_no_pipe, is_file, is_inside
-from .gltf_file import read_gltf_header
 from .mesh_formats import FORMAT_BYTES, MeshFormat, format_of, not_a_mesh
 from .obj_file import check_obj, check_obj_numbers, faces_of_obj, files_of_obj
 from .ply import check_ply, texture_files
@@ -160,10 +159,14 @@ def _none(_path: Path) -> list[Path]:
 
 
 def _files_of_gltf(path: Path) -> list[Path]:
+    from .gltf_file import read_gltf_header
+
     return [file for file in read_gltf_header(path).files if is_file(file)]
 
 
 def _check_gltf(path: Path) -> None:
+    from .gltf_file import read_gltf_header
+
     read_gltf_header(path)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Telling what a mesh file is that is not a PLY."""
+"""Recognises the format of a mesh file other than PLY."""
 
 import re
 import struct

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an OBJ file says of itself before it is imported: its materials' files, and the textures that these name."""
+"""Checks of an OBJ file before it is imported: its material files and their textures."""
 
 import itertools
 import re

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..presets.preset import EngineName
+from .scene_object import SceneObject
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,12 @@ class SampledCamera:
     """A camera at some frames of a scene.
 
     frames: the scene's frames. matrices: (N, 4, 4) float64, world_from_camera with Blender's axes, as Blender has it:
-    with whatever scale its parents give it. sights: how it sees at each frame.
+    with whatever scale its parents give it. parameters: how it sees at each frame.
     """
 
     frames: tuple[float, ...]
     matrices: NDArray[np.float64]
-    sights: tuple[CameraParameters, ...]
+    parameters: tuple[CameraParameters, ...]
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class OwnScene:
     Blender's. samples: those that a pixel gets, by engine. fps: frames a second. first, last, step: its frames. camera:
     at these, or at the first where the path was not asked for; None where it has none. files: all that decide bytes
     beside the .blend, absolute, sorted. problems: why it is no source. notes: what a user should know.
+    objects: those with a surface, numbered from 1.
     """
 
     scene: str
@@ -90,12 +92,13 @@ class OwnScene:
     files: tuple[str, ...]
     problems: tuple[Problem, ...]
     notes: tuple[str, ...]
+    objects: tuple[SceneObject, ...]
 
     @property
-    def sight(self) -> CameraParameters:
+    def camera_parameters(self) -> CameraParameters:
         """How its camera sees at the first frame; there has to be one."""
         assert self.camera is not None
-        return self.camera.sights[0]
+        return self.camera.parameters[0]
 
     def content(self) -> dict[str, Any]:
         """Return it as JSON values."""
@@ -112,8 +115,11 @@ class OwnScene:
         if sampled is not None:
             matrices = np.array(sampled["matrices"], dtype=np.float64).reshape(-1, 4, 4)
             camera = SampledCamera(
-                tuple(sampled["frames"]), matrices, tuple(CameraParameters(**sight) for sight in sampled["sights"])
+                tuple(sampled["frames"]),
+                matrices,
+                tuple(CameraParameters(**camera_parameters) for camera_parameters in sampled["parameters"]),
             )
         problems = tuple(Problem(**item) for item in content["problems"])
-        told = {"files": tuple(content["files"]), "notes": tuple(content["notes"])}
-        return cls(**{**content, **told, "camera": camera, "problems": problems})
+        lists = {"files": tuple(content["files"]), "notes": tuple(content["notes"])}
+        lists["objects"] = tuple(SceneObject(**item) for item in content["objects"])
+        return cls(**{**content, **lists, "camera": camera, "problems": problems})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How large the picture in a file is, by its header, before memory is taken for its pixels."""
+"""The size of an image in pixels by its file's header, before memory is taken for it."""
 
 import struct
 from collections.abc import Callable

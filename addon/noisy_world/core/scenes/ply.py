@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from .mesh import Mesh
+from .mesh import OBJECT_ID, Mesh
 from .ply_colours import check_textures, read_colours, used_textures
 from .ply_faces import INDEX_NAMES, Faces, read_faces
 from .ply_file import DAMAGED, Element, Rows, check_finite, read_elements, read_header
 
-OBJECT_ID = "object_id"  # of each face, in Replica's mesh_semantic.ply
 _COARSE_M = 1e-4  # float32 coordinates whose resolution is coarser than this are worth a note; chosen
 
 
@@ -36,9 +35,9 @@ def read_ply(path: Path) -> Mesh:
         faces = read_faces(tables["face"], len(vertices_m), face_notes)
         colours = read_colours(path, header, tables, faces, notes)
         objects = _object_ids(tables["face"], faces)
-    told = tuple(notes + face_notes)
+    all_notes = tuple(notes + face_notes)
     return Mesh(
-        vertices_m, colours.rgb, faces.corners, faces.starts, told, colours.corner_rgb, colours.texture, objects
+        vertices_m, colours.rgb, faces.corners, faces.starts, all_notes, colours.corner_rgb, colours.texture, objects
     )
 
 

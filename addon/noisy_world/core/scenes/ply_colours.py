@@ -42,7 +42,7 @@ def read_colours(path: Path, header: Header, tables: dict[str, Rows], faces: Fac
     face_rgb = _colours(face, on_faces, notes) if on_faces and not on_vertices else None
     corner_rgb = None if face_rgb is None else faces.at_corners(face_rgb)
     texture = _texture(path, header, tables, faces, notes)
-    _tell_what_is_left_out(header, texture, notes)
+    _note_excluded(header, texture, notes)
     return Colours(rgb, corner_rgb, texture)
 
 
@@ -86,7 +86,7 @@ def _colours(rows: Rows, names: tuple[str, ...], notes: list[str]) -> NDArray[np
     return np.clip(rgb / np.float32(full), 0, 1)
 
 
-def _tell_what_is_left_out(header: Header, texture: Texture | None, notes: list[str]) -> None:
+def _note_excluded(header: Header, texture: Texture | None, notes: list[str]) -> None:
     vertex, face = header.elements["vertex"], header.elements["face"]
     where = [name for name, element in (("vertices", vertex), ("faces", face)) if _colour_names(element)]
     if texture is not None and where:

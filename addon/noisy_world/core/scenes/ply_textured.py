@@ -87,7 +87,7 @@ def _write(path: Path, *parts: bytes) -> None:
             file.writelines(parts)
         temporary.replace(path)
     except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise StorageError(f"cannot be written: {error.strerror or error}", file=path) from error
     finally:
         with suppress(OSError):  # it is gone after a success
             temporary.unlink()

@@ -51,7 +51,7 @@ def write_ply(path: Path, mesh: Mesh, *, normals: NDArray | None = None, triangu
             file.writelines(("\n".join(lines).encode(), vertices, words[kept]))
         temporary.replace(path)
     except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        raise StorageError(f"cannot be written: {error.strerror or error}", file=path) from error
     finally:
         with suppress(OSError):  # it is gone after a success
             temporary.unlink()

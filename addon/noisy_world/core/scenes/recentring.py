@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Around which point a scene is rendered, so that float32 keeps its precision near the camera."""
+"""The point around which a scene is rendered, so that float32 is precise near the camera."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -27,12 +27,12 @@ def replica_names(pattern: str) -> tuple[str, ...]:
 
 def replica_mesh(folder: Path, name: str) -> ReplicaFile:
     """Look for a scene's mesh: the download's, or else the copy that comes with the sequences."""
-    return _look(folder, (f"{_own(name)}/mesh.ply", f"{name}/mesh.ply", f"{name}_mesh.ply"))
+    return _search(folder, (f"{_own(name)}/mesh.ply", f"{name}/mesh.ply", f"{name}_mesh.ply"))
 
 
 def replica_path(folder: Path, name: str) -> ReplicaFile:
     """Look for the path of a scene's sequence."""
-    return _look(folder, (f"{name}/traj.txt", f"{_own(name)}/traj.txt"))
+    return _search(folder, (f"{name}/traj.txt", f"{_own(name)}/traj.txt"))
 
 
 def _own(name: str) -> str:
@@ -40,7 +40,7 @@ def _own(name: str) -> str:
     return f"{name[:-1]}_{name[-1]}"
 
 
-def _look(folder: Path, sought: tuple[str, ...]) -> ReplicaFile:
+def _search(folder: Path, sought: tuple[str, ...]) -> ReplicaFile:
     """Look for each of several paths in turn in a folder, then in the folders that are in it."""
     if folder.is_dir():
         inside = sorted(path for path in folder.iterdir() if path.is_dir())

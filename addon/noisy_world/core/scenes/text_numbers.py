@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The numbers of mesh files that are text, looked at before Blender's importers, which take 0 for what is none.
+"""Checks of the numbers in text mesh files; Blender's importers silently read bad ones as 0.
 
 Every pattern here takes time in proportion to the text: what one part of it has matched, no other tries again.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes whose files have another axis up: turned as Blender's importers do, or back to how they are stored."""
+"""Turns meshes whose files have another axis up, as Blender's importers do, and back."""
 
 from dataclasses import replace
 from typing import Literal, TypeAlias

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures that show beyond their edges, or under a factor, what a file asks for: renderers here only repeat them.
+"""Bakes a texture's wrapping and colour factor into its image, as our renderers only repeat images.
 
 A picture gets a margin of what lies beyond its edges, as far as the faces reach, and texture coordinates follow.
 """

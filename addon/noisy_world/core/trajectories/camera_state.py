@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a camera stands and moves in the air of its sequence, which weather is in.
+"""A camera's pose and velocity relative to the air of its sequence, for weather.
 
 The air's axes are right, down and forward of the sequence's first image, made level; it begins at the first camera.
 """

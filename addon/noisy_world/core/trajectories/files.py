@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import continuous_quats, quat_wxyz_from_rotation
+from ..messages import Message, PresetKey
 from .matrix_poses import block_poses, folder_poses, is_log, line_poses, log_poses
 from .pose_text import FORMATS, LARGEST_STAMP_S, FilePoses, TextRows, TrajectoryFormat, read_text, text_rows
 from .stamped_poses import PER_SECOND, STAMP_UNITS, StampUnit, stamped_poses
@@ -130,14 +131,17 @@ def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | No
     else:
         assert poses.numbers is not None, "poses have stamps or numbers"
         if unit is not None:
-            remedy = "leave stamp_unit out; rate_hz gives the frames' times"
+            remedy = Message(
+                "leave ", PresetKey("stamp_unit"), " out; ", PresetKey("rate_hz"), " gives the frames' times"
+            )
             raise InputError(path, f"has no time stamps ({poses.format}), so none in {unit}", remedy=remedy)
         with np.errstate(over="ignore"):
             stamps_s = poses.numbers / rate_hz
     last_s = float(np.abs(stamps_s).max())
     if not last_s <= LARGEST_STAMP_S:
         problem = f"frames would reach {last_s:.3g} s, over 3,000 years, at {rate_hz:g} Hz"
-        remedy = "raise rate_hz, or number the files from 0; numbers that are time stamps need stamp_unit"
+        stamps = Message("numbers that are time stamps need ", PresetKey("stamp_unit"))
+        remedy = Message("raise ", PresetKey("rate_hz"), ", or number the files from 0; ", stamps)
         raise InputError(path, problem, remedy=remedy)
     if np.any(np.diff(stamps_s) <= 0.0):
         raise InputError(path, "numbers its frames too closely for float64 seconds", remedy="number them from 0")

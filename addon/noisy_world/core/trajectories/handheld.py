@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import NoisyWorldError
 from ..geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg
+from ..messages import Message, PresetKey
 from ..scenes.mesh import Mesh
 from ..streams import stream
 from .room_map import BOB_M, find_room
@@ -74,12 +75,12 @@ def walk_problem(frames: int, rate_hz: float, speed_m_s: float) -> str:
     """Return why a walk is too long to be made, or "" where it is not."""
     # In two steps: a tiny rate would overflow.
     if frames > _LONGEST_S * rate_hz:
-        return f"{frames:,} frames at {rate_hz:g} Hz are more than {_LONGEST_S:,.0f} s; lower frames or raise rate_hz"
+        message = f"{frames:,} frames at {rate_hz:g} Hz are more than {_LONGEST_S:,.0f} s; lower "
+        return Message(message, PresetKey("handheld.frames"), " or raise ", PresetKey("rate_hz"))
     walked_m = frames / rate_hz * speed_m_s
     if walked_m > _FARTHEST_M:
-        return (
-            f"the walk would be {walked_m / 1e3:.0f} km long, more than {_FARTHEST_M / 1e3:.0f}; lower frames or speed"
-        )
+        message = f"the walk would be {walked_m / 1e3:.0f} km long, more than {_FARTHEST_M / 1e3:.0f}; lower "
+        return Message(message, PresetKey("handheld.frames"), " or ", PresetKey("speed_m_s"))
     return ""
 
 

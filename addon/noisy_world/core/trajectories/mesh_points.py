@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh as points that lie close on its faces, as fine as a budget allows: so that no mesh takes minutes."""
+"""Points sampled closely on a mesh's faces, within a budget, so that no mesh takes minutes."""
 
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import NoisyWorldError
+from ..messages import Message, PresetKey, either
 from ..scenes.mesh import Mesh
 from .mesh_points import SampledTriangles, faces_of
 
@@ -105,8 +106,10 @@ def find_room(
             return Room(grid, occupied, free, plan, float(height_m), sway_m)
     raise NoisyWorldError(
         f"no hand-held path: {clearance_m} m from everything, {eyes_m[0]} to {eyes_m[1]} m above the floor at "
-        f"z = {floor_m:.2f} m, the largest free space is {largest_m2:.2f} m2; lower clearance_m, change "
-        "eye_height_m or bounds_m, or give a trajectory file"
+        f"z = {floor_m:.2f} m, the largest free space is {largest_m2:.2f} m2",
+        remedy=either(
+            Message("lower ", PresetKey("clearance_m")), "change eye_height_m or bounds_m", "give a trajectory file"
+        ),
     )
 
 

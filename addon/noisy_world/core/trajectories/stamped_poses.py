@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..geometry import pose, rotation_from_quat_wxyz
+from ..messages import Message, PresetKey
 from ..schema import shown
 from .pose_text import LARGEST_STAMP_S, WAYS, FilePoses, Float64, PoseRows, TextRows, all_finite
 
@@ -116,7 +117,8 @@ def _columns(rows: TextRows, table: PoseRows, declared: StampedFormat | None, *,
     if declared is not None:
         return _TUM if declared == "tum" else _EUROC
     if rows.commas and not whole and table.values.shape[1] == 8:
-        remedy = "say which: format: euroc (w first) with stamp_unit: ns, or format: tum (w last)"
+        euroc = Message(PresetKey("format", "euroc"), " (w first) with ", PresetKey("stamp_unit", "ns"))
+        remedy = Message("say which: ", euroc, ", or ", PresetKey("format", "tum"), " (w last)")
         unclear = table.values[:, 0] >= _LEAST_NS
         table.fail_where(unclear, "nanoseconds with a point may be EuRoC's columns or TUM's", remedy=remedy)
     return _EUROC if table.values.shape[1] == 17 or (whole and rows.commas) else _TUM
@@ -177,7 +179,7 @@ def _unit(
         return columns.unit, False
     if declared == "euroc":
         broken = np.array([not text.isdecimal() for text in stamps])
-        remedy = "stamp_unit says it where they are in another unit"
+        remedy = Message(PresetKey("stamp_unit"), " says it where they are in another unit")
         table.fail_where(
             broken, "{} is no time in whole nanoseconds", of=np.array([*map(shown, stamps)]), remedy=remedy
         )
@@ -203,7 +205,7 @@ def _check_stamps(table: PoseRows, stamps: Sequence[str], stamps_s: Float64, uni
     texts = np.array(stamps)
     unlikely = np.abs(stamps_s) > LARGEST_STAMP_S
     problem = f"the time stamp {{}} {unit} is more than 1e11 s, over 3,000 years"
-    remedy = "if the stamps are no seconds, say what they are: stamp_unit: ms, us or ns"
+    remedy = Message("if the stamps are no seconds, say what they are: ", PresetKey("stamp_unit"), ": ms, us or ns")
     table.fail_where(unlikely, problem, of=texts, remedy=remedy)
     late = np.concatenate([[False], np.diff(stamps_s) <= 0.0])
     remedy = "sort the lines by time and leave out duplicates"
@@ -218,8 +220,10 @@ def _check_gaps(table: PoseRows, stamps_s: Float64, unit: StampUnit) -> None:
     file, where = table.place(1)
     if unit == "s" and gap_s > _DAY_S and (stamps_s == np.floor(stamps_s)).all():
         problem = f"whole-numbered stamps are {gap_s:g} apart, which would be {gap_s / _DAY_S:.3g} days"
-        raise InputError(file, problem, where=where, remedy="say their unit: stamp_unit: s, ms, us or ns")
+        remedy = Message("say their unit: ", PresetKey("stamp_unit"), ": s, ms, us or ns")
+        raise InputError(file, problem, where=where, remedy=remedy)
     if unit == "ns" and gap_s < _SHORTEST_GAP_S:
         problem = f"whole-numbered stamps are {gap_s * 1e9:.3g} apart, too close for EuRoC's nanoseconds"
-        remedy = "say what they are: format: tum, or stamp_unit: s, ms, us or ns"
+        unit_key = PresetKey("stamp_unit")
+        remedy = Message("say what they are: ", PresetKey("format", "tum"), ", or ", unit_key, ": s, ms, us or ns")
         raise InputError(file, problem, where=where, remedy=remedy)

@@ -79,7 +79,7 @@ class FrameStamps:
     def __len__(self) -> int:
         return len(self.rgb)
 
-    def told(self, frame: int) -> tuple[float, float | None]:
+    def frame_times(self, frame: int) -> tuple[float, float | None]:
         """Return what the record of a frame says: its time, and its depth's where that is another, in seconds."""
         time_s, depth_time_s = float(self.rgb.seconds[frame]), float(self.depth.seconds[frame])
         return time_s, None if depth_time_s == time_s else depth_time_s

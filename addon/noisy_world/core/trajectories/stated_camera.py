@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The intrinsics that a trajectory's file states beside its poses: held against the camera that is rendered."""
+"""Intrinsics stated in a trajectory file, compared with the camera that is rendered."""
 
 import math
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ways through the free cells of a room: from one far point to another, smooth, and slower where they bend."""
+"""Smooth paths through the free cells of a room, from one far point to another, slower in bends."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The map of a run: the one that the system wrote, or the frames it was given, fused along its poses."""
+"""The map of a run: the mesh that the system wrote, or its input frames fused along its poses."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

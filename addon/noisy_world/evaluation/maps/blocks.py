@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Voxels in blocks, kept only where there is something: which block stands where in memory."""
+"""Sparse blocks of voxels, and where each block lies in memory."""
 
 from typing import TypeAlias
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which points the true cameras saw: a map is measured where it could have been made, and nowhere else."""
+"""Culling: only points that the true cameras saw are compared."""
 
 from enum import StrEnum
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The map of a path alone: the frames that were seen from it, fused along it."""
+"""Fuses the frames of a path to a map."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -35,14 +35,14 @@ class Fused:
     """A map that was fused.
 
     mesh: None where no frame saw anything. voxel_m: the edge of its voxels, more than was asked for where those would
-    have taken too much memory. frames: how many were fused. left_out: how many have a pose, but one that is kilometres
+    have taken too much memory. frames: how many were fused. excluded: how many have a pose, but one that is kilometres
     away from the first.
     """
 
     mesh: Mesh | None
     voxel_m: float
     frames: int
-    left_out: int = 0
+    excluded: int = 0
 
 
 def fuse(
@@ -62,12 +62,12 @@ def fuse(
     Raises ValueError where frames and poses differ in number, or a frame is not of the camera's size.
     """
     volume = ColourVolume(camera, voxel_m, most_blocks=most_blocks)
-    count, left_out = 0, 0
+    count, excluded = 0, 0
     for frame, c2w in zip(frames, poses, strict=True):
         if stopped():
             break
         if c2w is not None:
             pose = np.asarray(c2w, dtype=np.float64)
             within = volume.integrate(frame.depth_m, pose, frame.rgb, far_m=far_m)
-            count, left_out = count + within, left_out + (not within)
-    return Fused(volume.surface(), volume.voxel_m, count, left_out)
+            count, excluded = count + within, excluded + (not within)
+    return Fused(volume.surface(), volume.voxel_m, count, excluded)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Laying a map onto the truth by its points alone: iterated closest points (Besl and McKay 1992)."""
+"""Alignment of a map to the truth by iterative closest points (Besl and McKay 1992)."""
 
 from dataclasses import dataclass
 

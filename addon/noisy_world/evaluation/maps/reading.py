@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What maps are made of and held against, as a user names it: meshes and sequences."""
+"""Reads what a user names for a map's score: meshes and sequences."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +11,9 @@ from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.scenes.embedded import MEANT, is_embedded, room_seeds
 from ...core.scenes.mesh import Mesh
-from ...core.scenes.room import build_room
 from ...recipes.opened import Frame
 from ...recipes.opening import open_path
+from ...rooms import build_room
 from ...sources.mesh_reading import read_mesh
 
 MAP = "map.ply"

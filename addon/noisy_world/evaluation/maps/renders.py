@@ -2,6 +2,7 @@
 """A map as the true cameras would see it, against what they see: depth and colour."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -18,11 +19,24 @@ Compare: TypeAlias = Callable[[Colour, Colour], float]
 """A number for two images (H, W, 3) uint8 RGB, such as LPIPS."""
 
 
-def render_metrics(mesh: Mesh, views: Views, *, lpips: Compare | None = None) -> dict[str, float | None]:
-    """Return what renders of a mesh say, at most MOST_RENDERS, evenly chosen; the mesh lies as the truth does.
+@dataclass(frozen=True)
+class Rendered:
+    """What renders of a map and of the truth say; None for what nothing says. Means of colour are over images.
 
-    Depth is compared where both see something. Colour is compared over whole images, where the map has colours: void
-    is black. Means are over images, of depth over all pixels.
+    depth_l1_m: the mean difference where both see something. depth_share: of the true pixels, where the map is seen.
+    """
+
+    depth_l1_m: float | None
+    depth_share: float | None
+    psnr_db: float | None
+    ssim: float | None
+    lpips: float | None
+
+
+def compare_renders(mesh: Mesh, views: Views, *, lpips: Compare | None = None) -> Rendered:
+    """Compare at most MOST_RENDERS renders of a mesh, evenly chosen, with the true ones; it lies as the truth does.
+
+    Colour is compared over whole images, where the map has colours: void is black.
     """
     chosen = spread(len(views.c2w), MOST_RENDERS)
     error_m, both, true_pixels = 0.0, 0, 0
@@ -39,11 +53,8 @@ def render_metrics(mesh: Mesh, views: Views, *, lpips: Compare | None = None) ->
                 of_colour["ssim"].append(ssim(true.rgb, seen.rgb))
                 if lpips is not None:
                     of_colour["lpips"].append(lpips(true.rgb, seen.rgb))
-    values: dict[str, float | None] = {
-        "depth_l1_m": error_m / both if both else None,
-        "depth_share": both / true_pixels if true_pixels else None,
-    }
-    return values | {name: float(np.mean(numbers)) if numbers else None for name, numbers in of_colour.items()}
+    means = {name: float(np.mean(numbers)) if numbers else None for name, numbers in of_colour.items()}
+    return Rendered(error_m / both if both else None, both / true_pixels if true_pixels else None, **means)
 
 
 def psnr_db(true: Colour, seen: Colour) -> float:

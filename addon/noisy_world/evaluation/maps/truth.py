@@ -38,8 +38,8 @@ def seen_surface(mesh: Mesh, seen: Seen, margin_m: float, count: int, *names: st
     first = draw(corners_m, count, *names, 0)
     if not len(first):
         return None
-    told = seen.tell(first.points_m, margin_m)
-    parts, share = [first.only(told)], float(told.mean())
+    seen_points = seen.tell(first.points_m, margin_m)
+    parts, share = [first.only(seen_points)], float(seen_points.mean())
     for number in range(1, _ROUNDS):
         if share == 0 or sum(map(len, parts)) >= count:
             break
@@ -54,10 +54,10 @@ def seen_surface(mesh: Mesh, seen: Seen, margin_m: float, count: int, *names: st
     areas = areas_m2(corners_m)
     small = np.flatnonzero((areas < 4 * areas.sum() * share / len(samples)) & (areas > 0))  # such may have no sample
     centres_m = corners_m[small].mean(axis=1)
-    told = seen.tell(centres_m, margin_m)
-    points_m = np.concatenate([samples.points_m, centres_m[told]])
+    seen_points = seen.tell(centres_m, margin_m)
+    points_m = np.concatenate([samples.points_m, centres_m[seen_points]])
     return SeenSurface(
-        MapSurface(corners_m, points_m, np.concatenate([samples.triangles, small[told]])), samples, share
+        MapSurface(corners_m, points_m, np.concatenate([samples.triangles, small[seen_points]])), samples, share
     )
 
 

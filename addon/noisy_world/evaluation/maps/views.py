@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the true cameras see: of the true mesh, of a recording, and of a map that is held against them."""
+"""What the true cameras see of the true mesh, of a recording, and of an estimated map."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

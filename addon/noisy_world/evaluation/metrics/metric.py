@@ -40,9 +40,14 @@ class TrajectoryMetric(Metric):
     of_failed: bool = False
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
-            raise ValueError(f"{self.name!r} is no name: small letters, digits and underscores, a letter first")
-        if self.better not in get_args(Better):
-            raise ValueError(f"{self.name}: better is {self.better!r}, but has to be lower, higher or empty")
-        if not (self.label and self.meaning):
-            raise ValueError(f"{self.name}: needs a label and a meaning")
+        check_described(self)
+
+
+def check_described(metric: Metric) -> None:
+    """Raise ValueError for a name that is none, another `better`, and a label or meaning that is empty."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", metric.name):
+        raise ValueError(f"{metric.name!r} is no name: small letters, digits and underscores, a letter first")
+    if metric.better not in get_args(Better):
+        raise ValueError(f"{metric.name}: better is {metric.better!r}, but has to be lower, higher or empty")
+    if not (metric.label and metric.meaning):
+        raise ValueError(f"{metric.name}: needs a label and a meaning")

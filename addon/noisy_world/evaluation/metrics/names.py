@@ -11,7 +11,7 @@ from ...core.errors import NoisyWorldError
 from ...core.installed import Door, Registry
 from .compared import Compared, Delta
 from .errors import consecutive_pairs, relative_errors, spread_of
-from .metric import Compute, TrajectoryMetric
+from .metric import Compute, Metric, TrajectoryMetric
 from .protocols import Protocol
 from .success import (
     BAD_POSE_M,
@@ -310,12 +310,19 @@ def value_of(metric: TrajectoryMetric, compared: Compared) -> float | None:
     """
     if compared.failure and not metric.of_failed:
         return None
-    value: Any = metric.compute(compared)
+    return checked_value(metric, metric.compute(compared), METRICS)
+
+
+def checked_value(metric: Metric, value: Any, registry: Registry[Any]) -> float | None:
+    """Return what a metric of a registry gave as a number; None where it has no value.
+
+    Raises NoisyWorldError, naming it and its package, for what is neither None nor a finite number.
+    """
     if value is None:
         return None
     if isinstance(value, (int, float, np.integer, np.floating)) and np.isfinite(value):
         return float(value)
-    whose = METRICS.distribution(metric.name) if METRICS.get(metric.name) is metric else None
+    whose = registry.distribution(metric.name) if registry.get(metric.name) is metric else None
     raise NoisyWorldError(
         f"{f'{whose}: ' if whose else ''}the metric {metric.name} gave {str(value)[:40]}, but has to give a finite "
         "number, or None where it has no value"

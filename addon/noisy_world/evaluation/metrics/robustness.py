@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a system's results under perturbations compare with its own clean ones, and with those of a baseline.
+"""Robustness: a system's results under perturbations relative to its clean ones and to a baseline.
 
 Kong et al., "Robo3D: Towards robust and reliable 3D perception against corruptions", ICCV 2023, with the corruption
 error after Hendrycks and Dietterich, ICLR 2019. Scores go from 0 (worst) to 1, such as `success_auc`; an error is
@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 class Rate:
     """A mean over perturbations. value: None where none has a rate. by_perturbation: the rate of each, sorted by name.
 
-    left_out: perturbations that have none, as what they would be divided by is 0 or missing.
+    excluded: perturbations that have none, as what they would be divided by is 0 or missing.
     """
 
     value: float | None
     by_perturbation: dict[str, float] = field(default_factory=dict)
-    left_out: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
 
 def resilience_rate(scores: Mapping[str, Sequence[float]], clean: float | None) -> Rate:

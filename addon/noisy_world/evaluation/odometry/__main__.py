@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from ...core.errors import NoisyWorldError
+from ...core.exit_statuses import INTERRUPTED
 from ...core.requirements import missing_packages, missing_sentence
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 NAME = "rgbd_odometry"
 NEEDED = ("numpy", "cv2")
-INTERRUPTED = 130  # 128 + SIGINT (2), as shells give it
 
 
 def main(arguments: list[str] | None = None) -> int:

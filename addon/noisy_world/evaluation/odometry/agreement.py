@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How well two views agree at a motion that is said to lie between them, on a grid of pixels.
+"""How well two views agree under an estimated motion between them, on a grid of pixels.
 
 OpenCV's odometry never admits to being lost: it returns the motion with the least error, however large that is.
 """

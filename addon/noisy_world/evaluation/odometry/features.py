@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Views recognised by ORB features: where a camera was in relation to an earlier view, without any idea beforehand."""
+"""Relocalisation by ORB features: a view's pose relative to an earlier one, without an initial guess."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ from ...core.datasets.images import GREY_WEIGHTS_PER_MILLE
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.regular_files import read_bytes, read_text
-from ...core.schema import Place, key, parse
+from ...core.schema import ConfigPath, key, parse
 
 Grey: TypeAlias = NDArray[np.uint8]
 Depth: TypeAlias = NDArray[np.float32]
@@ -66,8 +66,8 @@ def read_index(path: Path) -> FrameIndex:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
     except ValueError as error:
         raise InputError(path, f"is no JSON: {error}") from error
-    index = parse(FrameIndex, value, Place(path))
-    at = Place(path).at("frames")
+    index = parse(FrameIndex, value, ConfigPath(path))
+    at = ConfigPath(path).at("frames")
     if not index.frames:
         raise at.error("names no frame")
     last_s = -math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Loops: where the path comes back to what was seen long before, the two views are aligned, and the drift is undone."""
+"""Loop closure: views where the path returns are found and aligned."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeAlias

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The images of a sequence as the odometry wants them: grey and depth in metres, of a size that is fast."""
+"""Images for the odometry: grey and depth in metres, scaled to a size that is fast."""
 
 from typing import TypeVar
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keyframes that are remembered, and views found among them: after a loss, and where the path returns."""
+"""Place recognition: keyframes in which views are found again, after tracking was lost and for loops."""
 
 from collections.abc import Callable, Iterable
 from typing import TypeAlias

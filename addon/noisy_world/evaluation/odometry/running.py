@@ -52,24 +52,24 @@ def run(
     with _repeatable():
         pictures = Pictures(index, widest_px=options.widest_px, smooth=options.smooth)
         places = Places(Aligner(pictures.camera), pictures)
-        story = _followed(index, pictures, places, progress, stopped)
-        ended = len(story.frames) == len(index.frames)
-        if not (ended and options.loops and story.keyframes):
-            return story.result(stopped=not ended)
+        history = _followed(index, pictures, places, progress, stopped)
+        ended = len(history.frames) == len(index.frames)
+        if not (ended and options.loops and history.keyframes):
+            return history.result(stopped=not ended)
         if not can_optimise():
             if progress:
                 progress.note(f"{NO_LOOPS}; run: {install_command('evaluate')}")
-            return story.result()
-        c2w = story.chained()
-        loops = find_loops(places, c2w, _usual(story), stopped=stopped)
-        return story.result(optimised(c2w, story.edges, loops) if loops else c2w, loops=len(loops))
+            return history.result()
+        c2w = history.chained()
+        loops = find_loops(places, c2w, _usual(history), stopped=stopped)
+        return history.result(optimised(c2w, history.edges, loops) if loops else c2w, loops=len(loops))
 
 
 def _followed(
     index: FrameIndex, pictures: Pictures, places: Places, progress: Progress | None, stopped: Callable[[], bool]
 ) -> TrackingHistory:
     """Track frame after frame; a frame that is lost is looked for among all keyframes."""
-    tracker, story = Tracker(places.aligner), TrackingHistory()
+    tracker, history = Tracker(places.aligner), TrackingHistory()
     if progress:
         progress.start("tracking", len(index.frames))
     for entry in index.frames:
@@ -85,17 +85,17 @@ def _followed(
             places.forget()
         if tracked.new_keyframe:
             places.remember(entry, view)
-        story.add(entry, tracked)
+        history.add(entry, tracked)
         if progress:
             progress.advance()
     if progress:
         progress.finish()
-    return story
+    return history
 
 
-def _usual(story: TrackingHistory) -> Agreement:
+def _usual(history: TrackingHistory) -> Agreement:
     """Return how well tracked views agree: the median of each number."""
-    seen = [tracked.agreement for _, tracked in story.frames if tracked.keyframe_from_camera is not None]
+    seen = [tracked.agreement for _, tracked in history.frames if tracked.keyframe_from_camera is not None]
     numbers = np.array([(a.overlap, a.seen, a.depth, a.grey, a.moved, a.error) for a in seen])
     return Agreement(*np.median(numbers, axis=0).tolist())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth that is noisy from pixel to pixel is smoothed before it is used, as far as its noise is measured to go."""
+"""Smooths noisy depth, by as much as its noise was measured to be."""
 
 import numpy as np
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frame after frame: where the camera is, and whether that is known.
+"""Tracking: the camera's pose frame after frame, and whether it is lost.
 
 A frame is aligned with the keyframe, which does not drift. Where it does not fit as the frame before did, it is aligned
 with the last frame, too, which hardly ever fails, and what fits the keyframe better is taken.

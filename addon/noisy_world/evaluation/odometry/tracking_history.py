@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of the frames of a sequence, and how its keyframes lie in one another."""
+"""The history of a run of the odometry: each frame's tracking state and pose, and the edges between keyframes."""
 
 from dataclasses import dataclass, replace
 from typing import TypeAlias

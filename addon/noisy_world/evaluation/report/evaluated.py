@@ -12,8 +12,8 @@ from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.success import LEAST_TRACKED
 from .labels import column_of
+from .paper_conditions import CLEAN
 from .reading import KEY, Results, read_object, records
-from .treatments import CLEAN
 
 LONGEST_LIST = 12
 
@@ -102,13 +102,13 @@ def _system(results: Results, system: str) -> str:
     versions: dict[str, set[str]] = {}
     for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
         path = results.run_folder(run) / "run.json"
-        told = read_object(path).get("versions") if path.is_file() else None
-        for name, version in (told if isinstance(told, Mapping) else {}).items():
+        systems = read_object(path).get("versions") if path.is_file() else None
+        for name, version in (systems if isinstance(systems, Mapping) else {}).items():
             versions.setdefault(str(name), set()).add(str(version))
     if versions:
         said.append(", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions)))
-    told = results.study.get("systems")
-    definition = told.get(system) if isinstance(told, Mapping) else None
+    systems = results.study.get("systems")
+    definition = systems.get(system) if isinstance(systems, Mapping) else None
     if definition is not None:
         said.append(f"definition {_digest(definition)}")
     return "; ".join(said)

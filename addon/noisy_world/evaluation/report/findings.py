@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..metrics.over_clean import OVER_CLEAN
 from .figures.ranking import Bar, RankPanel, ranking
+from .paper_conditions import CLEAN
 from .reading import Results, records
 from .tables import shown
-from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -8,19 +8,19 @@ import numpy as np
 
 from . import analysed
 from .analysed import Analyses, curves_of
-from .beside import beside_table, notes
 from .contents import Contents, Section
 from .evaluated import again, command, facts, opening
 from .figures.heat_map import Scale, heat_map
 from .findings import Ranked, SystemFound, found_of, ranking_picture, sentences, times
 from .headline import headline_table
 from .labels import column_of
+from .paper_comparison import notes, paper_comparison
+from .paper_conditions import CLEAN
 from .per_setting import in_order, main_metrics, settings_table
 from .published import published
 from .reading import RUN_KEY, Results
 from .run_pictures import path_picture, time_picture, worst_frames
 from .tables import NOTHING, Table, shown
-from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from .figures.drawing import Picture
@@ -36,7 +36,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     """Return the contents. Raises InputError where a file in the folder cannot be read."""
     missing = list(results.missing)
     paper = published()
-    beside = beside_table(results, paper)
+    beside = paper_comparison(results, paper)
     found = found_of(results, analyses["over_clean"])
     pictures, said = curves_of(analyses)
     sections = [

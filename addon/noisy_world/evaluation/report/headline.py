@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first table: a row for each system, with what is to be known first."""
+"""The report's first table: the main results, a row for each system."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

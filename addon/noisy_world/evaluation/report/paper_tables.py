@@ -5,12 +5,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .beside import LABELS, OURS, STRICT, treatments, with_spread
 from .escaping import latex
+from .paper_comparison import LABELS, OURS, STRICT, paper_conditions, with_spread
+from .paper_conditions import CLEAN, PaperCondition
 from .published import Printed, Published
 from .reading import Results
 from .tables import NOTHING, latex_tabular, shown
-from .treatments import CLEAN, Treatment
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -66,8 +66,8 @@ class LatexFile:
 
 def paper_tables(results: Results, paper: Published) -> list[LatexFile]:
     """Return a table for each set of perturbations, mode and measure that the results have."""
-    known = treatments(results)
-    runs = results.runs.assign(_treatment=results.runs["setting"].map(known))
+    known = paper_conditions(results)
+    runs = results.runs.assign(_condition=results.runs["setting"].map(known))
     sources = []
     for name, groups in SETS.items():
         for mode in ("static", "dynamic"):
@@ -78,7 +78,7 @@ def paper_tables(results: Results, paper: Published) -> list[LatexFile]:
     return sources
 
 
-def _columns(groups: Sequence[str], mode: str, known: set[Treatment]) -> list[tuple[str, Treatment]]:
+def _columns(groups: Sequence[str], mode: str, known: set[PaperCondition]) -> list[tuple[str, PaperCondition]]:
     return [
         (group, where)
         for group in groups
@@ -94,12 +94,12 @@ class _Layout:
 
     name: str
     mode: str
-    columns: Sequence[tuple[str, Treatment]]
+    columns: Sequence[tuple[str, PaperCondition]]
 
 
 def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) -> LatexFile:
     name, mode, columns = layout.name, layout.mode, layout.columns
-    clean = Treatment(CLEAN, "")
+    clean = PaperCondition(CLEAN, "")
     every = [clean, *(where for _, where in columns)]
     first, second = ["", ""], ["System", "Clean"]
     for group in dict.fromkeys(group for group, _ in columns):
@@ -117,7 +117,7 @@ def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) 
     return LatexFile(key, latex_tabular(key, caption, "l" + "r" * len(every), [first, second], body))
 
 
-def _heading(where: Treatment) -> str:
+def _heading(where: PaperCondition) -> str:
     said = latex(SHORT.get(where.perturbation, where.perturbation).replace("_", " "))
     values = []
     for name, value in where.parameters:
@@ -126,10 +126,10 @@ def _heading(where: Treatment) -> str:
     return " ".join([*([said] if said else []), *values]) or latex(where.perturbation)
 
 
-def _body(measure: str, every: Sequence[Treatment], runs: "DataFrame", paper: Published) -> Iterator[list[str]]:
+def _body(measure: str, every: Sequence[PaperCondition], runs: "DataFrame", paper: Published) -> Iterator[list[str]]:
     printed_as = {column: metric for metric, column in OURS.items()}.get(measure, "ate")
     for system, group in runs.groupby("system", sort=True):
-        yield [latex(str(system)), *(_ours(group[group["_treatment"] == where], measure) for where in every)]
+        yield [latex(str(system)), *(_ours(group[group["_condition"] == where], measure) for where in every)]
         numbers = [paper.find(str(system), where, printed_as) for where in every]
         if any(numbers):
             yield [r"\quad printed", *(_printed(number) for number in numbers)]

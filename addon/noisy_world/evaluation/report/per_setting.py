@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..metrics import METRICS
 from .labels import column_of
+from .paper_conditions import CLEAN
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
-from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which runs are drawn: of hundreds, those that show a system clean, as usual, at its worst and failing."""
+"""Chooses the runs that are drawn: a system's clean, median, worst and failed ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .paper_conditions import CLEAN
 from .reading import KEY, Results, records
-from .treatments import CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

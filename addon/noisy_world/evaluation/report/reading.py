@@ -200,11 +200,11 @@ def _missing_runs(runs: "DataFrame", sequences: "DataFrame") -> list[str]:
     every = sorted(
         set(sequences[list(KEY)].itertuples(index=False, name=None)) | {tuple(key[:3]) for key in done},
     )
-    told = []
+    lines = []
     for system in systems:
         lacking = [key for key in every if (*key, system) not in done]
         if lacking:
             first = ", ".join(f"{scene}/{setting}/seed-{seed}" for scene, setting, seed in lacking[:3])
             more = ", ..." if len(lacking) > 3 else ""
-            told.append(f"{system} has no run on {len(lacking)} of {len(every)} sequences: {first}{more}.")
-    return told
+            lines.append(f"{system} has no run on {len(lacking)} of {len(every)} sequences: {first}{more}.")
+    return lines

@@ -7,20 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.datasets.images import as_bytes
-from ...core.datasets.layouts import Modality, OutputFormat
-from ...core.errors import StorageError
+from ...core.datasets.layouts import OutputFormat
+from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.planning.sequence import Sequence
-from ...core.planning.source import RenderedFrame
+from ...pipeline.clean_files import CleanFiles, KeptFrame
 from ...recipes.frame_numbers import FrameNumbers
 from ...recipes.opened import Frame, OpenedSequence
-from .kept_frames import KeptFrames
 
 
 class CleanSequence(OpenedSequence):
     """The clean counterpart of a sequence, from kept clean frames: frame i shows what that of the sequence shows."""
 
-    def __init__(self, noisy: OpenedSequence, laid: Sequence, kept: KeptFrames, format_: OutputFormat) -> None:
+    def __init__(self, noisy: OpenedSequence, laid: Sequence, kept: CleanFiles, format_: OutputFormat) -> None:
         """Take the sequence and how it was laid out. format_: in whose steps depth is."""
         self.name = f"{noisy.name} without noise"
         self._noisy = noisy
@@ -52,21 +51,12 @@ class CleanCounterpart(Frame):
         self.stamp_s = self.depth_stamp_s = noisy.stamp_s
         self.c2w = noisy.c2w
         self._in = made_in
-        self._source = source
-
-    def _kept(self, modality: Modality) -> RenderedFrame:
-        found = self._in.kept.read(self._source, (modality,))
-        if found is None:
-            place = f"{self._in.kept.folder}: lost the clean frame {self._source}"
-            raise StorageError(f"{place}; run the same command again")
-        return found
+        self._kept = KeptFrame(made_in.kept, source)
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), RGB, not encoded."""
-        rgb = self._kept("rgb").rgb
-        assert rgb is not None, "it was asked for"
-        return as_bytes(rgb)
+        return as_bytes(self._kept.rgb)
 
     @property
     def rgb_uncompressed(self) -> NDArray[np.uint8]:
@@ -76,19 +66,17 @@ class CleanCounterpart(Frame):
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void, in the steps of the dataset's files."""
-        depth_m = self._kept("depth").depth_m
-        assert depth_m is not None, "it was asked for"
-        return self._in.format.stored_depth_m(depth_m)
+        return self._in.format.stored_depth_m(self._kept.depth_m)
+
+    def _other(self, channel: str) -> NDArray[Any]:
+        return self._kept.image(channel)
 
     @property
     def done(self) -> dict[str, Any]:
         """Nothing."""
         return {}
 
-    def rgb_bytes(self) -> bytes:
-        """Return the colour as an image file of the dataset would hold it."""
-        return self._in.format.encode_rgb(self.rgb)
-
-    def depth_bytes(self) -> bytes:
-        """Return the depth as an image file of the dataset would hold it."""
-        return self._in.format.encode_depth(self.depth_m)
+    def image_bytes(self, channel: str) -> bytes:
+        """Raise InputError: it is in no dataset."""
+        problem = f"{self.sequence}: its {channel} is in no file of a dataset"
+        raise InputError(self._in.kept.folder, problem, remedy="take the image itself")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What stays of a sequence after its runs: its true path, what its frames are like, and a few small pictures."""
+"""What is kept of a sequence after its runs: the true path, indicators, and a few thumbnails."""
 
 from collections.abc import Iterable, Mapping
 

@@ -14,7 +14,7 @@ from ...core.datasets.provenance import path_sha256
 from ...core.errors import InputError
 from ...core.presets.selection import selected
 from ...core.progress import Progress
-from ...core.schema import Place
+from ...core.schema import ConfigPath
 from ...perturbations import registry
 from ...recipes.from_files import OpenedFolder, SequenceOfFiles
 from ...recipes.opening import open_path
@@ -38,8 +38,8 @@ class FoundOrigin:
         if not isinstance(opened, OpenedFolder):
             raise InputError(folder, "holds sequences in tars, and systems read files", remedy="unpack them")
         self._opened = opened
-        standing = read_dataset_state(folder)
-        self._made_from = None if standing is None else standing.identity
+        state = read_dataset_state(folder)
+        self._made_from = None if state is None else state.identity
         seed = 0 if self._made_from is None else int(self._made_from["seed"])
         self._names = {_case(name, seed): name for name in opened}
         if len(self._names) < len(opened):
@@ -55,7 +55,7 @@ class FoundOrigin:
     def _wanted(self, what: Literal["scene", "setting"], globs: Sequence[str]) -> set[str]:
         """Return the scenes or settings that are wanted. Raises InputError where a glob matches none."""
         names = list(dict.fromkeys(getattr(case, what) for case in self._names))
-        return set(selected(names, list(globs) or None, Place(self._opened.place).at(f"{what}s")))
+        return set(selected(names, list(globs) or None, ConfigPath(self._opened.place).at(f"{what}s")))
 
     @property
     def identity(self) -> dict[str, Any]:

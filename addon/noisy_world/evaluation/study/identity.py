@@ -14,7 +14,7 @@ FOR_PEOPLE = ("preset", "preset_sha256")
 """Parts that decide nothing which other parts do not tell."""
 
 
-def opened(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
+def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
     """Write what is evaluated, beside what was before in the same folder.
 
     Raises StorageError where the folder holds a study of something else, in a line that names the first difference.
@@ -24,10 +24,10 @@ def opened(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int]
     if path.is_file():
         there = read_study(results)
         if problem := why_not(there, here):
-            raise StorageError(f"{results.folder}: holds another study: {problem}; {ANOTHER}")
+            raise StorageError(f"holds another study: {problem}", file=results.folder, remedy=ANOTHER)
         here = merged(there, here)
     elif results.folder.is_dir() and any(item.name != results.work.name for item in results.folder.iterdir()):
-        raise StorageError(f"{results.folder}: is not empty and holds no study; {ANOTHER}")
+        raise StorageError("is not empty and holds no study", file=results.folder, remedy=ANOTHER)
     results.write_json(path, {"kind": KIND, "format": FORMAT, "study": here})
 
 

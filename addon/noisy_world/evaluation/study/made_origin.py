@@ -8,28 +8,32 @@ from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
+from ...core.datasets.identity_mismatch import clean_identity
 from ...core.datasets.layouts import find_sequence
 from ...core.datasets.provenance import plain_identity
+from ...core.datasets.storage import sha256_of_bytes
 from ...core.errors import InputError
 from ...core.perturbing.steps import Setting
 from ...core.planning.plan import Plan, Render, lay_out_plan, read_settings
+from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
-from ...core.planning.source import Scene, Source
-from ...core.presets.preset import Preset, check_document
+from ...core.presets.preset import Preset, canonical, check_document
 from ...core.progress import Progress
 from ...perturbations import registry
+from ...pipeline.clean_files import CleanFiles, frames_bytes
+from ...pipeline.frame_maker import FrameMaker, KeptScene, render_options
 from ...pipeline.run import Run
 from ...pipeline.versions import versions_of
 from ...recipes.opening import open_path
 from ...sources import find_scenes
 from .cases import Case, Condition
 from .clean_sequence import CleanSequence
-from .kept_frames import KeptFrames, KeptSource, frames_bytes
 from .notes import NotesOnly
 from .origin import CaseSequence
 from .repeating import depends_on_seed
 from .results import ResultsFolder
-from .scene_cache import CachedSource, SceneCache
+
+KEY_DIGITS = 16  # of the hash of what decides a render's frames
 
 
 class MadeOrigin:
@@ -65,7 +69,8 @@ class MadeOrigin:
         self._keep = keep
         self._keep_clean = keep_clean
         self._stop = stop or threading.Event()
-        self._holder = SceneCache()
+        self._scene = KeptScene()
+        self._clean: dict[str, CleanFiles] = {}  # by the name of the folder
 
     @cached_property
     def whole(self) -> Plan:
@@ -84,10 +89,14 @@ class MadeOrigin:
     @property
     def clean_bytes(self) -> int:
         """How many bytes the clean frames of the largest scene take while it is evaluated; 0 where none are kept."""
-        kept = [scene for scene in self._scenes.values() if scene.source.gives.rendered]
+        renders = [render for render in self.whole.renders if render.scene.source.capabilities.rendered]
         seeds = len(self.seeds) if self.renders_by_seed else 1
-        return max(
-            (seeds * frames_bytes(self.whole.cameras[scene.name], scene.frame_count) for scene in kept), default=0
+        return seeds * max(
+            (
+                frames_bytes(render.camera, len(render.frames), render_options(self.whole, render).channels)
+                for render in renders
+            ),
+            default=0,
         )
 
     @property
@@ -113,7 +122,7 @@ class MadeOrigin:
 
     def _varies(self, setting: Setting, scene: Scene, seed: int) -> bool:
         """Tell whether a sequence with a seed is another than that with the first one."""
-        by_seed = scene.source.gives.rendered and self.renders_by_seed
+        by_seed = scene.source.capabilities.rendered and self.renders_by_seed
         return depends_on_seed(setting, scene, (self.seeds[0], seed), renders_by_seed=by_seed)
 
     def condition(self, setting: str) -> Condition:
@@ -128,8 +137,10 @@ class MadeOrigin:
         """
         plan, kept = self._plan(case)
         folder = self._results.making(case, keep=self._keep)
-        Run(plan, folder, progress=NotesOnly(progress, case.scene), stop=self._stop).make_dataset()
         (render,) = plan.renders
+        heard = NotesOnly(progress, case.scene)
+        frames = FrameMaker(plan, progress=heard, stop=self._stop, scene=self._scene, clean=kept)
+        Run(plan, folder, progress=heard, stop=self._stop, frames=frames).make_dataset()
         (sequence,) = render.sequences
         opened = open_path(folder)[sequence.folder]
         place = folder / sequence.folder
@@ -137,34 +148,38 @@ class MadeOrigin:
         clean = CleanSequence(opened, sequence, kept, plan.format) if changed and kept is not None else None
         mesh = self._scenes[case.scene].source.mesh
         yield CaseSequence(place, find_sequence(place).trajectory, opened, clean, mesh)
-        if render.moving and kept is not None:
+        if (render.moving or render.exposure) and kept is not None:
+            self._clean.pop(kept.folder.name, None)
             self._results.remove(kept.folder)
         if not self._keep:
             self._results.remove(folder)
 
     def finished(self, scene: str) -> None:
         """Remove the clean frames of a scene, and let go of it."""
-        self._holder.close()
+        self._scene.close()
+        self._clean.clear()
         self._results.remove(self._results.clean_frames(scene))
 
-    def _plan(self, case: Case) -> tuple[Plan, KeptFrames | None]:
+    def _plan(self, case: Case) -> tuple[Plan, CleanFiles | None]:
         """Return the plan of a case's sequence alone, with where its clean frames are kept."""
         preset = _with_seed(self.preset, case.seed)
-        setting, scene = self._settings[case.setting], self._scenes[case.scene]
-        plan = lay_out_plan(preset, (setting,), [scene])
-        (render,) = plan.renders
-        kept = self._kept(render, case)
-        source: Source = CachedSource(scene.source, scene.name, self._holder, self.renders_by_seed)
-        scene = replace(scene, source=source if kept is None else KeptSource(source, kept))
-        return replace(plan, renders=(replace(render, scene=scene),)), kept
+        plan = lay_out_plan(preset, (self._settings[case.setting],), [self._scenes[case.scene]])
+        return plan, self._kept(plan.renders[0], case)
 
-    def _kept(self, render: Render, case: Case) -> KeptFrames | None:
-        if not (self._keep_clean and render.scene.source.gives.rendered):
+    def _kept(self, render: Render, case: Case) -> CleanFiles | None:
+        own = bool(render.moving or render.exposure)  # for this case alone
+        if (
+            not self._keep_clean
+            or not render.scene.source.capabilities.rendered
+            or (own and not _images_changed(render))
+        ):
             return None
-        folder = self._results.clean_frames(case.scene)
-        if render.moving:  # for this case alone
-            return KeptFrames(folder / f"{case.setting}@{case.seed}") if _images_changed(render) else None
-        return KeptFrames(folder / (f"seed-{case.seed}" if self.renders_by_seed else "all"))
+        made_from = clean_identity(self.identity, case.scene, case.setting if own else "")
+        made_from["seed"] = case.seed if own or self.renders_by_seed else None
+        name = sha256_of_bytes(canonical(made_from).encode())[:KEY_DIGITS]
+        return self._clean.setdefault(
+            name, CleanFiles(self._results.clean_frames(case.scene) / name, self._results.work)
+        )
 
 
 def _images_changed(render: Render) -> bool:

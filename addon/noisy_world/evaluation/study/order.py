@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a study is to do, as plain values: processes on this machine and on others are handed it."""
+"""The order for a study as plain values, which is sent to worker processes here and elsewhere."""
 
 import json
 from dataclasses import asdict, dataclass

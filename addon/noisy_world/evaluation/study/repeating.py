@@ -8,8 +8,8 @@ from ...core.geometry import Intrinsics
 from ...core.perturbing.execution import move, perturb_depth, perturb_rgb, split_motion
 from ...core.perturbing.kinds import FrameContext, Identifiers
 from ...core.perturbing.steps import Setting
+from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
-from ...core.planning.source import Scene
 
 PROBED_FRAMES = 12  # of which a severity that is drawn differs somewhere but in one of 10^8 cases
 PROBE_PX = (64, 48)

@@ -12,10 +12,9 @@ from typing import Any
 
 from ...core.datasets.dataset_state import WORK_FOLDER
 from ...core.datasets.json_text import read_json
-from ...core.datasets.storage import storage_errors, write_atomic
+from ...core.datasets.storage import own_scratch, storage_errors, write_atomic
 from ...core.errors import StorageError
 from .cases import Case, SystemRun
-from .kept_frames import own_scratch
 
 STUDY = "study.json"
 SCORES = "scores.json"
@@ -85,7 +84,9 @@ class ResultsFolder:
         try:
             return read_json(path)
         except (FileNotFoundError, ValueError) as error:
-            raise StorageError(f"{path}: {error}; remove its folder and run the same command again") from error
+            raise StorageError(
+                str(error), file=path, remedy="remove its folder and run the same command again"
+            ) from error
 
     def remove(self, folder: Path) -> None:
         """Remove a folder of ours with all that is in it, and the folders above it that are empty then."""

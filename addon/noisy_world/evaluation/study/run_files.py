@@ -34,4 +34,4 @@ def read_run_record(folder: Path) -> RunRecord | None:
 
 
 def _damaged(path: Path, problem: str) -> StorageError:
-    return StorageError(f"{path}: {problem}; remove its folder and run the same command again")
+    return StorageError(problem, file=path, remedy="remove its folder and run the same command again")

@@ -8,11 +8,12 @@ from typing import Any
 
 from ...core.presets.preset import check_document
 from ...core.progress import Progress
+from ..maps.names import MAP_METRICS
 from ..metrics import METRICS
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import System
-from ..systems.registry import find_system, isolating
+from ..systems.registry import find_systems, isolating
 from ..systems.running import run_system
 from .cases import Case, SystemRun
 from .describing import describe, show, worst_frames
@@ -36,7 +37,7 @@ class Study:
         """
         self.order = order
         self.results = ResultsFolder(order.folder)
-        self.systems = {system.name: system for system in isolating(map(find_system, order.systems), order.isolate)}
+        self.systems = {system.name: system for system in isolating(find_systems(order.systems), order.isolate)}
         self._stop = stop
 
     @cached_property
@@ -108,7 +109,12 @@ class Study:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
         how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol}
-        if brought := {name: str(found) for name in METRICS if (found := METRICS.distribution(name))}:
+        if brought := {
+            name: str(found)
+            for registry in (METRICS, MAP_METRICS)
+            for name in registry
+            if (found := registry.distribution(name))
+        }:
             how["metrics"] = brought
         return {**how, "subject": self.origin.identity, "systems": systems}
 

@@ -49,8 +49,8 @@ class _Conditions:
         name = case.setting
         plain = Condition("clean" if name in (CLEAN, RECORDED) else name, "", "")
         found = self._found.get(name, plain)
-        told = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
-        return {"scene": case.scene, "setting": name, **told, "seed": case.seed}
+        condition = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
+        return {"scene": case.scene, "setting": name, **condition, "seed": case.seed}
 
 
 def _run_row(results: ResultsFolder, run: SystemRun, conditions: _Conditions, protocol: str) -> Row:

@@ -21,10 +21,12 @@ def read_study(results: ResultsFolder) -> dict[str, Any]:
     path = results.folder / STUDY
     content = results.read_json(path)
     if not isinstance(content, dict) or content.get("kind") != KIND or content.get("format") != FORMAT:
-        raise StorageError(f"{path}: is not of this version of Noisy World; {ANOTHER}")
+        raise StorageError("is not of this version of Noisy World", file=path, remedy=ANOTHER)
     study: Any = content.get("study")
     if problem := _problem(study):
-        raise StorageError(f"{path}: study: {problem}, so it is not as it was written; copy it again, or {ANOTHER}")
+        raise StorageError(
+            f"study: {problem}, so it is not as it was written", file=path, remedy=f"copy it again, or {ANOTHER}"
+        )
     return study
 
 
@@ -50,7 +52,9 @@ def read_indicators(results: ResultsFolder, case: Case) -> dict[str, Any]:
 
 
 def _not_as_written(path: Path) -> StorageError:
-    return StorageError(f"{path}: is not as it was written; remove its folder and run the same command again")
+    return StorageError(
+        "is not as it was written", file=path, remedy="remove its folder and run the same command again"
+    )
 
 
 def _is_values(value: Any) -> bool:
@@ -82,7 +86,10 @@ def _problem(study: Any) -> str:
         return "seeds: is no list of whole numbers"
     if type(study.get("repeats")) is not int:
         return "repeats: is no whole number"
-    return next((f"subject.settings.{name}: {told}" for name, each in settings.items() if (told := _steps(each))), "")
+    return next(
+        (f"subject.settings.{name}: {wrong}" for name, each in settings.items() if (wrong := _steps(each))),
+        "",
+    )
 
 
 def _steps(setting: Any) -> str:

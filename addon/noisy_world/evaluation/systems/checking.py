@@ -49,8 +49,8 @@ def system_versions(system: System) -> dict[str, str]:
     if shutil.which(program) is None:
         raise _missing(system, f"there is no program {program}")
     if system.isolate == "bubblewrap" and (problem := isolation_problem()):
-        told = f"system {system.name} cannot be isolated by bubblewrap: {problem}"
-        raise MissingDependencyError(f"{told}; or leave out isolate")
+        message = f"system {system.name} cannot be isolated by bubblewrap: {problem}"
+        raise MissingDependencyError(f"{message}; or leave out isolate")
     return _asked_versions(system) if system.versions else {}
 
 
@@ -114,7 +114,7 @@ def _asked_versions(system: System) -> dict[str, str]:
             (work / folder).mkdir()
         started, variables = prepared(system, command, work)
         said, errors = work / "said.txt", work / "errors.txt"
-        told = watched(
+        outcome = watched(
             started,
             variables,
             [work / "out", work / "tmp"],
@@ -128,13 +128,15 @@ def _asked_versions(system: System) -> dict[str, str]:
             texts = [read_text(file, errors="replace") for file in (said, errors)]
         except OSError:  # it has removed or replaced them, so it says nothing
             texts = ["", ""]
-    if told.ended == "limit":
+    if outcome.ended == "limit":
         raise _missing(system, f"its command for versions took more than {VERSIONS_LIMIT_S:g} s")
-    if told.ended != "itself":
-        raise _missing(system, sentence(f"its command for versions failed: {told.problem}"))
-    if told.status != 0:
+    if outcome.ended != "itself":
+        raise _missing(system, sentence(f"its command for versions failed: {outcome.problem}"))
+    if outcome.status != 0:
         lines = [line for line in texts[1].splitlines() if line.strip()]
-        raise _missing(system, sentence(lines[-1]) if lines else f"its command for versions ended with {told.status}")
+        raise _missing(
+            system, sentence(lines[-1]) if lines else f"its command for versions ended with {outcome.status}"
+        )
     return _texts(system, texts[0])
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 from ...core.datasets.layouts import LAYOUTS
 from ...core.errors import InputError
 from ...core.regular_files import read_bytes
-from ...core.schema import Choice, Place, key, parse, shown
+from ...core.schema import Choice, ConfigPath, key, parse, shown
 from ...core.yaml_reading import read_yaml
 from .leavings import LARGEST_READ_BYTES
 from .readers import READERS, TEXT_FORMATS
@@ -126,7 +126,7 @@ class Limits:
     """What a run may take, and what of it is read: so that no system ends a study."""
 
     estimate_mb: float = key(
-        "of the estimate, and of the keyframes and frames.csv each; of an array or a checkpoint, what is read of it",
+        "of the estimate, and of the keyframes and frames.csv each; of an array, what is read of it",
         unit="MB",
         default=LARGEST_READ_BYTES / 1e6,
         above=0.0,
@@ -206,8 +206,10 @@ class System:
         Keys that have their defaults are not in it, so that it stays when a release adds one.
         """
         usual = asdict(System("", (), Writes("")))
-        told = {name: value for name, value in asdict(self).items() if name not in UNDECISIVE and value != usual[name]}
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        deciding = {
+            name: value for name, value in asdict(self).items() if name not in UNDECISIVE and value != usual[name]
+        }
+        return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
 
 def read_system(path: Path) -> System:
@@ -216,7 +218,7 @@ def read_system(path: Path) -> System:
         content = read_bytes(path)
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror}") from error
-    place = Place(path)
+    place = ConfigPath(path)
     document = read_yaml(content, path)
     if isinstance(document, Mapping) and "file" in document:
         raise place.at("file").error("is no key of a system", "the file of the estimate is writes.file")
@@ -225,7 +227,7 @@ def read_system(path: Path) -> System:
     return system
 
 
-def _check(system: System, place: Place) -> None:
+def _check(system: System, place: ConfigPath) -> None:
     for index, name in enumerate(system.reads.layouts):
         if name not in LAYOUTS:
             raise (
@@ -246,7 +248,7 @@ def _check(system: System, place: Place) -> None:
         raise place.at("writes").at("keyframes").error(problem)
 
 
-def _check_convention(writes: Writes, place: Place) -> None:
+def _check_convention(writes: Writes, place: ConfigPath) -> None:
     """Refuse to be told what a format says itself."""
     if writes.format in ("auto", *TEXT_FORMATS):
         return
@@ -256,7 +258,7 @@ def _check_convention(writes: Writes, place: Place) -> None:
             raise place.at(name).error(f"is given, but {writes.format} says it itself", "leave it out")
 
 
-def _check_word(system: System, word: str, place: Place) -> None:
+def _check_word(system: System, word: str, place: ConfigPath) -> None:
     named = _PLACEHOLDER.findall(word)
     if "sequence" in named and not system.reads.layouts:
         raise place.error("names {sequence}, but reads.layouts is empty", f"say which of {', '.join(LAYOUTS)} it reads")

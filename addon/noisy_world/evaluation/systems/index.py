@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a system is told of a sequence: the index {frames}, and the folder {sequence}. Neither holds a true pose.
+"""The input of a system: the index {frames} and the folder {sequence}, neither of which holds a true pose.
 
 Images are copies, so that a system which changes them spoils nothing but its own run; where it cannot, as it is
 isolated, they are links.
@@ -180,7 +180,7 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
         "its lens distorts": ("undistort: true", lens and stored.optics.distortion is not None),
         "its depth images mark void otherwise than by 0": ("", bool(stored.void_steps)),
     }
-    found = {told: key for told, (key, is_so) in problems.items() if is_so}
+    found = {problem: key for problem, (key, is_so) in problems.items() if is_so}
     if found:
         keys = " and ".join(key for key in found.values() if key)
         remedy = "make a dataset of it first" + (f", with {keys} for the scene" if keys else "")

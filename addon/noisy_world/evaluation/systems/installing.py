@@ -99,7 +99,7 @@ def _is_whole(folder: Path, digest: str) -> bool:
 def _make_environment(folder: Path, python: str, digest: str, tell: Callable[[str], None]) -> None:
     ours = not folder.exists() or (folder / "pyvenv.cfg").exists() or (folder / _UNFINISHED).exists()
     if not ours and any(folder.iterdir()):
-        raise StorageError(f"{folder}: is there, and is no Python environment; move it away")
+        raise StorageError("is there, and is no Python environment", file=folder, remedy="move it away")
     tell(f"making {folder} with {python}")
     with storage_errors(folder):
         shutil.rmtree(folder, ignore_errors=True)
@@ -124,4 +124,4 @@ def _run(command: list[str], folder: Path, problem: str) -> None:
     if done.returncode != 0:
         lines = [line.strip() for line in done.stdout.splitlines() if line.strip()]
         said = next((line for line in reversed(lines) if line.lower().startswith("error")), (lines or [""])[-1])
-        raise StorageError(f"{folder}: {problem}: {said or f'status {done.returncode}'}")
+        raise StorageError(f"{problem}: {said or f'status {done.returncode}'}", file=folder)

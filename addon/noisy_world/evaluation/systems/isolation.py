@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A system kept apart by bubblewrap: it sees what it is given and the programs it needs, and writes its own folder.
+"""Isolation by bubblewrap: a system sees its input and its programs, and can write only its own folder.
 
 bubblewrap (https://github.com/containers/bubblewrap) makes the namespaces; here it is only told what is in them.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a system leaves is anything: only regular files of its own folder are read, no larger than its limits say."""
+"""Reads what a system wrote: only regular files in its own folder, and none larger than its limits."""
 
 import contextlib
 import os
@@ -7,7 +7,7 @@ import shutil
 import stat
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from ...core.errors import InputError, one_line
@@ -21,37 +21,31 @@ class OverLimitError(InputError):
     """What a system left is more than its limits allow to be read."""
 
 
-def found_output(folder: Path, pattern: str, *, folders: bool = False) -> Path | None:
+def found_output(folder: Path, pattern: str) -> Path | None:
     """Return what a name or a pattern stands for in a system's folder; the first by name of several, None of none.
 
-    It may be anything: `check_output` tells. folders: whether a folder is meant too.
+    It may be anything but a folder: `check_output` tells.
     """
     with contextlib.suppress(OSError):  # a name too long, or a folder that may not be listed
-        return min((path for path in folder.glob(pattern) if folders or not _is_folder(path)), default=None)
+        return min((path for path in folder.glob(pattern) if not _is_folder(path)), default=None)
     return None
 
 
 def check_output(path: Path, folder: Path, largest_bytes: int | None, key: str) -> None:
-    """Raise InputError where a file or folder that a system left is not to be read.
+    """Raise InputError where a file that a system left is not to be read.
 
-    That is: a pipe, a socket, a device or a link that leads out of the system's folder, in it too; OverLimitError where
-    it has more bytes than the limit, which `key` names in the system's definition; None for any.
+    That is: a pipe, a socket, a device or a link that leads out of the system's folder; OverLimitError where it has
+    more bytes than the limit, which `key` names in the system's definition; None for any.
     """
-    files = [path, *(Path(entry.path) for entry in _below(path))] if _is_folder(path) else [path]
-    total = 0
-    for file in files:
-        where = "" if file is path else os.fspath(file.relative_to(path))
-        if not _inside(file, folder):
-            raise InputError(path, "is a link that leads out of the folder that the system writes into", where=where)
-        if _is_folder(file):
-            continue
-        try:
-            check_regular(file)
-            total += file.stat().st_size
-        except OSError as error:
-            raise InputError(path, str(error.strerror or error), where=where) from None
-        if largest_bytes is not None and total > largest_bytes:
-            raise OverLimitError(path, f"has more than the {largest_bytes / 1e6:g} MB of {key}")
+    if not _inside(path, folder):
+        raise InputError(path, "is a link that leads out of the folder that the system writes into")
+    try:
+        check_regular(path)
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(path, str(error.strerror or error)) from None
+    if largest_bytes is not None and size > largest_bytes:
+        raise OverLimitError(path, f"has more than the {largest_bytes / 1e6:g} MB of {key}")
 
 
 def sentence(text: str) -> str:
@@ -101,20 +95,6 @@ def restore_folder(folder: Path, keep: tuple[str, ...]) -> None:
         plain = not item.is_symlink() and (item.is_file() or item.is_dir())
         if item.name not in keep or not plain:
             remove_tree(item)
-
-
-def _below(folder: Path) -> Iterator[os.DirEntry[str]]:
-    """Yield what is in a folder and in those in it; links are not followed."""
-    waiting = [os.fspath(folder)]
-    while waiting:
-        try:
-            with os.scandir(waiting.pop()) as entries:
-                for entry in entries:
-                    yield entry
-                    if entry.is_dir(follow_symlinks=False):
-                        waiting.append(entry.path)
-        except OSError as error:
-            raise InputError(folder, f"cannot be read: {error.strerror or error}") from None
 
 
 def _is_folder(path: Path) -> bool:

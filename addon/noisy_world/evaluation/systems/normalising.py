@@ -53,7 +53,7 @@ def normalised(
     frames' images, for a format that names them. largest_bytes: more of an estimate is not read.
     """
     of_reader = writes.format not in ("auto", *TEXT_FORMATS)
-    path = found_output(folder, pattern or writes.file, folders=of_reader)
+    path = found_output(folder, pattern or writes.file)
     if path is None:
         return Normalised(Outcome.NO_ESTIMATE, f"it wrote no {pattern or writes.file}", NOTHING)
     try:

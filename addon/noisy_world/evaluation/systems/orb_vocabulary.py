@@ -57,7 +57,7 @@ def rendered(frames: int) -> list[NDArray[np.uint8]]:
     with render.scene.source.prepare(render.camera, print) as prepared:
         source = prepared.open(paths, render_options(plan, render), print)
         requests = [paths.request(number) for number in range(frames)]
-        return [CleanFrame(request.frame, source.frame(request)).byte_rgb() for request in requests]
+        return [CleanFrame(request.frame, source.frame(request)).byte_rgb for request in requests]
 
 
 def descriptors(rgb: NDArray[np.uint8]) -> Bits:

@@ -9,7 +9,7 @@ from typing import cast, get_args
 
 from ...core.errors import InputError, NoisyWorldError
 from ...core.installed import Brought, Distribution, add, loaded_entries
-from ...core.schema import Place, unknown_name
+from ...core.schema import ConfigPath, unknown_name
 from .definition import IsolateBy, System, read_system
 
 SHIPPED = Path(__file__).parent / "shipped"
@@ -57,7 +57,7 @@ def find_system(name: str) -> System:
         return read_system(SHIPPED / f"{name}.yaml")
     definitions = _definitions()
     if name not in definitions:
-        raise unknown_name(Place("--systems"), "system", name, list(definitions))
+        raise unknown_name(ConfigPath("--systems"), "system", name, list(definitions))
     return _read(definitions[name].item)
 
 
@@ -84,25 +84,23 @@ def _read(definition: _Definition) -> System:
     try:
         system = read_system(definition.file)
     except InputError as error:
-        raise NoisyWorldError(f"{definition.where}: {error}; mend or uninstall the package") from error
+        raise NoisyWorldError(str(error), file=definition.where, remedy="mend or uninstall the package") from error
     if system.name != definition.name:
         raise NoisyWorldError(
-            f"{definition.where}: {definition.file.name} defines {system.name}; name the file like the system"
+            f"{definition.file.name} defines {system.name}",
+            file=definition.where,
+            remedy="name the file like the system",
         )
     return system
 
 
-def find_systems(names: str) -> list[System]:
-    """Return the systems of a list with commas. Raises InputError, also where two have one name."""
-    systems = [find_system(name.strip()) for name in names.split(",") if name.strip()]
-    if not systems:
-        raise InputError("--systems", "names no system", remedy=f"known here: {', '.join(system_names())}, or a .yaml")
-    seen: dict[str, System] = {}
-    for system in systems:
-        if system.name in seen:
+def find_systems(names: Iterable[str]) -> list[System]:
+    """Return systems by their names or files. Raises InputError, also where two that differ have one name."""
+    found: dict[str, System] = {}
+    for system in map(find_system, names):
+        if found.setdefault(system.name, system) != system:
             raise InputError(system.file, f"is a second system called {system.name}", where="name", remedy="rename one")
-        seen[system.name] = system
-    return systems
+    return list(found.values())
 
 
 def isolating(systems: Iterable[System], isolate: str) -> list[System]:

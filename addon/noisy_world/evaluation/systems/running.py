@@ -62,7 +62,7 @@ def run_system(
     command, variables = prepared(system, command, work)
     limits, limit_s = system.limits, system.time_limit.of(len(given))
     writes = [work / "out", work / "tmp"]
-    told = watched(command, variables, writes, out / LOG, limits, limit_s=limit_s, grace_s=GRACE_S, stop=stop)
+    ended = watched(command, variables, writes, out / LOG, limits, limit_s=limit_s, grace_s=GRACE_S, stop=stop)
     with storage_errors(out):
         restore_folder(out, (work.name, LOG))
         lost = not (out / LOG).is_file()
@@ -70,7 +70,7 @@ def run_system(
             (out / LOG).write_text("")
     if stop is not None and stop.is_set():
         raise InterruptedRunError(f"{system.name} was stopped; its run will be made anew")
-    record = _record(system, given, told, out, work / "out", maps=maps)
+    record = _record(system, given, ended, out, work / "out", maps=maps)
     if lost:
         record = replace(record, detail=_sentences(record.detail, f"it removed its {LOG}"))
     if not remove_tree(work / "given" if keep else work):
@@ -117,10 +117,10 @@ def _command(system: System, given: GivenSequence, work: Path, names: Mapping[st
 
 
 def _record(
-    system: System, given: GivenSequence, told: CommandOutcome, out: Path, written: Path, *, maps: bool
+    system: System, given: GivenSequence, ended: CommandOutcome, out: Path, written: Path, *, maps: bool
 ) -> RunRecord:
     """Write what the system estimated; return how the run ended."""
-    outcome, detail = _how_it_ended(told, system.time_limit.of(len(given)))
+    outcome, detail = _how_it_ended(ended, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
         found = _estimated(system, given, written)
         outcome, detail = found.outcome, found.detail
@@ -132,25 +132,25 @@ def _record(
         outcome=outcome,
         detail=sentence(detail),
         frames=len(given),
-        seconds=round(told.seconds, 3),
-        processor_s=_rounded(told.processor_s),
-        peak_memory_bytes=told.peak_memory_bytes,
-        exit_status=told.status,
+        seconds=round(ended.seconds, 3),
+        processor_s=_rounded(ended.processor_s),
+        peak_memory_bytes=ended.peak_memory_bytes,
+        exit_status=ended.status,
         versions=system_versions(system),
         isolated="" if system.isolate == "none" else system.isolate,
     )
 
 
-def _how_it_ended(told: CommandOutcome, limit_s: float) -> tuple[Outcome, str]:
-    if told.ended == "limit":
+def _how_it_ended(run: CommandOutcome, limit_s: float) -> tuple[Outcome, str]:
+    if run.ended == "limit":
         return Outcome.TIMED_OUT, f"was stopped after {limit_s:g} s; {LOG} holds what it said"
-    if told.ended == "over":
-        return Outcome.OVER_LIMIT, told.problem
-    if told.status is None:
-        return Outcome.CRASHED, told.problem
-    if told.status == 0:
+    if run.ended == "over":
+        return Outcome.OVER_LIMIT, run.problem
+    if run.status is None:
+        return Outcome.CRASHED, run.problem
+    if run.status == 0:
         return Outcome.FINISHED, ""
-    ended = f"ended with status {told.status}" if told.status > 0 else f"was ended by {_signal_name(-told.status)}"
+    ended = f"ended with status {run.status}" if run.status > 0 else f"was ended by {_signal_name(-run.status)}"
     return Outcome.CRASHED, f"{ended}; {LOG} holds what it said"
 
 

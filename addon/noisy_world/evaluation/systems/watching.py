@@ -82,7 +82,7 @@ def watched(
     )
     assert process.stdin is not None
     assert process.stdout is not None
-    told: CommandOutcome | None = None
+    ended: CommandOutcome | None = None
     try:
         _wait(process, begun_s + limit_s + grace_s + OVERDUE_S, stop)
     finally:
@@ -91,14 +91,14 @@ def watched(
             process.wait(grace_s + OVERDUE_S)
         if process.poll() == 0:
             os.set_blocking(process.stdout.fileno(), False)  # a process that could not be ended may hold it
-            told = _parsed(process.stdout.read(LONGEST_TOLD))
+            ended = _parsed(process.stdout.read(LONGEST_TOLD))
         process.stdout.close()
-        if told is None:
+        if ended is None:
             process.kill()
             process.wait()
             end_marked(mark)
     problem = "it ended, stopped or disturbed the process that watches over it"
-    return told or CommandOutcome("unwatched", problem, seconds=time.monotonic() - begun_s)
+    return ended or CommandOutcome("unwatched", problem, seconds=time.monotonic() - begun_s)
 
 
 def _wait(process: subprocess.Popen[bytes], until_s: float, stop: threading.Event | None) -> None:

@@ -2,7 +2,8 @@
 """Dataset layouts: each is an object, which both writes and reads; those of RECORDED are read alone."""
 
 import re
-from pathlib import Path
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
 
 from ...errors import InputError
 from ...installed import Door, Registry
@@ -77,6 +78,12 @@ LAYOUTS = EVERY.only(Layout)
 
 RECORDED = EVERY.only(RecordedLayout)
 """Every layout of recordings that is read and not written, by its name."""
+
+
+def file_of(channel: Modality, names: Iterable[str]) -> str | None:
+    """Return which of a frame's files is of a channel that layouts know nothing of, in any layout; None for none."""
+    patterns = [pattern for layout in LAYOUTS.values() for pattern in layout.channel_patterns(channel)]
+    return next((name for name in names if any(map(PurePosixPath(name).match, patterns))), None)
 
 
 def known_recordings() -> str:

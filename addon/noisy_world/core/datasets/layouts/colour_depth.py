@@ -64,9 +64,9 @@ class Open3DLayout(RecordedLayout):
         """Match images by their numbers, and poses by those of the .log, which count frames."""
         path = _intrinsics_file(folder)
         assert path is not None, "recognised"
-        told = _document(path)
-        camera = _camera(path, told)
-        scale_per_m, fps = (_positive(path, told, key) for key in ("depth_scale", "fps"))
+        document = _document(path)
+        camera = _camera(path, document)
+        scale_per_m, fps = (_positive(path, document, key) for key in ("depth_scale", "fps"))
         used_hz = rate_hz or fps or RECORDED_HZ
         colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
         truth = _trajectory_file(folder, poses)
@@ -154,13 +154,13 @@ def _document(path: Path) -> dict[str, Any]:
     return document
 
 
-def _camera(path: Path, told: dict[str, Any]) -> Intrinsics:
-    values = told["intrinsic_matrix"]
+def _camera(path: Path, document: dict[str, Any]) -> Intrinsics:
+    values = document["intrinsic_matrix"]
     numbers = [finite_number(value) for value in values] if isinstance(values, list) else []
     found = [number for number in numbers if number is not None]
     if len(found) != 9 or len(numbers) != 9:
         raise InputError(path, "has to be nine numbers, column by column", where="intrinsic_matrix")
-    sizes = [finite_number(told.get(name)) for name in ("width", "height")]
+    sizes = [finite_number(document.get(name)) for name in ("width", "height")]
     for name, size in zip(("width", "height"), sizes, strict=True):
         if size is None or not size.is_integer():
             raise InputError(path, "has to be whole pixels", where=name)
@@ -168,10 +168,10 @@ def _camera(path: Path, told: dict[str, Any]) -> Intrinsics:
     return intrinsics_of_matrix(path, np.array(found).reshape(3, 3).T, (wide, high))
 
 
-def _positive(path: Path, told: dict[str, Any], name: str) -> float | None:
-    if name not in told:
+def _positive(path: Path, document: dict[str, Any], name: str) -> float | None:
+    if name not in document:
         return None
-    number = finite_number(told[name])
+    number = finite_number(document[name])
     if number is None or number <= 0:
         raise InputError(path, "has to be a number above 0", where=name)
     return number

@@ -52,7 +52,7 @@ class IclNuimLayout(RecordedLayout):
         images = [numbered_images(folder / name, IMAGE) for name in ("rgb", "depth")]
         found = numbered_frames(folder, images[0], images[1], given, policy=poses, rate_hz=used_hz)
         params = read_cam_params(folder)
-        told = params is not None and params.camera is not None
+        stated = params is not None and params.camera is not None
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -62,11 +62,11 @@ class IclNuimLayout(RecordedLayout):
             found.stamps,
             params.depth_scale_per_m if params else SCALE_PER_M,
             None,
-            params.camera if params and told else CAMERA,
-            params.path if params and told else None,
+            params.camera if params and stated else CAMERA,
+            params.path if params and stated else None,
             (*found.notes, *counted_note(rate_hz, used_hz), *(() if given is None else (_MIRRORED,))),
             used_hz,
-            assumed="" if told else _ASSUMED,
+            assumed="" if stated else _ASSUMED,
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...channels import CHANNELS, COLOUR_AND_DEPTH
+from ...channels.channel import FileKind
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import PINHOLE, Optics
@@ -21,7 +22,7 @@ from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
-from ..images import UINT16_MAX, as_bytes, encode_colour, encode_depth, grey_bytes, quantise_depth
+from ..images import UINT16_MAX, as_bytes, encode_colour, encode_png, grey_bytes, quantise_depth
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
@@ -132,7 +133,8 @@ class OutputFormat:
     """The format that a dataset is written in: its layout and what a preset may choose besides.
 
     modalities: the channels that are written, by name. depth_scale_per_m: steps of the 16-bit depth images per metre.
-    depth_beyond: what depth becomes that 16 bits cannot hold: void (0), or the farthest depth that they hold.
+    depth_beyond: what depth becomes that 16 bits cannot hold: void (0), or the farthest depth that they hold. formats:
+    what other channels than colour are stored as, by name, where that is not their default.
     """
 
     layout: Layout
@@ -141,6 +143,7 @@ class OutputFormat:
     modalities: tuple[Modality, ...]
     depth_scale_per_m: float
     depth_beyond: Beyond = "void"
+    formats: tuple[tuple[Modality, FileKind], ...] = ()
 
     @property
     def depth_limit_m(self) -> float:
@@ -182,7 +185,7 @@ class OutputFormat:
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
         """Encode planar depth (H, W) in metres, 0 = void, as a depth image of the dataset."""
-        return encode_depth(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
+        return encode_png(quantise_depth(depth_m, self.depth_scale_per_m, self.depth_beyond))
 
     def out_of_range(self, depth_m: NDArray[np.float32]) -> OutOfRange | None:
         """Count the pixels whose depth a depth image of the dataset cannot hold; None where it holds all."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recordings whose images and poses belong together by the numbers in their names, as most people's do."""
+"""Recordings whose images and poses are matched by the numbers in their names."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -111,7 +111,7 @@ def folder_of_poses(folder: Path, colour: Collection[int]) -> NumberedPoses:
     return NumberedPoses(folder, dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True)))
 
 
-def check_same_numbers(folder: Path, one: Collection[int], other: Collection[int], told: tuple[str, str]) -> None:
+def check_same_numbers(folder: Path, one: Collection[int], other: Collection[int], kinds: tuple[str, str]) -> None:
     """Raise InputError where as many files are numbered one after another, but from another number on.
 
     told: what the files are, in words.
@@ -119,7 +119,7 @@ def check_same_numbers(folder: Path, one: Collection[int], other: Collection[int
     if not one or len(one) != len(other) or min(one) == min(other):
         return
     if all(max(numbers) - min(numbers) + 1 == len(numbers) for numbers in (one, other)):
-        ranges = [f"{what} {min(numbers)} to {max(numbers)}" for what, numbers in zip(told, (one, other), strict=True)]
+        ranges = [f"{what} {min(numbers)} to {max(numbers)}" for what, numbers in zip(kinds, (one, other), strict=True)]
         remedy = "number both alike; where files are missing, take away those of the same frames"
         raise InputError(folder, f"has {' and '.join(ranges)}: which belong together cannot be told", remedy=remedy)
 
@@ -144,7 +144,7 @@ def numbered_frames(
         problem = f"has {len(rgb)} colour and {len(depth)} depth images, none of which have one number"
         raise InputError(folder, problem)
     known = np.array([poses is not None and number in poses.c2w for number in numbers])
-    rows, told = chosen_by_pose(folder if poses is None else poses.path, known, policy)
+    rows, pose_note = chosen_by_pose(folder if poses is None else poses.path, known, policy)
     chosen = [numbers[row] for row in rows]
     c2w = np.tile(np.eye(4), (len(chosen), 1, 1))
     if poses is not None:
@@ -155,11 +155,11 @@ def numbered_frames(
     alone = f"{unpaired} images are left out: no colour or no depth has their number" if unpaired else ""
     spare = len(poses.c2w.keys() - set(numbers)) if poses is not None else 0
     if spare:
-        told = f"{told}; " * bool(told) + f"{spare} poses are left out: no frame has their number"
+        pose_note = f"{pose_note}; " * bool(pose_note) + f"{spare} poses are left out: no frame has their number"
     return NumberedFrames(
         tuple(rgb[number] for number in chosen),
         tuple(depth[number] for number in chosen),
         Trajectory(c2w, stamps_s, posed=known[rows]),
         FrameStamps.of(stamps_s),
-        tuple(note for note in (alone, told) if note),
+        tuple(note for note in (alone, pose_note) if note),
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a layout of recordings is that are read and not written: datasets and recorders of others."""
+"""Base class of layouts that are only read: datasets and recorders of others."""
 
 from abc import ABC, abstractmethod
 from pathlib import Path
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...messages import Message, PresetKey
 from ...trajectories.pose_text import read_text, text_rows
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, checked_intrinsics, size_of
@@ -46,7 +47,8 @@ class RecordedLayout(ABC):
 
 def counted_note(rate_hz: float | None, used_hz: float) -> tuple[str, ...]:
     """Return a note that the frames' times are counted, unless the user has said the rate."""
-    return () if rate_hz else (f"no file says time stamps: {used_hz:g} frames a second, or rate_hz",)
+    message = Message(f"no file says time stamps: {used_hz:g} frames a second, or ", PresetKey("rate_hz"))
+    return () if rate_hz else (message,)
 
 
 def stated_camera(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...messages import Message, PresetKey
 from ...optics import PINHOLE, Optics
 from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
 from ...trajectories.stamps import FrameStamps
@@ -19,6 +20,7 @@ from ..records import FRAMES
 from ..stored import RATE_HZ, StoredSequence
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, numbered, path_suffix
+from .recorded import counted_note
 
 RESULTS = "results"
 LARGEST_NUMBER = 10**9  # 19 months at 20 Hz: what is larger is no count
@@ -58,10 +60,9 @@ class ReplicaLayout(Layout):
         """Say that PNG is not found: NICE-SLAM and its successors list results/frame*.jpg."""
         if image == "jpg":
             return ""
-        return (
-            "NICE-SLAM, Co-SLAM, GO-SLAM, SplaTAM and others that read this layout look for results/frame*.jpg and "
-            f"find no colour in {image}; set output.image: jpg for them"
-        )
+        others = "NICE-SLAM, Co-SLAM, GO-SLAM, SplaTAM and others that read this layout"
+        message = f"{others} look for results/frame*.jpg and find no colour in {image}; set "
+        return Message(message, PresetKey("output.image", "jpg"), " for them")
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path, where they are known."""
@@ -101,13 +102,13 @@ class ReplicaLayout(Layout):
         if file is not None and len(trajectory) != len(rgb):
             raise InputError(file, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
-        _, told = chosen_by_pose(folder, trajectory.known, poses)
-        notes = (*trajectory.notes, *((told,) if told else ()))
+        _, pose_note = chosen_by_pose(folder, trajectory.known, poses)
+        notes = (*trajectory.notes, *((pose_note,) if pose_note else ()))
         if stamps is None and file is not None and detect_format(file) in STAMPED_FORMATS:
             stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), file
         elif stamps is None:
             stamps, stamps_path = _counted(rgb[-1], numbers, rate_hz or RATE_HZ), None
-            notes += () if rate_hz else (f"no file says time stamps: {RATE_HZ:g} frames a second, or rate_hz",)
+            notes += counted_note(rate_hz, RATE_HZ)
         params = read_cam_params(folder)
         return StoredSequence(
             folder,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What files say of cameras beyond one pinhole: a lens that distorts, and the camera of the depth images."""
+"""Lens distortion and depth cameras, as the files of a recording state them."""
 
 from pathlib import Path
 from typing import Any, cast
@@ -32,8 +32,8 @@ def checked_distortion(path: Path, where: str, model: object, coefficients: obje
     if not any(found):
         return None
     if model not in MODELS:
-        told = f"is of the model {str(model)[:40]}, but {' and '.join(MODELS)} can be read"
-        raise InputError(path, told, where=where, remedy="undistort the images, and set the coefficients to zeros")
+        message = f"is of the model {str(model)[:40]}, but {' and '.join(MODELS)} can be read"
+        raise InputError(path, message, where=where, remedy="undistort the images, and set the coefficients to zeros")
     try:
         return distortion_of(cast("DistortionModel", model), found)
     except ValueError as error:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
-from .drawing import NARROW_IN, Picture, drawing, look, shortened, svg_bytes, unused
+from .drawing import NARROW_IN, Picture, drawing, line_styles, shortened, svg_bytes, unused
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +77,7 @@ class _CurveFigure:
     def svg(self, most_across: int) -> bytes:
         """Draw the panels, so many side by side."""
         perturbations = sorted({point.perturbation for point in self.points})
-        systems = look(sorted({point.system for point in self.points}))
+        systems = line_styles(sorted({point.system for point in self.points}))
         across = min(most_across, len(perturbations))
         rows = math.ceil(len(perturbations) / across)
         with drawing(max(NARROW_IN, SIZE_IN[0] * across), SIZE_IN[1] * rows + 0.5) as figure:

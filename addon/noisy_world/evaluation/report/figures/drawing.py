@@ -85,7 +85,7 @@ def svg_bytes(figure: "Figure") -> bytes:
     return target.getvalue()
 
 
-def look(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+def line_styles(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return a colour and a marker for each name; beyond seven, pairs of them differ."""
     found = {}
     for index, name in enumerate(names):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .drawing import NARROW_IN, Picture, drawing, look, shortened, svg_bytes
+from .drawing import NARROW_IN, Picture, drawing, line_styles, shortened, svg_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ def over_time(panels: Sequence[TimePanel]) -> Picture:
 def _drawn(panels: Sequence[TimePanel], width_in: float) -> bytes:
     from matplotlib.lines import Line2D
 
-    systems = look(sorted({name for panel in panels for name in panel.errors_m}))
+    systems = line_styles(sorted({name for panel in panels for name in panel.errors_m}))
     heights = [PLOT_IN + STRIP_IN * len(panel.strips) + GAP_IN for panel in panels]
     with drawing(width_in, sum(heights) + 0.3) as figure:
         parts = figure.add_gridspec(len(panels), 1, height_ratios=heights)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trajectory errors that the paper prints, to stand beside ours: each number with its table, system and treatment."""
+"""Trajectory errors printed in the paper, each with its table, system and condition."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -8,7 +8,7 @@ from typing import Any
 
 from ....core.regular_files import read_bytes
 from ....core.yaml_reading import read_yaml
-from ..treatments import Treatment, treatment
+from ..paper_conditions import PaperCondition, paper_condition
 
 FILE = Path(__file__).with_name("noisy_replica.yaml")
 UNACCEPTABLE = "x"
@@ -33,7 +33,7 @@ class Printed:
     label: str
     metric: str
     system: str
-    treatment: Treatment
+    paper_condition: PaperCondition
     severities: tuple[int, ...]
     value: float | None
     spread: float | None
@@ -49,7 +49,7 @@ class Published:
     numbers: tuple[Printed, ...]
     notes: tuple[tuple[str, str, str], ...]
 
-    def find(self, system: str, where: Treatment, metric: str) -> Printed | None:
+    def find(self, system: str, where: PaperCondition, metric: str) -> Printed | None:
         """Return the number of a system under a treatment; None where the paper has none.
 
         Without perturbation, the number of the first table that has one.
@@ -70,29 +70,29 @@ def published() -> Published:
 
 
 @cache
-def _by_key(of: Published) -> dict[tuple[str, Treatment, str], Printed]:
-    found: dict[tuple[str, Treatment, str], Printed] = {}
+def _by_key(of: Published) -> dict[tuple[str, PaperCondition, str], Printed]:
+    found: dict[tuple[str, PaperCondition, str], Printed] = {}
     for number in of.numbers:
-        found.setdefault((number.system, number.treatment, number.metric), number)
+        found.setdefault((number.system, number.paper_condition, number.metric), number)
     return found
 
 
 def _numbers(table: dict[str, Any], columns: list[str]) -> list[Printed]:
-    treatments = [_treatment(text, table.get("mode", "")) for text in columns]
+    conditions = [_condition(text, table.get("mode", "")) for text in columns]
     numbers = []
     for system, values in table["rows"].items():
         spreads = table.get("spread", {}).get(system, [None] * len(values))
-        for where, given, spread in zip(treatments, values, spreads, strict=True):
+        for where, given, spread in zip(conditions, values, spreads, strict=True):
             value, mark = _value(given)
             severities = () if where.perturbation == "clean" else tuple(table.get("severities", ()))
             numbers.append(Printed(table["label"], table["metric"], system, where, severities, value, spread, mark))
     return numbers
 
 
-def _treatment(text: str, mode: str) -> Treatment:
+def _condition(text: str, mode: str) -> PaperCondition:
     name, *pairs = text.split()
     parameters = {key: float(value) for key, _, value in (pair.partition("=") for pair in pairs)}
-    return treatment(name, mode, parameters)
+    return paper_condition(name, mode, parameters)
 
 
 def _value(given: float | str) -> tuple[float | None, str]:

@@ -64,11 +64,11 @@ def checked_checkout(chosen: Configuration) -> Path:
 
 def versions(chosen: Configuration, checkout: Path) -> dict[str, str]:
     """Return the commit of a system's code, and the versions of its Python and torch. Raises MissingDependencyError."""
-    told = _said([str(environment_python(chosen.environment)), "-c", _TELL], checkout)
+    output = _said([str(environment_python(chosen.environment)), "-c", _TELL], checkout)
     try:
-        found = {name: str(value) for name, value in json.loads(told.splitlines()[-1]).items()}
+        found = {name: str(value) for name, value in json.loads(output.splitlines()[-1]).items()}
     except (ValueError, IndexError, AttributeError) as error:
-        raise MissingDependencyError(f"its Python does not tell the version of torch: {told[-200:]}") from error
+        raise MissingDependencyError(f"its Python does not tell the version of torch: {output[-200:]}") from error
     try:
         found["commit"] = _said(["git", "rev-parse", "HEAD"], checkout).strip()
     except MissingDependencyError:
@@ -86,7 +86,7 @@ def _said(command: list[str], folder: Path) -> str:
         raise MissingDependencyError(f"{command[0]} cannot be run: {error}") from error
     if done.returncode != 0:
         lines = done.stderr.decode(errors="replace").strip().splitlines() or [f"status {done.returncode}"]
-        raise MissingDependencyError(f"{command[0]}: {lines[-1]}")
+        raise MissingDependencyError(lines[-1], file=command[0])
     return done.stdout.decode(errors="replace")
 
 

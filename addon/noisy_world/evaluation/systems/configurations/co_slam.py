@@ -2,7 +2,7 @@
 """Co-SLAM (https://github.com/HengyiWang/Co-SLAM): `coslam.py --config CONFIGURATION`.
 
 As configs/Replica/replica.yaml, which a configuration inherits, and room0.yaml. Its loader takes the whole part of the
-intrinsics (datasets/dataset.py divides them by the downsampling factor with //). Checkpoint:
+intrinsics (datasets/dataset.py divides them by the downsampling factor with //). Its checkpoints are
 OUTPUT/EXP_NAME/checkpointN.pt.
 """
 
@@ -11,7 +11,7 @@ from typing import Any
 
 from ....core.yaml_reading import yaml_text
 from ..readers.frames import Index
-from .given import RESULT, bound_m, camera_keys, scaled_edges, write_sequence, write_text
+from .given import RESULT, bound_m, camera_keys, scaled_edges, then_poses, write_sequence, write_text
 
 _EDGE_PX = 20  # configs/Replica/replica.yaml: tracking.ignore_edge_W and _H
 
@@ -27,4 +27,4 @@ def co_slam(index: Index, folder: Path) -> list[str]:
         "data": {"datadir": str(sequence), "trainskip": 1, "output": str(folder), "exp_name": RESULT},
     }
     configuration = write_text(folder / "configuration.yaml", yaml_text(document))
-    return ["coslam.py", "--config", str(configuration)]
+    return then_poses("co_slam", folder / RESULT, folder, "coslam.py", "--config", str(configuration))

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....core.datasets.image_reading import read_pixels
-from ....core.datasets.images import encode_depth
+from ....core.datasets.images import encode_png
 from ....core.datasets.storage import storage_errors
 from ....core.errors import InputError
 from ....core.trajectories.files import replica_text
 from ....core.trajectories.trajectory import evenly_stamped
 from ..readers.frames import Index
 
+TO_POSES = Path(__file__).resolve().parents[1] / "programs" / "checkpoint_poses.py"
 SEQUENCE = "sequence"  # of a run's folder
 RESULT = "result"  # what the system writes
 # The published configurations are of images of this size, width and height.
@@ -63,7 +64,7 @@ def _write_flat(index: Index, sequence: Path) -> Path:
     camera, scale_per_m = index["camera"], float(index["depth_scale_per_m"])
     steps = np.full((camera["height"], camera["width"]), min(round(scale_per_m), 65535), np.uint16)
     path = sequence / "flat.png"
-    path.write_bytes(encode_depth(steps))
+    path.write_bytes(encode_png(steps))
     return path.resolve()
 
 
@@ -130,6 +131,11 @@ def bound_m(index: Index) -> list[list[float]]:
     """Return a cube about the first camera, [[x0, x1], [y0, y1], [z0, z1]], of centimetres."""
     reach = float(np.ceil(100.0 * reach_m(index)) / 100.0)
     return [[-reach, reach]] * 3
+
+
+def then_poses(kind: str, checkpoints: Path, folder: Path, *words: str) -> list[str]:
+    """Return the arguments of Python that run a system and write the poses of its last checkpoint into a folder."""
+    return [str(TO_POSES), kind, str(checkpoints), str(folder), *words]
 
 
 def write_text(path: Path, text: str) -> Path:

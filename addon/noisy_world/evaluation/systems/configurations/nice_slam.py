@@ -2,7 +2,7 @@
 """NICE-SLAM, and iMAP as it comes with it (https://github.com/cvg/nice-slam): `run.py CONFIGURATION [--imap]`.
 
 A configuration inherits the one that is published for Replica, by its path in the checkout, and says what depends on
-the sequence: configs/Replica/replica.yaml, room0.yaml, and their _imap. Checkpoints: OUTPUT/ckpts/NNNNN.tar.
+the sequence: configs/Replica/replica.yaml, room0.yaml, and their _imap. Its checkpoints are OUTPUT/ckpts/NNNNN.tar.
 """
 
 from pathlib import Path
@@ -10,19 +10,23 @@ from typing import Any
 
 from ....core.yaml_reading import yaml_text
 from ..readers.frames import Index
-from .given import RESULT, bound_m, camera_keys, scaled_edges, write_sequence, write_text
+from .given import RESULT, bound_m, camera_keys, scaled_edges, then_poses, write_sequence, write_text
 
 _EDGE_PX = 100  # configs/Replica/replica.yaml: tracking.ignore_edge_W and _H
 
 
 def nice_slam(index: Index, folder: Path) -> list[str]:
     """Write sequence and configuration into a run's folder; return the arguments of Python."""
-    return ["run.py", str(_write(index, folder, "configs/Replica/replica.yaml"))]
+    return _started(folder, "run.py", str(_write(index, folder, "configs/Replica/replica.yaml")))
 
 
 def imap(index: Index, folder: Path) -> list[str]:
     """Write sequence and configuration into a run's folder; return the arguments of Python."""
-    return ["run.py", str(_write(index, folder, "configs/Replica/replica_imap.yaml")), "--imap"]
+    return _started(folder, "run.py", str(_write(index, folder, "configs/Replica/replica_imap.yaml")), "--imap")
+
+
+def _started(folder: Path, *words: str) -> list[str]:
+    return then_poses("nice_slam", folder / RESULT / "ckpts", folder, *words)
 
 
 def _write(index: Index, folder: Path, inherited: str) -> Path:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the programs beside this one share: images read, poses written."""
+"""Reading images and writing poses, shared by the programs in this folder."""
 
 import cv2
 import numpy as np

@@ -12,7 +12,7 @@ from ....core.trajectories.pose_text import FORMATS
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
 from ..leavings import LARGEST_READ_BYTES
-from . import arrays, co_slam, colmap, nice_slam, numbered, splatam, stamped, vslamlab
+from . import arrays, colmap, numbered, splatam, stamped, vslamlab
 from .frames import Index
 
 __all__ = ["READERS", "TEXT_FORMATS", "Index", "NotFiniteError", "Reader", "read_estimate"]
@@ -67,15 +67,6 @@ READERS: dict[str, Reader] = _registry(
     Reader("array", "numpy's .npy or .npz of N x 4 x 4", arrays.read, any_convention=True, reads_parts=True),
     Reader("colmap", "COLMAP's images.txt", colmap.read),
     Reader("vslamlab", "VSLAM-LAB's NNNNN_KeyFrameTrajectory.csv", vslamlab.read),
-    Reader("nice_slam", "checkpoints of NICE-SLAM and iMAP: ckpts/NNNNN.tar", nice_slam.read, reads_parts=True),
-    Reader("co_slam", "Co-SLAM's checkpointN.pt: poses as they were tracked", co_slam.read, reads_parts=True),
-    Reader(
-        "co_slam_relative",
-        "Co-SLAM's checkpointN.pt: poses as the keyframes are in the end",
-        co_slam.read_relative,
-        reads_parts=True,
-    ),
-    Reader("go_slam", "GO-SLAM's checkpoints/est_poses.npy", arrays.read, reads_parts=True),
     Reader("splatam", "SplaTAM's params.npz", splatam.read, reads_parts=True),
 )
 """Every reader by the name that a system's definition gives."""

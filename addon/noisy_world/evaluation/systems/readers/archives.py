@@ -5,7 +5,7 @@ import io
 import zipfile
 from typing import BinaryIO, cast
 
-LARGEST_LIST_BYTES = 16 * 2**20  # chosen: of some hundred thousand files; a checkpoint has some thousand
+LARGEST_LIST_BYTES = 16 * 2**20  # chosen: of some hundred thousand files
 
 
 class _Pieces(io.RawIOBase):

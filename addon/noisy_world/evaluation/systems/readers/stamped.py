@@ -70,6 +70,6 @@ def _within(stamps_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> boo
 def elsewhere(path: Path, stamps_s: NDArray[np.float64], frames_s: NDArray[np.float64]) -> InputError:
     """Return the error of an estimate whose stamps are not those of the frames."""
     first_s, last_s = stamps_s.min(), stamps_s.max()
-    told = f"{frames_s[0]:.6f} to {frames_s[-1]:.6f} s" if len(frames_s) else "none"
-    remedy = f"the frames': {told}; the estimate has to be that of this sequence"
+    message = f"{frames_s[0]:.6f} to {frames_s[-1]:.6f} s" if len(frames_s) else "none"
+    remedy = f"the frames': {message}; the estimate has to be that of this sequence"
     return InputError(path, f"its stamps, {first_s:.6f} to {last_s:.6f} s, are not those of the frames", remedy=remedy)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Checks that the scenes of a preset can give the channels that it asks for."""
+
+from ..channels import pair_channels, surface_channels
+from ..messages import Message, PresetKey
+from ..optics import Optics
+from ..presets.preset import Preset
+from .scene import Scene
+
+SURFACE_ENGINES = ("cycles", "embree")  # that tell which surface a pixel sees
+
+
+def check_surface(scene: Scene, preset: Preset) -> None:
+    """Refuse channels of a mesh's surface where frames are not of one, or are rendered by an engine without them.
+
+    Raises InputError.
+    """
+    asked = [item.name for item in surface_channels(preset.spec.output.modalities)]
+    if not asked:
+        return
+    place, what, engine = preset.place("output.modalities"), " and ".join(asked), preset.spec.render.engine
+    capabilities = scene.source.capabilities
+    stored = capabilities.own is None and scene.source.mesh is not None  # shown as it is
+    for item in surface_channels(asked):
+        if not item.needs <= capabilities.surface:
+            problem = f"{item.name}: {scene.name} has none: its source does not tell it"
+            raise place.error(f"{problem} as it is rendered here", "take it out, or leave that scene out")
+        if stored and (problem := item.problem(scene.source.location)):
+            raise scene.error(f"has no {item.name}: {problem}", "name such a mesh", "take it out")
+    if capabilities.own is None and engine not in SURFACE_ENGINES:
+        problem = Message(f"{what}: ", PresetKey("render.engine"), f" {engine} cannot tell it")
+        raise place.error(problem, f"use {' or '.join(SURFACE_ENGINES)}")
+
+
+def check_pairs(scene: Scene, optics: Optics, preset: Preset) -> None:
+    """Refuse channels that lead from a frame to the next where depth and poses do not tell them. optics: the scene's.
+
+    Raises InputError.
+    """
+    asked = pair_channels(preset.spec.output.modalities)
+    if not asked:
+        return
+    capabilities, name = scene.source.capabilities, asked[0].name
+    problem, lacks = "", None
+    if not capabilities.depth:
+        problem, lacks = "without depth nothing tells where its pixels go", "depth"
+    elif optics.distortion is not None:
+        problem, lacks = "its lens distorts", "pinhole"
+    elif not capabilities.any_pose and not scene.source.trajectory().known.all():
+        problem, lacks = "the poses of some frames are not known", "poses"
+    if problem:
+        without = Message(f"take {name} out of ", PresetKey("output.modalities"))
+        raise scene.error(f"has no {name}: {problem}", without, "leave that scene out", lacks=lacks)
+
+
+def check_exposed(exposing: str, preset: Preset) -> None:
+    """Refuse channels of one moment beside a perturbation of exposure. exposing: what exposes, for the message.
+
+    Raises InputError.
+    """
+    modalities = preset.spec.output.modalities
+    if asked := (*surface_channels(modalities), *pair_channels(modalities)):
+        problem = f"{exposing} makes colour and depth of several moments, and no {asked[0].name}"
+        raise preset.place("output.modalities").error(problem, "take one of them out")

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Conditions of the paper's tables: what two experiments share where their numbers are comparable."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+CLEAN = "clean"
+PARAMETERS = {
+    "faster_motion": ("factor",),
+    "motion_deviation": ("rotation_deg", "translation_m"),
+    "desync": ("offset",),
+}
+"""What takes the severity's place, of perturbations that have none."""
+
+
+@dataclass(frozen=True, order=True)
+class PaperCondition:
+    """What is done to a sequence, without its severity.
+
+    perturbation: names joined by "+", or "clean". mode: "static" or "dynamic", of clean "". parameters: those of
+    PARAMETERS, where it is the only perturbation; unknown is ().
+    """
+
+    perturbation: str
+    mode: str
+    parameters: tuple[tuple[str, float], ...] = ()
+
+
+def paper_condition(perturbation: str, mode: str, parameters: Mapping[str, Any] | None = None) -> PaperCondition:
+    """Return a treatment. mode: "" is static. parameters: others than those of PARAMETERS are left out."""
+    if perturbation == CLEAN:
+        return PaperCondition(CLEAN, "")
+    given = parameters or {}
+    kept = tuple((name, float(given[name])) for name in PARAMETERS.get(perturbation, ()) if name in given)
+    return PaperCondition(perturbation, mode or "static", kept)
+
+
+def condition_of_steps(perturbation: str, mode: str, steps: Iterable[Mapping[str, Any]]) -> PaperCondition:
+    """Return the treatment of a setting. steps: as the identity of a dataset holds them, with name and parameters."""
+    known = [step.get("parameters") for step in steps if step.get("name") == perturbation]
+    return paper_condition(perturbation, mode, known[0] if len(known) == 1 and isinstance(known[0], Mapping) else None)

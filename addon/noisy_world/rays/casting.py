@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The interface of ray casters: a view in, images out, a band of rows at a time."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+TILE_PX = 40  # rows of a band, and columns whose packets follow one another; chosen: from 16 to 80 they take as long
+
+
+@dataclass(frozen=True)
+class View:
+    """Rays from a point through the centres of an image's pixels.
+
+    origin_m: (3,) float64, in the axes of the triangles. across: (3, W), down: (3, H) float64; the sum of a column's
+    and a row's is the ray's direction there, of component 1 along the optical axis: its lengths are planar depths.
+    """
+
+    origin_m: NDArray[np.float64]
+    across: NDArray[np.float64]
+    down: NDArray[np.float64]
+
+    def directions(self, rows: slice) -> NDArray[np.float32]:
+        """Return the directions (N, 3) of some rows, one after another; added in float64, rounded once."""
+        import cv2
+
+        across, down = self.across[:, None], self.down[:, rows, None]
+        planes = np.empty((3, down.shape[1], across.shape[2]), dtype=np.float32)
+        np.add(across, down, out=planes, dtype=np.float64, casting="same_kind")
+        return np.asarray(cv2.merge(list(planes)), dtype=np.float32).reshape(-1, 3)
+
+
+@dataclass(frozen=True)
+class Images:
+    """What a view sees; each is None where it is not asked for.
+
+    rgb: (H, W, 3) float32, display-encoded, black where nothing is seen. depth_m: (H, W) float32, 0 there. triangles:
+    (H, W) int32, which of the mesh's triangles; -1 there.
+    """
+
+    rgb: NDArray[np.float32] | None
+    depth_m: NDArray[np.float32] | None
+    triangles: NDArray[np.int32] | None
+
+
+class Caster(Protocol):
+    """Triangles that rays are cast at, between two distances. Several threads may cast at once."""
+
+    def cast(self, view: View, rows: slice, images: Images) -> None:
+        """Fill in some rows of the images."""
+        ...
+
+    def close(self) -> None:
+        """Free what it holds; nothing can be cast then."""
+        ...

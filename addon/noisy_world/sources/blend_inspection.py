@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Inspects a .blend in another process, so that this one keeps the file that it has open."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import MissingDependencyError
+from ..core.extras import blender_missing
+from ..core.presets.frame_range import FrameRange
+from ..core.scenes.own_scene import OwnScene
+from ..core.schema import ConfigPath
+
+MARK = "@scene "
+PACKAGE = Path(__file__).resolve().parents[1]
+# Last on the path, so that what the program brings comes first.
+CODE = """
+import sys
+sys.path.append({folder!r})
+import bpy
+from {package}.blender.scene_inspection import main
+main()
+"""
+
+
+_INSPECTIONS: dict[tuple[Path, str], tuple[list[tuple[int, int] | None], dict[str, Any]]] = {}
+
+
+def inspect_blend(
+    path: Path,
+    place: ConfigPath,
+    *,
+    scene: str | None,
+    camera: str | None,
+    frames: FrameRange | None,
+    needs_path: bool,
+    lens_given: bool,
+) -> OwnScene:
+    """Return what a scene of a .blend says of itself; a look is remembered until a file of the scene changes.
+
+    needs_path: whether its camera's path is asked for. lens_given: whether the preset gives the intrinsics. Raises
+    InputError naming the preset's key where it cannot be a source.
+    """
+    chosen = None if frames is None else (frames.first, frames.last, frames.step)
+    request = {"scene": scene, "camera": camera, "frames": chosen, "path": needs_path, "lens_given": lens_given}
+    answer = _inspected(path.absolute(), json.dumps(request))
+    if "unreadable" in answer:
+        raise place.at("blend").error(f"{path.name} is no file that Blender reads: {answer['unreadable']}")
+    if "scenes" in answer:
+        names = ", ".join(answer["scenes"])
+        raise place.at("scene").error(f"{path.name} has no scene {scene!r}", f"its scenes: {names}")
+    found = OwnScene.of(answer["found"])
+    for item in found.problems:
+        raise place.at(item.key).error(f"{path.name}: {item.problem}", item.remedy)
+    return found
+
+
+def _inspected(path: Path, request: str) -> dict[str, Any]:
+    if (kept := _INSPECTIONS.get((path, request))) is not None and kept[0] == _changed(path, kept[1]):
+        return kept[1]
+    asked = {**json.loads(request), "file": str(path)}
+    ran = subprocess.run(  # noqa: S603 - this program
+        inspection_command(), input=json.dumps(asked), capture_output=True, text=True, encoding="utf-8", check=False
+    )
+    answers = [line for line in ran.stdout.splitlines() if line.startswith(MARK)]
+    if "No module named 'bpy'" in ran.stderr:
+        raise MissingDependencyError(blender_missing("a .blend", otherwise="start this in a Blender program"))
+    if ran.returncode != 0 or not answers:
+        raise RuntimeError(f"the look at {path} ended with status {ran.returncode}: {ran.stderr[-2000:]}")
+    answer = json.loads(answers[-1].removeprefix(MARK))
+    if "found" in answer and not answer["found"]["problems"]:  # what was wrong may be mended elsewhere
+        _INSPECTIONS[path, request] = (_changed(path, answer), answer)
+    return answer
+
+
+def _changed(path: Path, answer: dict[str, Any]) -> list[tuple[int, int] | None]:
+    """Return when the .blend and each file of a look was changed, and its size; None for one that is gone."""
+    stats = [file.stat() if file.exists() else None for file in (path, *map(Path, answer["found"]["files"]))]
+    return [None if item is None else (item.st_mtime_ns, item.st_size) for item in stats]
+
+
+def inspection_command() -> list[str]:
+    """Return the command that looks at a .blend: this program, in the background and without a person's preferences."""
+    code = CODE.format(folder=str(PACKAGE.parent), package=PACKAGE.name)
+    bpy = sys.modules.get("bpy")
+    binary = "" if bpy is None else bpy.app.binary_path
+    if not binary:
+        return [sys.executable, "-c", code]
+    return [binary, "-b", "--factory-startup", "-Y", "--python-exit-code", "1", "--python-expr", code]

@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene of one's own, of a .blend: rendered as its artist set it up, in a Blender that the frames come from."""
+
+import contextlib
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.channels.surface import Fact
+from ..core.datasets.storage import sha256_of_file
+from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
+from ..core.planning.simple_source import SimpleSource
+from ..core.planning.source import Motion, OwnRendering, RenderOptions, SourceCapabilities, SourceFrame
+from ..core.presets.preset import CameraSpec
+from ..core.scenes.own_scene import OwnScene
+from ..core.scenes.scene_object import SceneObject
+from ..core.schema import ConfigPath
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
+from ..core.trajectories.trajectory import Axes, Trajectory
+from .beginning import Beginning, check_beginning
+from .path_files import sha256_of_path
+
+if TYPE_CHECKING:
+    from ..blender.own_scene import OwnSceneFile, OwnSceneSession
+
+SEEN: frozenset[Fact] = frozenset({"normals", "objects"})  # of the surface of objects
+MOST_SHEAR = 1e-4  # of a camera's axes, as the cosine between two; float32 and deep parents stay far below
+WHOLE = 1e-3  # of a frame; stamps in files are rounded, and a scene between two frames is another one
+
+
+@dataclass(frozen=True)
+class BlendSource(SimpleSource):
+    """A scene of a .blend, with its camera's path or one of a file.
+
+    compositor, depth_alpha: as the preset has them. found: what the scene says of itself. given: the preset's camera;
+    None where the scene's own holds. path_file: of the poses, None where the scene's camera moves by itself.
+    known_path, axes: what was read of it. rendering: how it is rendered. sampled: whether the preset gives the samples.
+    """
+
+    place: ConfigPath
+    path: Path
+    compositor: str
+    depth_alpha: float
+    found: OwnScene
+    given: CameraSpec | None
+    path_file: Path | None
+    known_path: Trajectory | None
+    axes: Axes
+    rendering: OwnRendering
+    sampled: bool
+
+    @property
+    def location(self) -> str:
+        """The .blend."""
+        return str(self.path)
+
+    @property
+    def capabilities(self) -> SourceCapabilities:
+        """Rendered frames from any pose, by settings of its own."""
+        own_path = self.known_path is None and self.found.camera is not None
+        cuts = len(set(self._cameras)) if own_path else 1
+        only = f"{cuts} cameras take turns on the way, so there is nothing between some frames" if cuts > 1 else ""
+        return SourceCapabilities(
+            rendered=True,
+            any_pose=True,
+            own=self.rendering,
+            surface=SEEN,
+            objects=self._objects,
+            moving=True,
+            instants_only=only,
+        )
+
+    def _objects(self) -> tuple[SceneObject, ...]:
+        return self.found.objects
+
+    @property
+    def robot_axes(self) -> Axes:
+        """The axes of the path's poses."""
+        return self.axes
+
+    def camera(self, asked: Intrinsics | None) -> Intrinsics:
+        """Return the intrinsics asked for or, where none are, those of the scene's camera."""
+        if asked is not None:
+            return asked
+        return self.found.camera_parameters.intrinsics
+
+    def trajectory(self) -> Trajectory:
+        """Return the path: the file's, or that of the scene's camera."""
+        return self._path if self.known_path is None else self.known_path
+
+    @cached_property
+    def _path(self) -> Trajectory:
+        sampled = self.found.camera
+        assert sampled is not None, "the look has found one"
+        frames = np.array(sampled.frames)
+        return Trajectory(rigid_c2w(sampled.matrices, self.place), (frames - frames[0]) / self.found.fps)
+
+    @cached_property
+    def scene_frames(self) -> tuple[float, ...]:
+        """The scene's frame of each pose, whole or not: the first, and on by the time that has passed on the path."""
+        stamps_s = self.stamps_s
+        frames = self.found.first + (stamps_s - stamps_s[0]) * self.found.fps
+        whole = np.round(frames)
+        return tuple(np.where(np.abs(frames - whole) < WHOLE, whole, frames).tolist())
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the names and hashes of the .blend, of all files that it is made of, and of the path's file."""
+        files = [Path(file) for file in self.found.files]
+        listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in files)
+        seen_by = "" if self.found.camera is None else ", ".join(sorted(set(self._cameras)))
+        own_path = f"{seen_by} from frame {self.found.first} by {self.found.step}"
+        return {
+            "blend": self.path.name,
+            "blend_sha256": sha256_of_file(self.path),
+            "blend_files": ", ".join(file.name for file in files),
+            "blend_files_sha256": hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest(),
+            "scene": self.found.scene,
+            "blend_camera": seen_by,
+            "compositor": self.compositor,
+            "depth_alpha": self.depth_alpha,
+            "engine": self.rendering.engine,
+            "samples": self.rendering.samples,
+            "near_m": self.rendering.near_m,
+            "far_m": self.rendering.far_m,
+            "first_frame": self.found.first,
+            "trajectory": own_path if self.path_file is None else self.path_file.name,
+            "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
+        }
+
+    @property
+    def _cameras(self) -> tuple[str, ...]:
+        assert self.found.camera is not None
+        return tuple(camera.camera for camera in self.found.camera.parameters)
+
+    @property
+    def file(self) -> "OwnSceneFile":
+        """What of the .blend is rendered, and how."""
+        from ..blender.own_scene import OwnSceneFile
+
+        count = len(self.scene_frames)
+        if self.found.camera is None:
+            cameras: tuple[str | None, ...] = (None,) * count
+        else:
+            cameras = self._cameras if self.known_path is None else self._cameras[:1] * count
+        return OwnSceneFile(
+            path=self.path,
+            scene=self.found.scene,
+            frames=self.scene_frames,
+            stamps_s=tuple(self.stamps_s.tolist()),
+            fps=self.found.fps,
+            cameras=cameras,
+            follows=self.known_path is None,
+            lens_given=self.given is not None,
+            sampled=self.sampled,
+            keep_compositor=self.compositor == "keep",
+            depth_alpha=self.depth_alpha,
+        )
+
+    @contextmanager
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["PreparedBlend"]:
+        """Prepare to render frames; the file is opened when the first path is."""
+        for text in (*self.found.notes, *self.trajectory().notes):
+            note(text)
+        with contextlib.ExitStack() as closing:
+            yield PreparedBlend(partial(self._opened, camera), self.beginning, closing)
+
+    def _opened(
+        self, camera: Intrinsics, paths: SensorPaths, options: RenderOptions, _: contextlib.ExitStack
+    ) -> "OwnSceneSession":
+        from ..blender.own_scene import OwnSceneSession
+
+        return OwnSceneSession(self.file, paths, camera, options)
+
+    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
+        """Return what a path must not begin with, None where no frame is looked at."""
+        if not frames:
+            return None
+        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
+        path = f"{self.found.scene}'s camera" if self.path_file is None else self.path_file.name
+        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} no surface of {self.path.name}"
+        key = "blend" if self.path_file is None else "trajectory"
+        error = self.place.at(key).error(problem, "look at the path, or go on with render.allow_empty: true")
+        return Beginning(tuple(map(paths.request, frames)), error)
+
+
+@dataclass
+class PreparedBlend:
+    """A .blend that Blender opens once, for all paths through it that the same session can serve.
+
+    opened: returns the file opened for a path. beginning: what a path must not begin with. closing: closes the session
+    in the end, and what `opened` adds to it.
+    """
+
+    opened: "Callable[[SensorPaths, RenderOptions, contextlib.ExitStack], OwnSceneSession]"
+    beginning: Callable[[SensorPaths, tuple[int, ...]], Beginning | None]
+    closing: contextlib.ExitStack
+    session: "OwnSceneSession | None" = None
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenBlend":
+        """Return the scene ready to be rendered along the paths. Raises MissingDependencyError where it cannot be."""
+        del note  # all is said already
+        if self.session is None or not self.session.serves(paths, options):
+            self.closing.close()
+            self.session = self.closing.enter_context(self.opened(paths, options, self.closing))
+        return OpenBlend(self.session, self.beginning(paths, options.first_frames))
+
+
+class OpenBlend:
+    """A scene in Blender with the paths of a render."""
+
+    def __init__(self, session: "OwnSceneSession", beginning: Beginning | None) -> None:
+        """Keep what frames are rendered with."""
+        self._session = session
+        self._beginning = beginning
+
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Render a frame. Raises InputError where the path begins with frames that see nothing."""
+        frame = self._session.frame(request)
+        if self._beginning is not None:
+            check_beginning(self._beginning, request, frame, self._session.frame)
+            self._beginning = None
+        return frame
+
+    def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
+        """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
+        return self._session.motion(here, there)
+
+
+def rigid_c2w(matrices: NDArray[np.float64], place: ConfigPath) -> NDArray[np.float64]:
+    """Return matrices (N, 4, 4) of Blender's cameras as rigid poses c2w with OpenCV's axes.
+
+    Blender renders along a camera's axes, whatever their lengths. Raises InputError where they are not at right angles,
+    or mirrored: then the image is none of a pinhole camera's.
+    """
+    axes = matrices[:, :3, :3]
+    lengths = np.linalg.norm(axes, axis=-2, keepdims=True)
+    if not np.isfinite(matrices).all() or (lengths == 0.0).any():
+        raise place.at("camera").error("has no size at some frame, so it has no axes", "mend its scale or its parents'")
+    axes = axes / lengths
+    if (rotation_error(axes) > MOST_SHEAR).any() or (np.linalg.det(axes) < 0).any():
+        problem = "is sheared or mirrored by the scale of what it hangs on, so its images are no pinhole camera's"
+        raise place.at("camera").error(problem, "apply the scale of its parents, or bake its motion")
+    return opencv_from_blender_c2w(pose(nearest_rotation(axes), matrices[:, :3, 3]))

@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A mesh in a renderer, with a path through it that was read or is made."""
+
+import contextlib
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.channels.surface import Fact
+from ..core.datasets.storage import sha256_of_file
+from ..core.errors import NoisyWorldError
+from ..core.geometry import Intrinsics
+from ..core.planning.simple_source import SimpleSource
+from ..core.planning.source import PreparedSource, RenderOptions, SourceCapabilities, SourceFrame
+from ..core.presets.preset import Preset
+from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
+from ..core.scenes.embedded import room_mesh
+from ..core.scenes.mesh import Mesh
+from ..core.scenes.mesh_files import check_mesh, imported_format
+from ..core.scenes.selfcheck import reprojection_problem
+from ..core.scenes.turning import Up
+from ..core.schema import ConfigPath
+from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
+from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
+from .beginning import Beginning, check_beginning
+from .mesh_reading import files_of_mesh, read_mesh
+from .mesh_reading import forget_meshes as forget_read_meshes
+from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
+from .rendering import RenderSession, open_session
+
+TOLD: frozenset[Fact] = frozenset({"normals", "faces", "objects"})  # of its surface
+
+
+@dataclass(frozen=True)
+class MeshSource(SimpleSource):
+    """A mesh with a path through it.
+
+    name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
+    known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
+    room it is. up: the axis of the mesh's file that points up; None is what the file declares.
+    """
+
+    name: str
+    place: ConfigPath
+    mesh_path: Path | None
+    spec: TrajectorySpec
+    path_file: Path | None
+    known_path: Trajectory | None
+    seed: int
+    room: int = 0
+    up: Up | None = None
+
+    @property
+    def location(self) -> str:
+        """The mesh."""
+        return room_mesh(self.room) if self.mesh_path is None else str(self.mesh_path)
+
+    @property
+    def capabilities(self) -> SourceCapabilities:
+        """Rendered frames from any pose."""
+        return self._capabilities
+
+    @cached_property
+    def _capabilities(self) -> SourceCapabilities:
+        imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
+        return SourceCapabilities(rendered=True, any_pose=True, imported=imported, surface=TOLD)
+
+    @property
+    def stamps_s(self) -> NDArray[np.float64]:
+        """Time stamps (N,) of the path in seconds; those of a path that is not generated yet follow from its rate."""
+        return self._stamps_s
+
+    @cached_property
+    def _stamps_s(self) -> NDArray[np.float64]:
+        if self.known_path is not None:
+            return self.known_path.stamps_s
+        from ..core.trajectories.handheld import walk_problem
+
+        handheld = self._handheld
+        if problem := walk_problem(handheld.frames, handheld.rate_hz, handheld.speed_m_s):
+            raise self.place.at("trajectory").at("handheld").error(problem)
+        still = evenly_stamped(np.broadcast_to(np.eye(4), (handheld.frames, 4, 4)), handheld.rate_hz)
+        return selected_poses(still, self.spec, self.place.at("trajectory")).stamps_s
+
+    @property
+    def robot_axes(self) -> Axes | None:
+        """The axes of the path's poses: the preset's, or else those of the file."""
+        return "opencv" if self.spec.axes == "auto" else self.spec.axes
+
+    @property
+    def _handheld(self) -> HandheldSpec:
+        assert self.spec.handheld is not None, "a preset has either file or handheld"
+        return self.spec.handheld
+
+    def trajectory(self) -> Trajectory:
+        """Return the path that was read, or generate one through the mesh."""
+        return self.known_path if self.known_path is not None else self._made_path
+
+    @cached_property
+    def _made_path(self) -> Trajectory:
+        from ..core.trajectories.handheld import handheld_path
+
+        spec = self._handheld
+        try:
+            path = handheld_path(
+                load_mesh(self.mesh_path, self.room, self.up),
+                seed=self.seed if spec.seed is None else spec.seed,
+                frames=spec.frames,
+                rate_hz=spec.rate_hz,
+                speed_m_s=spec.speed_m_s,
+                clearance_m=spec.clearance_m,
+                revisit=spec.revisit,
+            )
+        except NoisyWorldError as error:
+            raise self.place.at("trajectory").at("handheld").error(str(error)) from error
+        return selected_poses(path, self.spec, self.place.at("trajectory"))
+
+    @property
+    def mesh(self) -> Callable[[], Mesh]:
+        """Returns the mesh: it is read, or built."""
+        return partial(load_mesh, self.mesh_path, self.room, self.up)
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the names and hashes of the mesh, of the files beside it that it needs, and of the path's file."""
+        beside = [] if self.mesh_path is None else files_of_mesh(self.mesh_path)
+        digests = "".join(sha256_of_file(file) or "" for file in beside)
+        what = "mesh_files" if self.capabilities.imported else "mesh_textures"
+        beside_hashes = {
+            what: ", ".join(file.name for file in beside),
+            f"{what}_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+        }
+        return {
+            "mesh": room_mesh(self.room) if self.mesh_path is None else self.mesh_path.name,
+            "mesh_sha256": None if self.mesh_path is None else sha256_of_file(self.mesh_path),
+            "trajectory": "handheld" if self.path_file is None else self.path_file.name,
+            "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
+            **(beside_hashes if beside else {}),
+            **({} if self.up is None else {"mesh_up": self.up}),
+        }
+
+    @contextmanager
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator[PreparedSource]:
+        """Prepare to render frames; the mesh is read when the first path is opened."""
+        with contextlib.ExitStack() as closing:
+            yield PreparedMesh(self, camera, note, closing)
+
+    def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
+        """Return what a path of the mesh must not begin with, None where no frame is looked at."""
+        if not frames:
+            return None
+        path = "the hand-held path" if self.path_file is None else self.path_file.name
+        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
+        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} nothing of {Path(self.location).name}"
+        declared = f"pose ({self.spec.pose}) and axes ({self.spec.axes}) as the file has them"
+        remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
+        error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
+        return Beginning(tuple(map(paths.request, frames)), error)
+
+
+class PreparedMesh:
+    """A mesh that a renderer takes in once, for all paths through it that the same session can serve."""
+
+    def __init__(
+        self, source: MeshSource, camera: Intrinsics, note: Callable[[str], None], closing: contextlib.ExitStack
+    ) -> None:
+        """Keep what is needed to build it. closing: closes the session in the end."""
+        self._source = source
+        self._camera = camera
+        self._note = note
+        self._noted: set[str] = set()
+        self._closing = closing
+        self._session: RenderSession | None = None
+        self._unchecked: list[Mesh] = []
+
+    def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenMesh":
+        """Return the mesh ready to be rendered along the paths.
+
+        Only where these lie around another point, far from the origin, or need other images is it built again.
+        """
+        session = self._session
+        if session is None or not session.serves(paths, options):
+            session = self._build(paths, options)
+        beginning = self._source.beginning(paths, options.first_frames)
+        return OpenMesh(session, self._unchecked, self._camera, note, beginning)
+
+    def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
+        self._closing.close()
+        self._unchecked.clear()
+        mesh = load_mesh(self._source.mesh_path, self._source.room, self._source.up)
+        for text in (*mesh.notes, *self._source.trajectory().notes):
+            self._tell(text)
+        if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
+            self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
+        opened = open_session(mesh, self._source.name, paths, self._camera, options)
+        session = self._closing.enter_context(opened)
+        for text in session.notes:
+            self._tell(text)
+        if session.origin_m.any():
+            where = ", ".join(f"{value:g}" for value in session.origin_m)
+            self._tell(f"far from the origin, so rendered around ({where}) m; poses stay as given")
+        self._unchecked.append(mesh)
+        self._session = session
+        return session
+
+    def _tell(self, text: str) -> None:
+        """Say what has not been said of the scene."""
+        if text not in self._noted:
+            self._noted.add(text)
+            self._note(text)
+
+
+class OpenMesh:
+    """A mesh in a renderer with the paths of a render.
+
+    The first frame that is rendered is checked against the mesh, which is then released.
+    """
+
+    def __init__(
+        self,
+        session: RenderSession,
+        unchecked: list[Mesh],
+        camera: Intrinsics,
+        note: Callable[[str], None],
+        beginning: Beginning | None = None,
+    ) -> None:
+        """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied."""
+        self._session = session
+        self._unchecked = unchecked
+        self._camera = camera
+        self._note = note
+        self._beginning = beginning
+        self._first = True
+
+    def frame(self, request: FrameRequest) -> SourceFrame:
+        """Render a frame. Raises InputError where the path begins with frames that see nothing."""
+        frame = self._session.frame(request)
+        if self._beginning is not None:
+            check_beginning(self._beginning, request, frame, self._session.frame)
+        if self._first and frame.depth_m is not None:
+            self._check(request, frame.depth_m)
+        self._first, self._beginning = False, None
+        if self._unchecked:
+            self._unchecked.clear()
+            forget_meshes()
+        return frame
+
+    def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
+        """Note what looks wrong with the first frame, early enough to stop the run."""
+        where = f"{request.time_s:g} s" if request.index is None else f"frame {request.index}"
+        if not depth_m.any():
+            declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
+            self._note(f"{where} sees nothing; {declared}")
+            return
+        for mesh in self._unchecked:
+            if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m):
+                self._note(f"{where}: {problem}")
+
+
+def load_mesh(path: Path | None, room: int = 0, up: Up | None = None) -> Mesh:
+    """Read a mesh, or build an embedded room where there is no path; the last ones are cached.
+
+    up: the axis of the file that points up; None is what it declares, or Z. Raises InputError, and
+    MissingDependencyError where it takes Blender's importers and there are none.
+    """
+    return _room(room) if path is None else read_mesh(path, up)
+
+
+@lru_cache(maxsize=1)
+def _room(seed: int) -> Mesh:
+    from ..rooms import build_room
+
+    return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
+
+
+def forget_meshes() -> None:
+    """Keep no mesh in memory."""
+    _room.cache_clear()
+    forget_read_meshes()
+
+
+def mesh_scene(
+    preset: Preset,
+    place: ConfigPath,
+    name: str,
+    mesh_path: Path | None,
+    spec: TrajectorySpec,
+    *,
+    parts: tuple[str, ...] = (),
+    path_file: Path | None = None,
+    room: int = 0,
+    up: Up | None = None,
+) -> MeshSource:
+    """Return the source of a mesh and its path.
+
+    mesh_path: None is the embedded room of the number `room`. spec: of the path. parts: what the entry's wildcards
+    matched. path_file: that of the path, where the entry does not name it. Raises InputError where a file is missing or
+    wrong.
+    """
+    if mesh_path is not None:
+        check_mesh(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
+    seed, where = preset.spec.seed, place.at("trajectory")
+    if path_file is None and spec.file is None:
+        return MeshSource(name, place, mesh_path, spec, None, None, seed, room, up)
+    path = path_file or path_file_of(preset, where, spec, parts)
+    chosen, read_as = read_path(path, spec, where, preset.spec.mesh_camera.intrinsics)
+    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, up)

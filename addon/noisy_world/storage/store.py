@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Stores: places for datasets, a folder or an address that fsspec reaches, such as s3://bucket/name.
+
+What is written there is whole or absent. Files that a killed process did not finish leave nothing under their names in
+a folder and in an object store; elsewhere they may, so nothing counts there before a small file beside it says that it
+is finished.
+"""
+
+import contextlib
+import hashlib
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TypeAlias
+
+from ..core.datasets.dataset_state import WORK_FOLDER
+from ..core.datasets.storage import unfinished_name
+from ..core.regular_files import open_regular
+from .refusals import refusals_as_errors
+
+READ_BYTES = 8 * 2**20  # fetched at once where a whole file is read; chosen: some frames
+
+Entries: TypeAlias = dict[str, tuple[int, float | None]]
+"""The size in bytes of files, and when each was written, since the epoch, where the store tells it, by name."""
+
+
+class Store(ABC):
+    """A place for a dataset; files in it have names with forward slashes. text: the place as it was given."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    @property
+    def name(self) -> str:
+        """The last part of the place."""
+        return self.text.rsplit("/", 1)[-1]
+
+    def of(self, name: str) -> str:
+        """Return the place of a file, for messages."""
+        return f"{self.text}/{name}"
+
+    # --- what a kind of store does; each raises what it raises ---
+
+    @abstractmethod
+    def _content(self, name: str, start: int | None, stop: int | None) -> bytes: ...
+
+    @abstractmethod
+    def _entries(self, folder: str) -> Entries: ...
+
+    @abstractmethod
+    def _size(self, name: str) -> int: ...
+
+    @abstractmethod
+    def _holds_anything(self) -> bool: ...
+
+    @abstractmethod
+    def _remove(self, name: str) -> None: ...
+
+    @abstractmethod
+    def _opened(self, name: str) -> contextlib.AbstractContextManager[IO[bytes]]: ...
+
+    # --- what all do; StorageError says where one refuses ---
+
+    def check(self) -> None:
+        """Raise StorageError where the store cannot be asked what it holds: no bucket, no credentials, no answer."""
+        self.sizes(WORK_FOLDER)
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of a file; None where there is none."""
+        with refusals_as_errors(self.of(name), "read"):
+            try:
+                return self._content(name, None, None)
+            except FileNotFoundError:
+                return None
+
+    def read_range(self, name: str, start: int, stop: int) -> bytes:
+        """Return the bytes from `start` to `stop` of a file."""
+        with refusals_as_errors(self.of(name), "read"):
+            return self._content(name, start, stop)
+
+    def pieces(self, name: str, size: int) -> Iterator[bytes]:
+        """Yield the content of a file of this size in pieces; fewer bytes where it is shorter."""
+        for start in range(0, size, READ_BYTES):
+            piece = self.read_range(name, start, min(size, start + READ_BYTES))
+            if not piece:
+                return
+            yield piece
+
+    def sha256(self, name: str, size: int) -> str:
+        """Return the SHA-256 of a file of this size, in hexadecimal."""
+        digest = hashlib.sha256()
+        for piece in self.pieces(name, size):
+            digest.update(piece)
+        return digest.hexdigest()
+
+    def times_s(self, folder: str) -> dict[str, float]:
+        """Return when the files in a folder and below were written, since the epoch, by name from the store on.
+
+        Only those of which the store tells it.
+        """
+        with refusals_as_errors(self.of(folder), "read"):
+            found = self._entries(folder)
+        return {name: time_s for name, (_, time_s) in sorted(found.items()) if time_s is not None}
+
+    def sizes(self, folder: str) -> dict[str, int]:
+        """Return the sizes in bytes of all files in a folder and below, by name from the store on."""
+        with refusals_as_errors(self.of(folder), "read"):
+            return {name: size for name, (size, _) in sorted(self._entries(folder).items())}
+
+    def holds_anything(self) -> bool:
+        """Tell whether there is a file."""
+        with refusals_as_errors(self.text, "read"):
+            try:
+                return self._holds_anything()
+            except FileNotFoundError:
+                return False
+
+    def size(self, name: str) -> int | None:
+        """Return the size of a file in bytes; None where there is none."""
+        with refusals_as_errors(self.of(name), "read"):
+            try:
+                return self._size(name)
+            except FileNotFoundError:
+                return None
+
+    def remove(self, name: str) -> None:
+        """Remove a file, if it is there."""
+        with refusals_as_errors(self.of(name), "removed"), contextlib.suppress(FileNotFoundError):
+            self._remove(name)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Write a small file."""
+        with self.writing(name) as file:
+            file.write(data)
+
+    @contextlib.contextmanager
+    def writing(self, name: str) -> Iterator["Upload"]:
+        """Open a file for writing in parts; it is there once the block ends without an error."""
+        with contextlib.ExitStack() as closing:
+            with refusals_as_errors(self.of(name), "written"):
+                file = closing.enter_context(self._opened(name))
+            yield Upload(file, self.of(name))
+            with refusals_as_errors(self.of(name), "written"):
+                closing.close()
+
+
+class Upload:
+    """A file of a store while it is written, with its size in bytes and its SHA-256 so far."""
+
+    def __init__(self, file: IO[bytes], place: str) -> None:
+        self._file = file
+        self._place = place
+        self._digest = hashlib.sha256()
+        self.size = 0
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of what was written, in hexadecimal."""
+        return self._digest.hexdigest()
+
+    def write(self, data: bytes) -> int:
+        """Write the next bytes."""
+        with refusals_as_errors(self._place, "written"):
+            self._file.write(data)
+        self._digest.update(data)
+        self.size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Return how many bytes were written."""
+        return self.size
+
+
+class FolderStore(Store):
+    """A folder on a disk. Files are written in its working folder, and renamed when they are whole."""
+
+    def __init__(self, folder: Path, text: str = "") -> None:
+        """Take a folder, which need not be there. text: the address by which it was given, if it was."""
+        super().__init__(text or str(folder))
+        self.folder = folder.absolute()
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.folder.resolve().name
+
+    def _content(self, name: str, start: int | None, stop: int | None) -> bytes:
+        with open_regular(self.folder / name) as file:
+            file.seek(start or 0)
+            return file.read(-1 if stop is None else max(0, stop - (start or 0)))
+
+    def _entries(self, folder: str) -> Entries:
+        found: Entries = {}
+        for base, _, names in os.walk(self.folder / folder):
+            for path in map(Path(base).joinpath, names):
+                with contextlib.suppress(FileNotFoundError):  # a run that goes on has just removed it
+                    entry = path.stat()
+                    found[path.relative_to(self.folder).as_posix()] = entry.st_size, entry.st_mtime
+        return found
+
+    def _size(self, name: str) -> int:
+        return (self.folder / name).stat().st_size
+
+    def _holds_anything(self) -> bool:
+        return any(names for _, _, names in os.walk(self.folder))
+
+    def _remove(self, name: str) -> None:
+        path = self.folder / name
+        path.unlink()
+        for parent in path.relative_to(self.folder).parents:
+            with contextlib.suppress(OSError):  # one that is not empty stays
+                (self.folder / parent).rmdir() if parent.name else None
+
+    @contextlib.contextmanager
+    def _opened(self, name: str) -> Iterator[IO[bytes]]:
+        path, scratch = self.folder / name, self.folder / WORK_FOLDER
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch.mkdir(parents=True, exist_ok=True)
+        unfinished = unfinished_name(scratch, path)
+        try:
+            with unfinished.open("wb") as file:
+                yield file
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # where it is not empty, a dataset is begun
+                scratch.rmdir()

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One job by every executor of this machine: what is heard of it, and how it ends where a task cannot be done."""
+
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from noisy_world.core.errors import InterruptedRunError, NoisyWorldError
+from noisy_world.core.exit_statuses import INTERRUPTED, REFUSED
+from noisy_world.executors.jobs import InProcess, Job, Outcome, Task, TaskQueue, carry_out
+from noisy_world.executors.processes import Processes
+
+ADDON = str(Path(__file__).resolve().parents[2] / "addon")
+WORKER = """
+import contextlib, os, signal, sys, threading, time
+sys.path.insert(0, {addon!r})
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.executors.worker import work
+
+@contextlib.contextmanager
+def ready(order, progress):
+    if order == "nothing":
+        raise NoisyWorldError("no such scene")
+
+    def perform(name):
+        progress.start(name, 2)
+        progress.advance(2)
+        progress.note(f"{{name}} loads", "hall")
+        progress.note("of all")
+        if name == "dies":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if name == "wrong":
+            raise NoisyWorldError("wrong: is not right")
+        if name == "waits":
+            stop.wait(60)
+        return {{"order": order}}
+
+    yield perform
+
+stop = threading.Event()
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: stop.set())
+    sys.exit(work(ready, stop))
+"""
+
+
+@pytest.fixture
+def executors(tmp_path):
+    """Executors, whose tasks are the same: one in this process, and one of two processes."""
+    path = tmp_path / "program.py"
+    path.write_text(WORKER.format(addon=ADDON))
+    names = {"__name__": "program"}
+    exec(path.read_text(), names)
+    return InProcess(names["ready"]), Processes([sys.executable, str(path)], 2)
+
+
+class Heard:
+    """What a listener hears."""
+
+    def __init__(self):
+        self.frames, self.notes = 0, []
+
+    def start(self, label, total, done=0):
+        pass
+
+    def advance(self, count):
+        self.frames += count
+
+    def note(self, text, subject=""):
+        self.notes.append(text)
+
+
+def job(*names, order="order"):
+    return Job("shards", "made", "generate", order, tuple(Task(name, "group") for name in names))
+
+
+def outcomes(executor, wanted, stop=None):
+    done, heard = [], Heard()
+    carry_out(wanted, executor, done.append, heard, stop or threading.Event())
+    return sorted(done, key=lambda outcome: outcome.name), heard
+
+
+def test_all_that_is_told_arrives_and_a_note_on_a_subject_once(executors):
+    for executor in executors:
+        done, heard = outcomes(executor, job("a", "b", "c"))
+        assert done == [Outcome(name, report={"order": "order"}) for name in "abc"]
+        assert heard.frames == 6
+        assert sorted(heard.notes)[1:] == ["of all"]
+        assert heard.notes[0] in ("a loads", "b loads", "c loads")
+
+
+def test_what_cannot_be_done_ends_the_job_with_its_line(executors):
+    for executor in executors:
+        with pytest.raises(NoisyWorldError, match=r"^wrong: is not right$"):
+            outcomes(executor, job("a", "wrong", "waits" if executor.slots > 1 else "b"))
+        with pytest.raises(NoisyWorldError, match=r"^no such scene$"):
+            outcomes(executor, job("a", order="nothing"))
+    ended = []
+    executors[1].run(job("a", order="nothing"), print, ended.append, threading.Event())
+    assert ended == [Outcome("a", REFUSED, "no such scene")]
+
+
+def test_a_worker_that_dies_is_named_by_its_task(executors):
+    with pytest.raises(
+        NoisyWorldError, match=r"^dies: its worker was ended by signal 9, perhaps for want of memory; .* goes on$"
+    ):
+        outcomes(executors[1], job("waits", "dies"))
+
+
+def test_stopped(executors):
+    for executor in executors:
+        stop = threading.Event()
+        stop.set()
+        with pytest.raises(InterruptedRunError):
+            outcomes(executor, job("waits", "a"), stop)
+
+
+def test_a_worker_whose_parent_is_gone_ends(executors, tmp_path):
+    worker = subprocess.Popen(
+        [sys.executable, str(tmp_path / "program.py")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    worker.stdin.write("order\nwaits\n")
+    worker.stdin.flush()
+    assert "advance" in worker.stdout.readline()
+    worker.stdin.close()
+    assert worker.wait(30) == INTERRUPTED
+
+
+def test_neighbours_go_to_one_worker():
+    tasks = [Task(f"{group}{k}", group, group[0], 1.0) for group in ("a1", "a2", "b1") for k in range(3)]
+    queue = TaskQueue(tuple(tasks))
+    given = {0: [], 1: []}
+    for turn in (0, 1, 0, 0, 1, 0, 0, 0, 0):
+        given[turn].append(queue.next_for(turn).name)
+    assert given[0] == ["a10", "a11", "a12", "b10", "b11", "b12", "a22"]  # what is left of the other's, from its end
+    assert given[1] == ["a20", "a21"]
+    assert queue.next_for(0) is None
+    many = TaskQueue(tuple(Task(str(k), "one") for k in range(100_000)))  # in a moment, whoever asks
+    assert [many.next_for(k % 2).name for k in range(100_000)][-1] == "50000"

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Every channel of a dataset, opened: the same arrays from its files, packed ones, a recipe, and kept clean frames."""
+
+import json
+import sys
+import threading
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+
+pytest.importorskip("embreex", reason="embreex comes with an extra")
+
+from cases import cases
+from packed import pack_to
+from worlds import with_objects, write_world
+
+import noisy_world
+from noisy_world.core.errors import InputError, NoisyWorldError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+from noisy_world.recipes.clean_making import make_store
+from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.recipes.verifying import verify
+from noisy_world.recipes.recipe import read_recipe
+
+OTHERS = ("normal", "instance", "flow")
+FORMATS = {"replica": {}, "euroc": {"normal": "exr", "instance": "npy", "flow": "npy"}}
+
+
+def read(path):
+    """An image's file in other hands."""
+    if path.suffix == ".npy":
+        return np.load(path)
+    if path.suffix == ".exr":
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            planes = file.channels()
+            names = ("dx", "dy", "hidden") if "hidden" in planes else "XYZ"
+            return np.stack([planes[name].pixels for name in names], axis=-1)
+    steps = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if steps.ndim == 2:
+        return steps
+    normal = steps[..., ::-1] / 65535 * 2 - 1
+    return np.where(steps.any(axis=-1, keepdims=True), normal, 0)
+
+
+@cases("layout", FORMATS)
+def test_all_hands_give_the_same(layout, tmp_path):
+    pytest.importorskip("pyarrow", reason="the extra 'cloud' is not installed: pyarrow")
+    tmp_path /= layout
+    preset = write_world(
+        tmp_path / "world",
+        frames=8,
+        render={"engine": "embree", "backend": "reference"},
+        settings=[{"name": "clean"}, {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}],
+        output={"layout": layout, "image": "png", "modalities": ["rgb", "depth", *OTHERS], "formats": FORMATS[layout]},
+    )
+    with_objects(tmp_path / "world", [300, 7, 7, 65535, -1, 12])
+    plan, progress, stop = make_plan(read_preset(preset)), PlainProgress(sys.stderr), threading.Event()
+    Run(plan, tmp_path / "out", progress=progress, stop=stop).make_dataset()
+    pack_to(tmp_path / "out", f"file://{tmp_path}/packed")
+    recipe = tmp_path / "world/out.recipe.json"
+    recipe.write_text(recipe_of(tmp_path / "out", progress).text())
+    make_store(plan, tmp_path / "clean", progress, stop)
+    kinds = {name: FORMATS[layout].get(name, "exr" if name == "flow" else "png") for name in OTHERS}
+
+    opened = [
+        noisy_world.open(tmp_path / "out"),
+        noisy_world.open(tmp_path / "packed"),
+        noisy_world.open(recipe),
+        noisy_world.open(recipe, clean=tmp_path / "clean"),
+    ]
+    for name in ("clean/box", "fast/box"):
+        numbers = list(opened[0][name].frames)
+        assert len(numbers) == (8 if name == "clean/box" else 4)
+        for channel, kind in kinds.items():
+            files = sorted((tmp_path / "out" / name).glob(f"**/*{channel}*/**/*.{kind}"))
+            for index, file in zip(numbers, files, strict=True):
+                truth = read(file)
+                assert {hand[name][index].image_bytes(channel) for hand in opened} == {file.read_bytes()}
+                for hand in opened:
+                    image = hand[name][index].image(channel)
+                    assert image.dtype == (np.uint16 if channel == "instance" else np.float32)
+                    assert image.shape == truth.shape
+                    assert np.abs(image - truth.astype(float)).max() < 1e-7
+        assert np.array_equal(opened[2][name][1].image("rgb"), opened[0][name][1].rgb)
+        assert np.array_equal(opened[2][name][1].image("depth"), opened[0][name][1].depth_m)
+    for hand in opened:
+        sample = hand.frames("fast", channels=["flow", "instance"])[1]
+        assert np.array_equal(sample["flow"], hand["fast/box"][1].image("flow"))
+        assert "normal" not in sample
+    for dataset in (tmp_path / "out", tmp_path / "packed"):
+        assert verify(read_recipe(recipe), dataset, progress, stop).lines() == []
+    listed = json.loads((tmp_path / "packed/croissant.json").read_text())["distribution"]
+    assert {item["encodingFormat"] for item in listed if item["@id"] == "flow-images"} == {
+        {"exr": "image/x-exr", "npy": "application/x-npy"}[kinds["flow"]]
+    }
+    file.write_bytes(file.read_bytes()[:-9] + b"elsewhere")
+    with pytest.raises(InputError, match=f"{file.name}: is not as it was written"):
+        noisy_world.open(tmp_path / "out")["fast/box"][numbers[-1]].image("flow")
+
+
+def test_what_is_not_there_is_said(tmp_path):
+    preset = write_world(tmp_path / "world", frames=2, render={"engine": "embree", "backend": "reference"})
+    Run(
+        make_plan(read_preset(preset)), tmp_path / "out", progress=PlainProgress(sys.stderr), stop=threading.Event()
+    ).make_dataset()
+    frame = noisy_world.open(tmp_path / "out")["clean/box"][1]
+    with pytest.raises(InputError, match=r"frames\.jsonl: frame 1: names no flow"):
+        frame.image("flow")
+    with pytest.raises(NoisyWorldError, match="there is no channel flows here"):
+        frame.image("flows")
