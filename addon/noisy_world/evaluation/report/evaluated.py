@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ...core.errors import one_line
+from ..analysis.run_results import IS_INCOMPLETE
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.success import LEAST_TRACKED
@@ -25,8 +26,10 @@ def opening(results: Results) -> str:
     said = (
         f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
         f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
-        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. Such a "
-        "run is counted, and is in no mean of an error."
+        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. "
+        f"{int(runs['incomplete'].sum())} are incomplete: they {IS_INCOMPLETE}. Both are counted, and are in no mean, "
+        "median or ratio of an error: that of an incomplete run is of the frames that it did not give up. It stands in "
+        "the table of single runs alone. Means of errors are geometric."
     )
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
@@ -97,6 +100,7 @@ def command(results: Results) -> str:
 def _system(results: Results, system: str) -> str:
     runs = results.runs[results.runs["system"] == system]
     said = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
+    said.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
     said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
     versions: dict[str, set[str]] = {}
