@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..metrics.success import COMPLETE, FAILED, INCOMPLETE, LEAST_TRACKED, result_of
+from ..metrics.success import COMPLETE, FAILED, INCOMPLETE, IS_INCOMPLETE, result_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 TRACKED = ("tracked_share", "strict.tracked_share")
 """The share of the frames that a run tracked, by the name that the study's protocol gives it."""
 RESULT = "result"
-IS_INCOMPLETE = f"tracked less than {LEAST_TRACKED:.0%} of the frames"
-"""What `incomplete` means, in words."""
 LEFT_OUT = (
     f"A run that {IS_INCOMPLETE} is incomplete: its errors are those of the frames that it did not give up, so they "
     "are in no mean, median or ratio."

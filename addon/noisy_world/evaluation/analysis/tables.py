@@ -4,12 +4,13 @@
 from typing import TYPE_CHECKING
 
 from ...core.extras import need
+from ..metrics.success import IS_INCOMPLETE
 from .correlation import indicator_correlations, perturbation_correlations, system_correlations
 from .groups import curve_table, grouped_table
 from .over_clean import over_clean_table
 from .prediction import prediction_tables
 from .robustness_table import robustness_table
-from .run_results import IS_INCOMPLETE, LEFT_OUT
+from .run_results import LEFT_OUT
 from .run_table import SETTING, SUCCESS, headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
 from .significance import against_clean_table

@@ -18,6 +18,8 @@ filter at 0.8 of the path's length, which it leaves out."""
 COMPLETE: Literal["complete"] = "complete"
 INCOMPLETE: Literal["incomplete"] = "incomplete"
 FAILED: Literal["failed"] = "failed"
+IS_INCOMPLETE = f"tracked less than {LEAST_TRACKED:.0%} of the frames"
+"""What `incomplete` means, in words."""
 LARGEST_ATE_M = 1.0
 """Where the area under the success curve ends: what the paper calls completely unacceptable."""
 LARGEST_RPE_M = 0.1

@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ..analysis.run_results import IS_INCOMPLETE
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..analysis.tables import CAPTIONS
+from ..metrics.success import IS_INCOMPLETE
 from .contents import Section
 from .figures.correlations import Correlation, correlation_matrices
 from .figures.curves import CurvePoint, curves

@@ -8,15 +8,16 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ...core.errors import one_line
-from ..analysis.run_results import IS_INCOMPLETE
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
-from ..metrics.success import LEAST_TRACKED
+from ..metrics.rotation_order import WRONG_DEG
+from ..metrics.success import IS_INCOMPLETE, LEAST_TRACKED
 from .labels import column_of
 from .paper_conditions import CLEAN
 from .reading import KEY, Results, read_object, records
 
 LONGEST_LIST = 12
+ROTATION = "ate_rotation_median_deg"
 
 
 def opening(results: Results) -> str:
@@ -43,7 +44,21 @@ def opening(results: Results) -> str:
                 f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
                 f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
             )
-    return said
+    return said + _turned(results)
+
+
+def _turned(results: Results) -> str:
+    """Return a sentence on each system whose positions are right where its rotations are not; "" for none."""
+    runs = results.complete
+    if SUCCESS not in runs or ROTATION not in runs:
+        return ""
+    turned = runs[(runs[SUCCESS] == 1.0) & (runs[ROTATION] > WRONG_DEG)]
+    return "".join(
+        f" In {_count(len(group), 'run')} of {system} the positions are right and the rotations off by more than "
+        f"{WRONG_DEG:g} degrees, as where quaternions are written w first and read as x y z w, or where the camera's "
+        "axes are others."
+        for system, group in turned.groupby("system", sort=True)
+    )
 
 
 def facts(results: Results) -> list[tuple[str, str]]:

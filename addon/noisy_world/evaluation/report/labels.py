@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What columns mean: headings, units and sentences for the metrics of runs and for what the tables share."""
 
-from ..analysis.run_results import IS_INCOMPLETE, RESULT
+from ..analysis.run_results import RESULT
 from ..maps.names import MAP_PREFIX
 from ..measured import metric_of
+from ..metrics.success import IS_INCOMPLETE
 from .tables import Column
 
 SHARED = {

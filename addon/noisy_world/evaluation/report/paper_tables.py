@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..analysis.log_scale import geometric_deviation, geometric_mean
-from ..analysis.run_results import IS_INCOMPLETE, complete_runs
+from ..analysis.run_results import complete_runs
+from ..metrics.success import IS_INCOMPLETE
 from .escaping import latex
 from .paper_comparison import LABELS, OURS, STRICT, paper_conditions, with_spread
 from .paper_conditions import CLEAN, PaperCondition
