@@ -131,7 +131,7 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     )
 
 
-def _part(name: bytes, content: bytes = b"") -> bytes:
+def _part(name: bytes, content: bytes | bytearray = b"") -> bytes:
     """Return a part of a PNG: its length, name, content and checksum."""
     import deflate
 
