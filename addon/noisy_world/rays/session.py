@@ -70,7 +70,7 @@ class RaySession:
         rays = None if seen.rgb is None else self._smooth(view, request.rgb_c2w, seen.rgb)
         return RenderedFrame(seen.rgb, depth_m, others, rays)
 
-    def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
+    def _smooth(self, view: RayView, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
         """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""
         if (grid := self._grid) is None:
             return None
@@ -81,9 +81,9 @@ class RaySession:
         def smooth(part: slice) -> None:
             row, column = np.divmod(pixels[part], self._width)
             centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
-            rays = View(view.origin_m, centres, beside)
+            rays = RayView(view.origin_m, centres, beside)
             found = np.empty((beside.shape[1], len(row), 3), dtype=np.float32)
-            self._caster.cast(rays, slice(0, len(found)), Images(found, None, None))
+            self._caster.cast(rays, slice(0, len(found)), CastImages(found, None, None))
             colours[pixels[part]] = mean_colours(colours[pixels[part]], found, grid)
 
         self._each(smooth, len(pixels), PIXELS_AT_ONCE)

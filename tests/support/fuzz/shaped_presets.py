@@ -127,7 +127,7 @@ def _document(rng):
     layout = LAYOUTS[pick(rng, tuple(LAYOUTS))]
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}
     offered = {"workbench": WORKBENCH_SAMPLES, "embree": EMBREE_SAMPLES}
-    render["samples"] = pick(rng, offered.get(render.get("engine"), (1,)))
+    render["samples"] = pick(rng, offered.get(str(render.get("engine")), (1,)))
     scenes = [_scene(rng, k) for k in range(int(rng.integers(1, 4)))]
     recorded = any("sequence" in scene for scene in scenes)
     known = {name: each for name, each in registry().items() if not (recorded and name == DEVIATES)}
