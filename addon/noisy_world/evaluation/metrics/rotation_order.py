@@ -19,8 +19,8 @@ def rotation_notes(matched: Compared) -> tuple[str, ...]:
 
     matched: an estimate that lies over the truth by its positions.
     """
-    by, rotation = matched.by, matched.rotation
-    if matched.failure or by is None or rotation is None or rotation.median < WRONG_DEG:
+    by, rotation = matched.by, None if matched.failure else matched.rotation
+    if by is None or rotation is None or rotation.median < WRONG_DEG:
         return ()
     extent_m = float(np.linalg.norm(np.ptp(matched.true[:, :3, 3], axis=0)))
     if matched.position.rmse > SMALL_SHARE * extent_m:
