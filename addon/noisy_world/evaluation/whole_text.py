@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Whether a text of poses is whole: one that was cut inside its last number still reads as numbers, but false ones."""
 
+import math
 from pathlib import Path
 
 from ..core.errors import InputError
@@ -33,6 +34,8 @@ def check_whole(path: Path, text: str) -> None:
         raise InputError(path, problem, where=where, remedy=REMEDY)
     if len(last) in _HOMOGENEOUS and _is_number(last[-1:]) and float(last[-1]) == 1.0:
         return
+    if _is_number(last[-1:]) and not math.isfinite(float(last[-1])):
+        return  # which the reader refuses in words of its own
     others = [words[-1] for _, words in before]
     if len(others) >= FEWEST and _decimals(last[-1]) and {_decimals(last[-1])} == set(map(_decimals, others)):
         return
