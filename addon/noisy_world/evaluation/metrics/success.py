@@ -18,7 +18,7 @@ filter at 0.8 of the path's length, which it leaves out."""
 COMPLETE: Literal["complete"] = "complete"
 INCOMPLETE: Literal["incomplete"] = "incomplete"
 FAILED: Literal["failed"] = "failed"
-IS_INCOMPLETE = f"tracked less than {LEAST_TRACKED:.0%} of the frames"
+IS_INCOMPLETE = f"tracked less than {100 * LEAST_TRACKED:g} % of the frames"
 """What `incomplete` means, in words."""
 LARGEST_ATE_M = 1.0
 """Where the area under the success curve ends: what the paper calls completely unacceptable."""

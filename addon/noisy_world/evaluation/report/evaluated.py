@@ -34,7 +34,7 @@ def opening(results: Results) -> str:
     )
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
-        meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
+        meaning = f"an ATE below that, with {100 * LEAST_TRACKED:g} % of the frames tracked"
         said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
     if SUCCESS_OVER_CLEAN in runs:
         noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]

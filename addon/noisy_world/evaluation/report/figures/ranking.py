@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...metrics.success import LEAST_TRACKED
+from ...metrics.success import IS_INCOMPLETE
 from .drawing import COLOURS, GREY, NARROW_IN, Picture, drawing, shortened, svg_bytes, unused
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
     about = (
         "The error (ATE) of each system in each setting over its error on clean frames of the same scenes and seeds, "
         "the worst on top: bars are geometric means, dots single runs. Hatched: half of the runs or more failed (no "
-        f"path, or none that can be scored) or are incomplete (tracked less than {LEAST_TRACKED:.0%} of the frames), "
+        f"path, or none that can be scored) or are incomplete ({IS_INCOMPLETE}), "
         "which is no ratio."
     )
     wide = _drawn(panels, WIDE_IN if across > 1 else 0.72 * WIDE_IN, across)
