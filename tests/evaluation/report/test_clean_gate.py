@@ -72,8 +72,8 @@ def test_the_report_begins_with_it_and_marks_it_wherever_its_ratios_stand(tmp_pa
     results_of(tmp_path, clean, {"mine": WANTED, "fine": WANTED})
     written = write_report(tmp_path)
     assert written.findings[0].startswith(
-        f"{MARK} mine does not reach on clean frames what its definition expects (ATE at most 10 mm, scale within 1 %), "
-        "in 1 of 2 scenes: b ATE 116 mm."
+        f"{MARK} mine does not reach on clean frames what its definition expects "
+        "(ATE at most 10 mm, scale within 1 %), in 1 of 2 scenes: b ATE 116 mm."
     )
     lines = (tmp_path / "report.md").read_text().splitlines()
     assert next(line for line in lines if line.startswith("**")).startswith(f"**{MARK} mine does not reach")

@@ -68,11 +68,11 @@ def test_settings_follow_from_camera_and_rate(programs):
         "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
         "frames": [{"stamp_s": 0.1}, {"stamp_s": 0.2}, {"stamp_s": 0.3}],
     }
-    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index).splitlines()[1:])
+    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index, -2.0, 3.1).splitlines()[1:])
     assert lines["Camera.fps"] == "10"
     assert float(lines["Camera1.fy"]) == 301.0
-    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(80.0)  # twice TUM1.yaml's Camera.bf
-    assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
+    assert float(lines["Stereo.b"]) == -2.0
+    assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)  # in metres, whatever b is
     assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
     assert {orb_slam3.state_name(state) for state in states} == set(states.values())

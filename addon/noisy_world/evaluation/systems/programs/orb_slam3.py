@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in an environment of systems.
 
-    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --pixel-noise-px PX --slope S --near-m M
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --mono
     .venv-slam/bin/python orb_slam3.py --versions VOCABULARY
 
 Writes trajectory.txt (TUM, camera-to-world, the tracked frames), keyframes.txt and frames.csv. Poses are those at the
@@ -22,6 +23,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from depth_weight import baseline_px_m
 from frame_files import inverse, read_image, rigid, tum_text
 
 try:
@@ -29,11 +31,7 @@ try:
 except ImportError as error:  # of several lines, the last of which names nothing
     sys.exit(f"orbslam3 cannot be imported: {' '.join(str(error).split())}")
 
-# As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera and rate. The baseline of a virtual right camera
-# says how much depth counts against pixels. TUM1.yaml has 40 pixels of disparity at a metre, for a Kinect; with depth
-# as exact as a renderer's, 80 nearly halve the error of two clean embedded rooms at 320 x 240.
-BASELINE_PX_M = 80.0
-NEAR_M = 3.1  # points that are farther are triangulated from several frames: 40 px / 517 px * 40, of TUM1.yaml
+# As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera, rate and depth (depth_weight.py).
 FEATURES = 1000
 SETTINGS = """%YAML:1.0
 File.version: "1.0"
@@ -86,11 +84,22 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("vocabulary", type=Path, help="a vocabulary in DBoW2's text format")
     parser.add_argument("--mono", action="store_true", help="without depth")
+    parser.add_argument("--pixel-noise-px", type=float, help="standard deviation of a corner's column")
+    parser.add_argument("--slope", type=float, help="of surfaces, rise of depth over width")
+    parser.add_argument("--near-m", type=float, help="points that are farther are triangulated from several frames")
     options = parser.parse_args(arguments)
+    of_depth = (options.pixel_noise_px, options.slope, options.near_m)
+    if not options.mono and None in of_depth:
+        parser.error("with depth, --pixel-noise-px, --slope and --near-m are needed")
     cv2.setNumThreads(1)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings = options.out / "orb_slam3.yaml"
-    settings.write_text(settings_text(index), encoding="utf-8")
+    baseline_m, near_m = 1.0, 1.0  # of no meaning without depth
+    if not options.mono:
+        bf_px_m = baseline_px_m(index, options.pixel_noise_px, options.slope)
+        print(f"depth counts by bf = {bf_px_m:.6g} px m", flush=True)
+        baseline_m, near_m = bf_px_m / index["camera"]["fx"], options.near_m
+    settings.write_text(settings_text(index, baseline_m, near_m), encoding="utf-8")
     run(index, options.out, options.vocabulary, settings, mono=options.mono)
     return 0
 
@@ -106,15 +115,16 @@ def versions(vocabulary: Path) -> dict[str, str]:
     }
 
 
-def settings_text(index: dict) -> str:
-    """Return ORB-SLAM3's settings for a camera and its rate."""
-    camera = index["camera"]
-    baseline_m = BASELINE_PX_M / camera["fx"]
+def settings_text(index: dict, baseline_m: float, near_m: float) -> str:
+    """Return ORB-SLAM3's settings for a camera and its rate.
+
+    baseline_m: of the camera that depth is turned into columns of. near_m: points that are farther are triangulated.
+    """
     return SETTINGS.format(
-        **camera,
+        **index["camera"],
         fps=max(1, round(1.0 / gap_of(index))),
         baseline_m=baseline_m,
-        near_baselines=NEAR_M / baseline_m,
+        near_baselines=near_m / baseline_m,
         features=FEATURES,
     )
 
