@@ -25,7 +25,7 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_files import CleanFiles
 from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
-from .completed_images import Finished
+from .completed_images import FinishedImages
 from .frame_writer import FrameWriter, Lost
 from .pairs import OpenPairs, motion_of, view_of
 from .report import Report
@@ -72,7 +72,7 @@ class FrameMaker:
         self._closed_at_end = (self._render, self._colour, *([self._scene] if scene is None else []))
         self.report = Report()
 
-    def make(self, render: Render, frames: Many[int], target: Dataset, finished: Finished) -> None:
+    def make(self, render: Render, frames: Many[int], target: Dataset, finished: FinishedImages) -> None:
         """Make the images that show some source frames of a render and are not finished, and write them to a dataset.
 
         Raises InterruptedRunError when stopped.
@@ -130,7 +130,7 @@ class FrameMaker:
         self.report.notes.append(note)
         self._progress.note(note)
 
-    def _colour_of(self, render: Render, frames: Many[int], finished: Finished) -> Colour:
+    def _colour_of(self, render: Render, frames: Many[int], finished: FinishedImages) -> Colour:
         """Return what perturbs the colour of those sequences that lack some of it."""
         coloured = render.sequences if "rgb" in self._modalities else ()
         lacking = [item for item in coloured if item.frames and finished.lacks(item, "rgb", frames)]
@@ -169,7 +169,7 @@ class FrameMaker:
                 self._count(writer.submit_pair(pair), writer)
         self._count(writer.drain(), writer)
 
-    def _pairs(self, render: Render, frames: Many[int], finished: Finished) -> OpenPairs:
+    def _pairs(self, render: Render, frames: Many[int], finished: FinishedImages) -> OpenPairs:
         """Return what leads from some source frames to others and is missing."""
         channels = [channel.name for channel in pair_channels(self._modalities)]
         sequences = [item for item in render.sequences if item.frames] if channels else []

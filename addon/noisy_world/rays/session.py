@@ -19,7 +19,7 @@ from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from .casters import caster_of
-from .casting import TILE_PX, Images, View
+from .casting import TILE_PX, CastImages, RayView
 from .triangles import triangle_corners, triangle_faces, triangle_normals
 
 
@@ -66,15 +66,15 @@ class RaySession:
         depth_m = self._seen(self._view(request.depth_c2w), depth=True).depth_m if apart else seen.depth_m
         return RenderedFrame(seen.rgb, depth_m, others)
 
-    def _view(self, c2w: NDArray[np.float64]) -> View:
+    def _view(self, c2w: NDArray[np.float64]) -> RayView:
         """Return the rays of a pose (4, 4)."""
         right, down, forward = (c2w[:3, axis, None] for axis in range(3))
-        return View(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
+        return RayView(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
 
-    def _seen(self, view: View, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> Images:
+    def _seen(self, view: RayView, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> CastImages:
         """Return what is asked for of what a view sees."""
         size = (self._height, self._width)
-        images = Images(
+        images = CastImages(
             np.empty((*size, 3), dtype=np.float32) if rgb else None,
             np.empty(size, dtype=np.float32) if depth else None,
             np.empty(size, dtype=np.int32) if triangles else None,
@@ -83,7 +83,7 @@ class RaySession:
             self._each_band(lambda rows: self._caster.cast(view, rows, images))
         return images
 
-    def _surface(self, view: View, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
+    def _surface(self, view: RayView, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
         """Return what is asked for of the mesh, where a view of a pose (4, 4) sees these triangles (H, W)."""
         size = triangles.shape
         normals = None if self._normals is None else np.empty((*size, 3), dtype=np.float32)

@@ -4,7 +4,7 @@ import json
 import shutil
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import box_room
 import cv2
@@ -62,18 +62,25 @@ def test_frames_without_a_final_pose_move_with_the_one_before(programs):
 
 
 def test_settings_follow_from_camera_and_rate(programs):
+    import orb_settings
     import orb_slam3
 
     index = {
         "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
         "frames": [{"stamp_s": 0.1}, {"stamp_s": 0.2}, {"stamp_s": 0.3}],
+        "inverse_depth": {"median_per_m": 0.5, "noise_per_m": 0.001},
     }
-    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index, -2.0, 3.1).splitlines()[1:])
+    options = SimpleNamespace(mono=False, pixel_noise_px=0.9, slope=0.5, near_m=3.1)
+    lines = dict(line.split(": ") for line in orb_settings.settings_text(index, options).splitlines()[1:])
     assert lines["Camera.fps"] == "10"
     assert float(lines["Camera1.fy"]) == 301.0
-    assert float(lines["Stereo.b"]) == -2.0
-    assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)  # in metres, whatever b is
-    assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
+    # A corner is .9 px off. Depth is .001 * 2 m * 2 m = 4 mm off, and .9 / 300 * 2 m * .5 = 3 mm where it is read: 5 mm
+    # together, which at 2 m are .9 px of a bf of .9 * 2 * 2 / .005 = 720 px m.
+    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(-720.0)
+    assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
+    with pytest.raises(SystemExit, match="--near-m"):
+        orb_settings.settings_text(index, SimpleNamespace(mono=False, pixel_noise_px=0.9, slope=0.5, near_m=None))
+    assert orb_settings.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
     assert {orb_slam3.state_name(state) for state in states} == set(states.values())
 

@@ -23,50 +23,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from depth_weight import baseline_px_m
 from frame_files import inverse, read_image, rigid, tum_text
+from orb_settings import add_options, gap_of, settings_text
 
 try:
     import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
 except ImportError as error:  # of several lines, the last of which names nothing
     sys.exit(f"orbslam3 cannot be imported: {' '.join(str(error).split())}")
 
-# As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera, rate and depth (depth_weight.py).
-FEATURES = 1000
-SETTINGS = """%YAML:1.0
-File.version: "1.0"
-Camera.type: "PinHole"
-Camera1.fx: {fx:.9f}
-Camera1.fy: {fy:.9f}
-Camera1.cx: {cx:.9f}
-Camera1.cy: {cy:.9f}
-Camera1.k1: 0.0
-Camera1.k2: 0.0
-Camera1.p1: 0.0
-Camera1.p2: 0.0
-Camera.width: {width:d}
-Camera.height: {height:d}
-Camera.fps: {fps:d}
-Camera.RGB: 1
-Stereo.b: {baseline_m:.9f}
-Stereo.ThDepth: {near_baselines:.9f}
-RGBD.DepthMapFactor: 1.0
-ORBextractor.nFeatures: {features:d}
-ORBextractor.scaleFactor: 1.2
-ORBextractor.nLevels: 8
-ORBextractor.iniThFAST: 20
-ORBextractor.minThFAST: 7
-Viewer.KeyFrameSize: 0.05
-Viewer.KeyFrameLineWidth: 1.0
-Viewer.GraphLineWidth: 0.9
-Viewer.PointSize: 2.0
-Viewer.CameraSize: 0.08
-Viewer.CameraLineWidth: 3.0
-Viewer.ViewpointX: 0.0
-Viewer.ViewpointY: -0.7
-Viewer.ViewpointZ: -1.8
-Viewer.ViewpointF: 500.0
-"""
 THREADS = Path("/proc/self/task")
 BUSY = ("R", "D")  # states of a thread that has something to do
 QUIET_S, QUIET_TIMES = 0.002, 3  # chosen: the map's threads look for work every 3 and every 5 ms
@@ -83,23 +47,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("frames", type=Path, help="the index of the frames")
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("vocabulary", type=Path, help="a vocabulary in DBoW2's text format")
-    parser.add_argument("--mono", action="store_true", help="without depth")
-    parser.add_argument("--pixel-noise-px", type=float, help="standard deviation of a corner's column")
-    parser.add_argument("--slope", type=float, help="of surfaces, rise of depth over width")
-    parser.add_argument("--near-m", type=float, help="points that are farther are triangulated from several frames")
+    add_options(parser)
     options = parser.parse_args(arguments)
-    of_depth = (options.pixel_noise_px, options.slope, options.near_m)
-    if not options.mono and None in of_depth:
-        parser.error("with depth, --pixel-noise-px, --slope and --near-m are needed")
     cv2.setNumThreads(1)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings = options.out / "orb_slam3.yaml"
-    baseline_m, near_m = 1.0, 1.0  # of no meaning without depth
-    if not options.mono:
-        bf_px_m = baseline_px_m(index, options.pixel_noise_px, options.slope)
-        print(f"depth counts by bf = {bf_px_m:.6g} px m", flush=True)
-        baseline_m, near_m = bf_px_m / index["camera"]["fx"], options.near_m
-    settings.write_text(settings_text(index, baseline_m, near_m), encoding="utf-8")
+    settings.write_text(settings_text(index, options), encoding="utf-8")
     run(index, options.out, options.vocabulary, settings, mono=options.mono)
     return 0
 
@@ -113,26 +66,6 @@ def versions(vocabulary: Path) -> dict[str, str]:
         "python": ".".join(map(str, sys.version_info[:3])),
         "vocabulary": f"{vocabulary.stem}, sha256 {digest[:16]}",
     }
-
-
-def settings_text(index: dict, baseline_m: float, near_m: float) -> str:
-    """Return ORB-SLAM3's settings for a camera and its rate.
-
-    baseline_m: of the camera that depth is turned into columns of. near_m: points that are farther are triangulated.
-    """
-    return SETTINGS.format(
-        **index["camera"],
-        fps=max(1, round(1.0 / gap_of(index))),
-        baseline_m=baseline_m,
-        near_baselines=near_m / baseline_m,
-        features=FEATURES,
-    )
-
-
-def gap_of(index: dict) -> float:
-    """Return the seconds between frames; those of 20 Hz for a single frame."""
-    stamps_s = [frame["stamp_s"] for frame in index["frames"]]
-    return float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.05
 
 
 def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool) -> None:
