@@ -161,6 +161,10 @@ class Limits:
         }
 
 
+def _length(value_m: float) -> str:
+    return f"{value_m:.3g} m" if value_m >= 1.0 else f"{1e3 * value_m:.3g} mm"
+
+
 @dataclass(frozen=True)
 class ExpectedClean:
     """What a system reaches on clean frames where it works as it should; a ratio to a worse error says little."""
@@ -174,11 +178,11 @@ class ExpectedClean:
     def text(self) -> str:
         """It, in words."""
         scale = "" if self.scale_off is None else f", scale within {100.0 * self.scale_off:.3g} %"
-        return f"ATE at most {1e3 * self.ate_m:.3g} mm{scale}"
+        return f"ATE at most {_length(self.ate_m)}{scale}"
 
     def unmet(self, ate_m: float | None, scale: float | None) -> list[str]:
         """Return what of a clean run is not as expected, in words. ate_m, scale: None where it has none."""
-        found = [f"ATE {1e3 * ate_m:.3g} mm"] if ate_m is not None and ate_m > self.ate_m else []
+        found = [f"ATE {_length(ate_m)}"] if ate_m is not None and ate_m > self.ate_m else []
         if self.scale_off is not None and scale is not None and abs(scale - 1.0) > self.scale_off:
             found.append(f"scale {scale:.3f}")
         return found

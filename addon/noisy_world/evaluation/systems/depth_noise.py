@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.datasets.image_reading import read_pixels
+from ...core.schema import key
 
 FRAMES = 8  # chosen: of a sequence, in which noise is measured
 OF_MEDIAN = 0.6745  # the median of the absolute values of a standard normal variable
@@ -18,10 +19,10 @@ OF_ROUNDING = 1.0 / math.sqrt(12.0)  # of a step
 
 @dataclass(frozen=True)
 class InverseDepth:
-    """The inverse of a sequence's depth Z. noise_per_m: the standard deviation of 1 / Z; median_per_m: the median."""
+    """The inverse of a sequence's planar depth Z."""
 
-    median_per_m: float
-    noise_per_m: float
+    median_per_m: float = key("the median of 1 / Z", unit="1/m", above=0.0)
+    noise_per_m: float = key("the standard deviation of the noise of 1 / Z", unit="1/m", minimum=0.0)
 
 
 def measured_inverse_depth(files: Sequence[Path], scale_per_m: float) -> InverseDepth | None:
