@@ -329,7 +329,7 @@ time.sleep(60)
     with pytest.raises(StorageError, match="another run"):
         storage.FolderLock(path)
     process.kill()
-    process.wait()
+    process.wait(60)
     storage.FolderLock(path).release()
 
 
