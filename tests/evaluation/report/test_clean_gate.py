@@ -85,7 +85,7 @@ def test_the_report_begins_with_it_and_marks_it_wherever_its_ratios_stand(tmp_pa
         assert MARK in (tmp_path / "figures" / f"{name}.svg").read_text(), name
     with (tmp_path / "tables" / "over_clean.csv").open() as file:
         assert {row["system"]: row["clean_as_expected"] for row in csv.DictReader(file)} == {"mine": "0", "fine": "1"}
-    assert f"mine {MARK}" in (tmp_path / "tables" / "over_clean.tex").read_text()
+    assert r"mine $\dagger$" in (tmp_path / "tables" / "over_clean.tex").read_text()
 
 
 def test_where_all_is_as_expected_nothing_is_marked(tmp_path):
