@@ -6,7 +6,7 @@ square matrix; frames have to be prepared; no first guess can be given.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import cv2
 
 Float64: TypeAlias = NDArray[np.float64]
+By: TypeAlias = Literal["both", "depth", "colour"]
+"""What brings two views over each other; by colour alone, depth still says where its points are."""
 
 # Finest level first; chosen: half the time of OpenCV's own counts (7, 7, 7, 10), and found from twice as far, as it is
 # the coarsest levels that bring views together. In a textured box of 160 x 120 pixels 1 of 27 motions over three frames
@@ -45,7 +47,7 @@ class RgbdView:
 class Aligner:
     """Finds the motion between two views of one camera."""
 
-    def __init__(self, camera: Intrinsics) -> None:
+    def __init__(self, camera: Intrinsics, by: By = "both") -> None:
         import cv2
 
         self.camera = camera
@@ -61,7 +63,8 @@ class Aligner:
         settings.setMaxTranslation(LARGEST_STEP_M)
         settings.setMaxRotation(LARGEST_TURN_DEG)
         settings.setNormalMethod(cv2.RgbdNormals_RGBD_NORMALS_METHOD_CROSS_PRODUCT)
-        self._odometry = cv2.Odometry(cv2.OdometryType_RGB_DEPTH, settings, cv2.OdometryAlgoType_COMMON)
+        kinds = {"both": cv2.OdometryType_RGB_DEPTH, "depth": cv2.OdometryType_DEPTH, "colour": cv2.OdometryType_RGB}
+        self._odometry = cv2.Odometry(kinds[by], settings, cv2.OdometryAlgoType_COMMON)
 
     def view(self, grey: Grey, depth_m: Depth) -> RgbdView:
         """Prepare a view: its pyramids, gradients and normals."""

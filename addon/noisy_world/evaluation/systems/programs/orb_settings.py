@@ -60,6 +60,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mono", action="store_true", help="without depth")
     parser.add_argument("--pixel-noise-px", type=float, help="standard deviation of a corner's column")
     parser.add_argument("--slope", type=float, help="of surfaces, rise of depth over width")
+    parser.add_argument("--bf-px-m", type=float, help="in place of the last two: how much depth counts, as it is given")
     parser.add_argument("--near-m", type=float, help="points that are farther are triangulated from several frames")
 
 
@@ -68,10 +69,11 @@ def settings_text(index: dict, options: argparse.Namespace) -> str:
     camera = index["camera"]
     baseline_m, near_m = 1.0, 1.0  # which mean nothing without depth
     if not options.mono:
-        if None in (options.pixel_noise_px, options.slope, options.near_m):
-            raise SystemExit("with depth, --pixel-noise-px, --slope and --near-m are needed")
+        by_noise, given = (options.pixel_noise_px, options.slope), options.bf_px_m
+        if options.near_m is None or (None in by_noise) == (given is None):
+            raise SystemExit("with depth, --near-m is needed, and --pixel-noise-px with --slope, or --bf-px-m")
         near_m = options.near_m
-        baseline_m = bf_px_m(index, options.pixel_noise_px, options.slope) / camera["fx"]
+        baseline_m = (bf_px_m(index, *by_noise) if given is None else given) / camera["fx"]
     return SETTINGS.format(
         **camera,
         fps=max(1, round(1.0 / gap_of(index))),
