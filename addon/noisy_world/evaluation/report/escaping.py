@@ -18,6 +18,7 @@ _LATEX = {
     "\u00a0": "~",
     "…": r"\ldots{}",
     "±": r"$\pm$",
+    "\u2020": r"$\dagger$",
     "\u00d7": r"$\times$",
     "↑": r"$\uparrow$",
     "↓": r"$\downarrow$",
