@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-STARTED_S = time.perf_counter()
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
@@ -33,7 +32,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
-    from noisy_world.pipeline.completed_images import CompletedImages, Finished  # noqa: PLC0415
+    from noisy_world.pipeline.completed_images import CompletedImages, FinishedImages  # noqa: PLC0415
     from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
     from noisy_world.pipeline.stage_timer import StageTimer  # noqa: PLC0415
@@ -59,7 +58,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> dict[str, float]:
             """Render and write; return seconds a frame, and those of all processors together."""
             start_s, start_core_s = time.perf_counter(), time.process_time()
-            with FrameWriter(dataset, render, Finished([CompletedImages(dataset, render)]), StageTimer()) as writer:
+            with FrameWriter(
+                dataset, render, FinishedImages([CompletedImages(dataset, render)]), StageTimer()
+            ) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.request(shown))), {})

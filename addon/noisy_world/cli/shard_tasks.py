@@ -21,7 +21,7 @@ from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
 from ..core.progress import Progress
-from ..executors.jobs import Executor, Job, Outcome, Perform, Task, carry_out
+from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out
 from ..pipeline.destination import Destination, Made
 from ..pipeline.report import Report
 from ..pipeline.run import Run, threads_of_each
@@ -117,7 +117,7 @@ class ShardWorkers:
         """
         total, at_once = Report(), min(self.executor.slots, len(shards))
 
-        def done(outcome: Outcome) -> None:
+        def done(outcome: TaskOutcome) -> None:
             total.add(outcome.report or {})
             made(Shard.parse(outcome.name))
 

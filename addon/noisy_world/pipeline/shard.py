@@ -21,7 +21,7 @@ from ..core.machine import peak_memory_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.shards import Shard, render_of
 from ..core.progress import Progress
-from .completed_images import CompletedImages, Finished, keep_intact
+from .completed_images import CompletedImages, FinishedImages, keep_intact
 from .frame_maker import FrameMaker
 from .report import Report
 from .versions import versions_of
@@ -142,7 +142,7 @@ class ShardMaker:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
             keep_intact(made, sequence, names)
-        finished = Finished([CompletedImages(made, render), *([] if there is None else [there])])
+        finished = FinishedImages([CompletedImages(made, render), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
         sources_missing = finished.sources_missing(render, self._plan.format.modalities, wanted)
         self._frames.report.frames_kept = len(wanted) - len(sources_missing)

@@ -11,7 +11,7 @@ TILE_PX = 40  # rows of a band, and columns whose packets follow one another; ch
 
 
 @dataclass(frozen=True)
-class View:
+class RayView:
     """Rays from a point through the centres of an image's pixels.
 
     origin_m: (3,) float64, in the axes of the triangles. across: (3, W), down: (3, H) float64; the sum of a column's
@@ -33,7 +33,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Images:
+class CastImages:
     """What a view sees; each is None where it is not asked for.
 
     rgb: (H, W, 3) float32, display-encoded, black where nothing is seen. depth_m: (H, W) float32, 0 there. triangles:
@@ -48,7 +48,7 @@ class Images:
 class Caster(Protocol):
     """Triangles that rays are cast at, between two distances. Several threads may cast at once."""
 
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images."""
         ...
 

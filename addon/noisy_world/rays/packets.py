@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
-from .casting import Images, View
+from .casting import CastImages, RayView
 from .embree_library import PacketScene
 from .packet_kernel import compiled
 from .triangles import triangle_faces
@@ -54,7 +54,7 @@ class Packets:
         lines = [(picture.ctypes.data, picture.shape[1], picture.shape[0]) for picture in self._pictures]
         self._told_pictures = np.array(lines, dtype=np.int64).reshape(-1, 3)
 
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images, without Python's lock. The first row is a multiple of TILE_PX."""
         self._kernel(
             *(self._functions, self._scene.lanes, view.origin_m, view.across, view.down, self._near_m, self._far_m),

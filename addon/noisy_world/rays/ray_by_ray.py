@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.scenes.mesh import Mesh
-from .casting import Images, View
+from .casting import CastImages, RayView
 from .colours import colours_of
 from .embree import Hits, TracedTriangles
 
@@ -31,7 +31,7 @@ class RayByRay:
         self._colours = colours_of(mesh, corners) if coloured else None
         self._near_m, self._far_m = near_m, far_m
 
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images."""
         import cv2
 

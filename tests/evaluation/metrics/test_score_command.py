@@ -8,11 +8,12 @@ import sys
 
 import numpy as np
 import pytest
+from pose_texts import kitti_text
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
 from noisy_world.cli import command, score_command
-from noisy_world.core.trajectories.files import kitti_text, replica_text, tum_text
+from noisy_world.core.trajectories.files import replica_text, tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.metrics import METRICS, PROTOCOLS, Alignment
 

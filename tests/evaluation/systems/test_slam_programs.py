@@ -61,19 +61,31 @@ def test_frames_without_a_final_pose_move_with_the_one_before(programs):
     assert np.array_equal(found[3], online[3])
 
 
+def test_misread_depth_is_what_a_colour_reader_leaves(programs, tmp_path):
+    """Against OpenCV reading the file as colour, and a row of its bytes taken as if it had one channel."""
+    from orb_slam3 import misread
+
+    steps = np.random.default_rng(3).integers(0, 65536, (4, 11), dtype=np.uint16)
+    steps[0, :4] = 0, 255, 256, 65535
+    path = str(tmp_path / "depth.png")
+    assert cv2.imwrite(path, steps)
+    assert np.array_equal(misread(steps), cv2.imread(path).reshape(4, 33)[:, :11])
+
+
 def test_settings_follow_from_camera_and_rate(programs):
+    import orb_settings
     import orb_slam3
 
     index = {
         "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
         "frames": [{"stamp_s": 0.1}, {"stamp_s": 0.2}, {"stamp_s": 0.3}],
     }
-    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index).splitlines()[1:])
+    lines = dict(line.split(": ") for line in orb_settings.settings_text(index).splitlines()[1:])
     assert lines["Camera.fps"] == "10"
     assert float(lines["Camera1.fy"]) == 301.0
     assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(80.0)  # twice TUM1.yaml's Camera.bf
     assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
-    assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
+    assert orb_settings.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
     assert {orb_slam3.state_name(state) for state in states} == set(states.values())
 

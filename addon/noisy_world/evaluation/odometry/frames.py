@@ -38,7 +38,7 @@ class FrameEntry:
 
     index: int = key("the frame's number", minimum=0)
     stamp_s: float = key("when its colour was taken", unit="s")
-    colour: str = key("its colour image")
+    colour: str | None = key("its colour image")
     depth: str | None = key("its depth image", default=None)
     depth_stamp_s: float | None = key("when its depth was taken", unit="s", default=None)
 
@@ -79,8 +79,14 @@ def read_index(path: Path) -> FrameIndex:
 
 
 def read_colour(entry: FrameEntry, camera: Intrinsics) -> NDArray[np.uint8]:
-    """Read a frame's colour (H, W, 3), BGR as OpenCV has it; grey is in three equal channels."""
+    """Read a frame's colour (H, W, 3), BGR as OpenCV has it; grey is in three equal channels.
+
+    Raises InputError for an image that cannot be read, or where there is none.
+    """
     import cv2
+
+    if entry.colour is None:
+        raise InputError(f"frame {entry.index}", "has no colour image", remedy="align by depth alone: --by depth")
 
     image = _read(Path(entry.colour), cv2.IMREAD_COLOR)
     _check_size(entry.colour, image, camera)
