@@ -141,7 +141,7 @@ def _do(options: argparse.Namespace, entry: Entry) -> int:
     need_packages(origin.whole, argparse.Namespace(out=None, ray=None), entry)
     need_blender(origin.whole, entry)
     lock = FolderLock(results.work / "lock")
-    scenes = [scene.name for scene in origin.whole.scenes]
+    scenes = {scene.name: scene.frame_count for scene in origin.whole.scenes}
     try:
         for system in systems:
             found = _search(Trials(origin, results, system, axis, options.success, stop), scenes, options, progress)
@@ -156,9 +156,9 @@ def _do(options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
-def _search(trials: "Trials", scenes: list[str], options: argparse.Namespace, progress: "Progress") -> "Found":
-    """Search with one system; what is made is written after each trial."""
-    from ..evaluation.thresholds.search import search
+def _search(trials: "Trials", scenes: dict[str, int], options: argparse.Namespace, progress: "Progress") -> "Found":
+    """Search with one system; what is made is written after each trial. scenes: how many frames each has."""
+    from ..evaluation.thresholds.search import scene_of, search
     from ..evaluation.thresholds.trials import SearchFile
 
     file = SearchFile(trials.results, trials.system.name)
@@ -171,13 +171,15 @@ def _search(trials: "Trials", scenes: list[str], options: argparse.Namespace, pr
         made.append(trial)
         file.write(identity, made)
         progress.note(_line(trials.axis.text(trial.value), trial))
-        progress.advance()
+        progress.advance(scenes[trial.scene])
         return trial
 
-    progress.start(f"runs of {trials.system.name}, at most", options.most, min(len(before), options.most))
-    seed = trials.origin.preset.spec.seed
+    names, seed = list(scenes), trials.origin.preset.spec.seed
+    frames = [scenes[scene_of(number, names, seed)] for number in range(options.most)]
+    label = f"searching with {trials.system.name}, at most {options.most} runs"
+    progress.start(label, sum(frames), sum(frames[: len(before)]))
     try:
-        found = search(trials.axis, scenes, seed, before, carry_out, width=options.width, most=options.most)
+        found = search(trials.axis, names, seed, before, carry_out, width=options.width, most=options.most)
     finally:
         progress.finish()
     file.write(identity, made, found)

@@ -119,11 +119,13 @@ def search(
         posterior = updated(posterior, known[:, place], failed=not trial.succeeded)
         runs += 1
         low, high = interval(posterior)
+        if runs < FEWEST_RUNS:
+            continue
         if low >= 1.0:
             verdict = Verdict.HOLDS
         elif high <= 0.0:
             verdict = Verdict.FAILS
-        elif runs >= FEWEST_RUNS and low >= 0.0 and high <= 1.0 and high - low <= width:
+        elif low >= 0.0 and high <= 1.0 and high - low <= width:
             verdict = Verdict.FOUND
     low, high = interval(posterior)
     middle, low, high = (
