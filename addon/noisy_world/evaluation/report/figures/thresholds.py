@@ -45,11 +45,12 @@ def thresholds(bars: Sequence[ThresholdBar]) -> Picture:
 
 
 def _panel(panel: "Axes", bars: list[ThresholdBar], styles: dict[str, tuple[str, str]]) -> None:
-    from matplotlib.ticker import NullFormatter, StrMethodFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis = bars[0].found.axis
     if all(bar.found.axis.logarithmic for bar in bars):
         panel.set_xscale("log")
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         panel.xaxis.set_minor_formatter(NullFormatter())
     for row, bar in enumerate(bars):
@@ -84,5 +85,5 @@ def _outward(found: Found, end: float) -> str:
 
 def _arrow(panel: "Axes", row: int, at: float, colour: str, *, outward: str, hollow: bool) -> None:
     face = "white" if hollow else colour
-    panel.plot([at], [row], marker=outward, color=colour, markerfacecolor=face, markersize=7, linestyle="", zorder=4,
+    panel.plot([at], [row], marker=outward, color=colour, markerfacecolor=face, markersize=9, linestyle="", zorder=4,
                clip_on=False)  # fmt: skip
