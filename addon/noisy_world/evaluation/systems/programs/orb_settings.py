@@ -45,6 +45,18 @@ Viewer.ViewpointZ: -1.8
 Viewer.ViewpointF: 500.0
 """
 
+NAMES_2 = {"Camera1.": "Camera.", "Stereo.ThDepth": "ThDepth", "RGBD.DepthMapFactor": "DepthMapFactor"}
+"""What ORB-SLAM2 calls a setting of ORB-SLAM3."""
+
+
+def settings_text_2(index: dict) -> str:
+    """Return ORB-SLAM2's settings for a camera and its rate: the same, but for names and pixels for the baseline."""
+    text = settings_text(index)
+    for name, older in NAMES_2.items():
+        text = text.replace(name, older)
+    baseline_m = float(text.partition("Stereo.b: ")[2].partition("\n")[0])
+    return f"{text}Camera.bf: {baseline_m * index['camera']['fx']:.9f}\n"
+
 
 def settings_text(index: dict) -> str:
     """Return ORB-SLAM3's settings for a camera and its rate."""
