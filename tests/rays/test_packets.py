@@ -63,13 +63,15 @@ def frames(mesh, ways, **options):
     return seen
 
 
-@cases("lanes", [8, 16])
+@cases("lanes, samples", [(8, 1), (16, 1), (8, 9), (16, 16)])
 @cases("dressed", [lambda mesh: mesh, by_corners, textured, lambda mesh: replace(mesh, rgb=None)])
-def test_packets_and_single_rays_are_equal_to_the_bit(dressed, lanes, monkeypatch):
+def test_packets_and_single_rays_are_equal_to_the_bit(dressed, lanes, samples, monkeypatch):
     monkeypatch.setattr(embree_library, "_packet_size", lambda library, device: lanes)
-    options = {"near_m": 0.4, "far_m": 4.0, "threads": 2, "channels": frozenset({"rgb", "depth", "normal"})}
+    options = {"near_m": 0.4, "far_m": 4.0, "threads": 2, "samples": samples}
+    options["channels"] = frozenset({"rgb", "depth", "normal"})
     for packets, alone in zip(*frames(dressed(walls()), (0, 10**18), **options), strict=True):
         assert 0.2 < np.mean(packets.depth_m > 0) < 1
+        assert packets.colour_rays == alone.colour_rays
         for name in ("rgb", "depth", "normal"):
             assert packets.image(name).tobytes() == alone.image(name).tobytes(), name
 

@@ -15,9 +15,8 @@ from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
-from .render import FAR_PLANE_TOLERANCE
+from .render import FAR_PLANE_TOLERANCE, RenderFile
 from .render_camera import RenderCamera
-from .render_file import RenderFile
 from .scene_files import blocks_of
 from .typed import cycles as cycles_of
 from .typed import get_value

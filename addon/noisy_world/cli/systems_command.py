@@ -11,7 +11,7 @@ from .parser import Parser
 from .places import folder
 
 if TYPE_CHECKING:
-    from ..evaluation.systems.building import Published
+    from ..evaluation.systems.building import AuthorsSource
     from ..evaluation.systems.definition import System
 
 
@@ -40,7 +40,7 @@ def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
 def install(options: argparse.Namespace, entry: Entry) -> int:
     """Make what a system needs, and say that it can be run."""
     from ..core.errors import InputError, MissingDependencyError
-    from ..evaluation.systems.building import PUBLISHED
+    from ..evaluation.systems.building import CLONED
     from ..evaluation.systems.checking import check_system, system_versions
     from ..evaluation.systems.environments import FOLDER_VARIABLE, environment_folder
     from ..evaluation.systems.installing import ENVIRONMENT
@@ -48,7 +48,7 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     from .missing import blender_problem
 
     system = find_system(options.install)
-    published = PUBLISHED.get(system.environment)
+    published = CLONED.get(system.environment)
     if options.source and published is None:
         raise InputError("--source", f"is given, but {system.name} is not built from source", remedy="leave it out")
     if system.environment != ENVIRONMENT and published is None:
@@ -85,7 +85,7 @@ def _packages(system: "System", into: Path, options: argparse.Namespace) -> bool
     return made
 
 
-def _built(published: "Published", into: Path, options: argparse.Namespace) -> bool:
+def _built(published: "AuthorsSource", into: Path, options: argparse.Namespace) -> bool:
     """Build a system from its source; tell whether it was not there."""
     from ..core.errors import InputError
     from ..evaluation.systems.building import build
@@ -110,9 +110,9 @@ def _problem(system: "System") -> str:
 
 
 def _needs(system: "System") -> str:
-    from ..evaluation.systems.building import PUBLISHED
+    from ..evaluation.systems.building import CLONED
 
-    if system.environment in PUBLISHED:
+    if system.environment in CLONED:
         return f"its own source, a compiler and libraries; {system.remedy}"
     if system.environment:
         return f"an environment of its own, made from a Python 3.12 or 3.11; {system.remedy}"

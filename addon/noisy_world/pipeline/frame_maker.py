@@ -18,7 +18,7 @@ from ..core.errors import InterruptedRunError
 from ..core.messages import Message
 from ..core.planning.exposed import open_render
 from ..core.planning.plan import Plan, Render
-from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderOptions
+from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -159,6 +159,7 @@ class FrameMaker:
             start_s = time.perf_counter()
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
+            self._count_rays(image)
             clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
@@ -181,6 +182,11 @@ class FrameMaker:
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)
+
+    def _count_rays(self, image: SourceFrame) -> None:
+        if isinstance(image, RenderedFrame) and image.rgb is not None and image.colour_rays is not None:
+            self.report.colour_rays += image.colour_rays
+            self.report.colour_pixels += image.rgb.shape[0] * image.rgb.shape[1]
 
     def _tell_lost(self, lost: Lost | None) -> None:
         """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""

@@ -47,7 +47,7 @@ def tools(tmp_path, monkeypatch):
 
 
 def build(source, folder):
-    return building.build(building.PUBLISHED["orb-slam2"], source, folder, lambda _: None)
+    return building.build(building.CLONED["orb-slam2"], source, folder, lambda _: None)
 
 
 def test_it_is_built_once_and_anew_where_its_source_differs(source, tmp_path):

@@ -61,6 +61,17 @@ def test_frames_without_a_final_pose_move_with_the_one_before(programs):
     assert np.array_equal(found[3], online[3])
 
 
+def test_misread_depth_is_what_a_colour_reader_leaves(programs, tmp_path):
+    """Against OpenCV reading the file as colour, and a row of its bytes taken as if it had one channel."""
+    from orb_slam3 import misread
+
+    steps = np.random.default_rng(3).integers(0, 65536, (4, 11), dtype=np.uint16)
+    steps[0, :4] = 0, 255, 256, 65535
+    path = str(tmp_path / "depth.png")
+    assert cv2.imwrite(path, steps)
+    assert np.array_equal(misread(steps), cv2.imread(path).reshape(4, 33)[:, :11])
+
+
 def test_settings_follow_from_camera_and_rate(programs):
     import orb_settings
     import orb_slam3

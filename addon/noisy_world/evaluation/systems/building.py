@@ -27,7 +27,7 @@ _JOBS = 4  # at most: a file of Eigen's takes a gigabyte
 
 
 @dataclass(frozen=True)
-class Published:
+class AuthorsSource:
     """A system that is built from its authors' source.
 
     generation: which ORB-SLAM. commit: the one that was tried. packages: of Debian, beside those of every generation.
@@ -49,9 +49,9 @@ class Published:
         return f"get it: git clone {self.url} && git -C {self.name} checkout {self.commit}"
 
 
-PUBLISHED = {
-    "orb-slam2": Published(2, "https://github.com/raulmur/ORB_SLAM2", "f2e6f51cdc8d067655d90a78c06261378e07e8f3"),
-    "orb-slam3": Published(
+CLONED = {
+    "orb-slam2": AuthorsSource(2, "https://github.com/raulmur/ORB_SLAM2", "f2e6f51cdc8d067655d90a78c06261378e07e8f3"),
+    "orb-slam3": AuthorsSource(
         3,
         "https://github.com/UZ-SLAMLab/ORB_SLAM3",
         "4452a3c4ab75b1cde34e5505a36ec3f9edcdc4c4",
@@ -61,7 +61,7 @@ PUBLISHED = {
 """What can be built, by the name of its environment."""
 
 
-def build(published: Published, source: Path, folder: Path, tell: Callable[[str], None]) -> bool:
+def build(published: AuthorsSource, source: Path, folder: Path, tell: Callable[[str], None]) -> bool:
     """Build a system from its source into a folder, with the vocabulary. Returns False where that was done already.
 
     tell: is given a line for each step. The folder gets bin/orb_slam, bin/python (which starts it), the vocabulary and
@@ -107,18 +107,18 @@ def _commit(source: Path) -> str:
     return done.stdout.strip()[:12] if done.returncode == 0 else "unknown"
 
 
-def _check_tools(published: Published) -> None:
+def _check_tools(published: AuthorsSource) -> None:
     missing = [tool for tool in ("cmake", "c++", "make") if shutil.which(tool) is None]
     if missing:
         raise MissingDependencyError(f"{published.name} needs {', '.join(missing)}; {_advice(published)}")
 
 
-def _advice(published: Published) -> str:
+def _advice(published: AuthorsSource) -> str:
     needed = ("cmake", "g++", "make", "libopencv-dev", "libeigen3-dev", *published.packages)
     return f"on Debian: apt-get install {' '.join(needed)}"
 
 
-def _compile(published: Published, source: Path, folder: Path, tell: Callable[[str], None]) -> None:
+def _compile(published: AuthorsSource, source: Path, folder: Path, tell: Callable[[str], None]) -> None:
     jobs = min(_JOBS, os.cpu_count() or 1)
     with tempfile.TemporaryDirectory(prefix="noisy-world-build-") as build_folder:
         options = [f"-DSOURCE={source.resolve()}", f"-DGENERATION={published.generation}", "-DCMAKE_BUILD_TYPE=None"]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in an environment of systems.
 
-    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono | --misread]
     .venv-slam/bin/python orb_slam3.py --versions VOCABULARY
 
 Writes trajectory.txt (TUM, camera-to-world, the tracked frames), keyframes.txt and frames.csv. Poses are those at the
@@ -46,13 +46,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("frames", type=Path, help="the index of the frames")
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("vocabulary", type=Path, help="a vocabulary in DBoW2's text format")
-    parser.add_argument("--mono", action="store_true", help="without depth")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--mono", action="store_true", help="without depth")
+    how.add_argument(
+        "--misread", action="store_true", help="depth as the paper's published code reads it: as a colour image"
+    )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings = options.out / "orb_slam3.yaml"
     settings.write_text(settings_text(index), encoding="utf-8")
-    run(index, options.out, options.vocabulary, settings, mono=options.mono)
+    run(index, options.out, options.vocabulary, settings, mono=options.mono, misreading=options.misread)
     return 0
 
 
@@ -67,7 +71,7 @@ def versions(vocabulary: Path) -> dict[str, str]:
     }
 
 
-def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool) -> None:
+def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool, misreading: bool) -> None:
     """Show all frames to the system, then write what it estimated."""
     sensor = orbslam3.Sensor.MONOCULAR if mono else orbslam3.Sensor.RGBD
     system = orbslam3.System(str(vocabulary), str(settings), sensor)
@@ -86,6 +90,7 @@ def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool)
             system.process_image_mono(colour, stamp_s)
         else:
             steps = read_image(frame["depth"], cv2.IMREAD_UNCHANGED)
+            steps = misread(steps) if misreading else steps
             system.process_image_rgbd(colour, (steps / index["depth_scale_per_m"]).astype(np.float32), stamp_s)
         tracking_s = time.thread_time() - begun_s
         settle(others_s, gap_s)
@@ -110,6 +115,15 @@ def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool)
     }
     (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
     (out / "keyframes.txt").write_text(tum_text(stamps_s, keyframes), encoding="utf-8")
+
+
+def misread(steps: np.ndarray) -> np.ndarray:
+    """Return depth (H, W) uint16 as ORB-SLAM3 gets it where a program reads its file as a colour image.
+
+    OpenCV keeps the upper 8 bits, three times beside each other; ORB-SLAM3 takes the row as if it had one channel, so
+    that column u holds what column u // 3 should, 256 times too small (perturb_image.py, line 59, of the paper's code).
+    """
+    return (steps >> 8)[:, np.arange(steps.shape[1]) // 3]
 
 
 def settle(begun_s: float, period_s: float) -> None:
