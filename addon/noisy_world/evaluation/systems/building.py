@@ -124,7 +124,7 @@ def _compile(published: AuthorsSource, source: Path, folder: Path, tell: Callabl
         options = [f"-DSOURCE={source.resolve()}", f"-DGENERATION={published.generation}", "-DCMAKE_BUILD_TYPE=None"]
         configure = ["cmake", *options, "-S", str(DRIVER), "-B", build_folder]
         run_step(configure, folder, f"a library is missing ({_advice(published)})")
-        tell(f"compiling {published.name} of {source}: a quarter of an hour of a processor")
+        tell(f"compiling {published.name} of {source}, which takes minutes")
         make = ["cmake", "--build", build_folder, "--parallel", str(jobs)]
         run_step(make, folder, f"{published.name} cannot be compiled; what was tried is commit {published.commit[:12]}")
         with storage_errors(folder):
