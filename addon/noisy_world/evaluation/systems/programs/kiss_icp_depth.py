@@ -26,8 +26,8 @@ from kiss_icp.config.config import (  # pyright: ignore[reportMissingImports]
 )
 from kiss_icp.kiss_icp import KissICP  # pyright: ignore[reportMissingImports]
 
-# KISS-ICP's own are for a laser on a car: voxels of 1 m, 2 m between scans. Chosen on the clean embedded room 6; voxels of
-# 3 cm take several times as long.
+# KISS-ICP's own are for a laser on a car: voxels of 1 m, 2 m between scans. Chosen on the clean embedded room 6, where
+# voxels of 3 cm take several times as long.
 VOXEL_M = 0.05
 FARTHEST_M, NEAREST_M = 10.0, 0.1
 FIRST_THRESHOLD_M, LEAST_MOTION_M = 0.1, 0.005
