@@ -114,7 +114,7 @@ test-python311: .venv-python311/.installed ## run tests of what needs no Blender
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
 
-benchmark: $(VENV)/.evaluate ## evaluate SLAM systems in two rooms into out/benchmark: some minutes; ORB-SLAM3 too with Python 3.11 or 3.12
+benchmark: $(VENV)/.evaluate ## evaluate SLAM systems in two rooms into out/benchmark: a quarter of an hour; ORB-SLAM3 too with Python 3.11 or 3.12
 	@systems=rgbd_odometry,plain_odometry; \
 	if $(INSTALL_ORB_SLAM3); then systems=$$systems,orb_slam3; \
 	else echo "benchmark: without ORB-SLAM3, for the reason above" >&2; fi; \

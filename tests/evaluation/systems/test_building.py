@@ -21,6 +21,7 @@ esac
 INDEX = {
     "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
     "depth_scale_per_m": 5000.0,
+    "inverse_depth": {"median_per_m": 0.5, "noise_per_m": 0.001},
     "frames": [{"index": k, "stamp_s": 0.1 * k, "colour": f"/a b/{k}.png", "depth": f"/d/{k}.png"} for k in range(3)],
 }
 
@@ -91,7 +92,8 @@ def test_the_driver_is_given_settings_and_frames(source, tmp_path):
     out.mkdir()
     frames.write_text(json.dumps(INDEX))
     start = [str(folder / "bin/python"), str(PROGRAMS / "orb_slam_built.py")]
-    done = subprocess.run([*start, "2", frames, out, folder], capture_output=True, text=True, check=True)
+    words = [*start, "2", frames, out, folder, "--bf-px-m", "40", "--near-m", "3.1"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
     names = [folder / "orb_vocabulary.txt", out / "orb_slam.yaml", out / "frames.tsv", out]
     assert done.stdout.splitlines() == [str(name) for name in names]
     assert (out / "frames.tsv").read_text().splitlines() == [
@@ -101,7 +103,7 @@ def test_the_driver_is_given_settings_and_frames(source, tmp_path):
     lines = dict(line.split(": ") for line in (out / "orb_slam.yaml").read_text().splitlines()[1:])
     # As ORB-SLAM2's own TUM1.yaml names them; Camera.bf is the baseline in metres times fx.
     assert float(lines["Camera.fx"]) == 300.0
-    assert float(lines["Camera.bf"]) == pytest.approx(float(lines["Stereo.b"]) * 300.0)
+    assert float(lines["Camera.bf"]) == pytest.approx(40.0)
     assert float(lines["ThDepth"]) * float(lines["Stereo.b"]) == pytest.approx(3.1)
     assert lines["DepthMapFactor"] == "1.0"
     subprocess.run([*start, "2", frames, out, folder, "--mono"], capture_output=True, check=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ORB-SLAM2 or ORB-SLAM3 as it was built from source, on a sequence: settings and frames for its driver, which follows.
 
-    .venv-orb-slam2/bin/python orb_slam_built.py 2|3 FRAMES OUT ENVIRONMENT [--mono]
+    .venv-orb-slam2/bin/python orb_slam_built.py 2|3 FRAMES OUT ENVIRONMENT --mono | OPTIONS OF DEPTH
     .venv-orb-slam2/bin/python orb_slam_built.py --versions ENVIRONMENT
 
 The settings are those of orb_slam3.py, in the format of each. It ends as orb_slam/driver.cc does, which it becomes.
@@ -14,7 +14,7 @@ import os
 import sys
 from pathlib import Path
 
-from orb_settings import gap_of, settings_text, settings_text_2
+from orb_settings import add_options, gap_of, settings_text, settings_text_2
 
 VOCABULARY = "orb_vocabulary.txt"
 
@@ -29,11 +29,11 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("frames", type=Path, help="the index of the frames")
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("environment", type=Path, help="the folder that it was built into")
-    parser.add_argument("--mono", action="store_true", help="without depth")
+    add_options(parser)
     options = parser.parse_args(arguments)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings, frames = options.out / "orb_slam.yaml", options.out / "frames.tsv"
-    settings.write_text({"2": settings_text_2, "3": settings_text}[options.generation](index), encoding="utf-8")
+    settings.write_text({"2": settings_text_2, "3": settings_text}[options.generation](index, options), encoding="utf-8")
     frames.write_text(frames_text(index, mono=options.mono), encoding="utf-8")
     program = options.environment / "bin" / "orb_slam"
     words = [program, options.environment / VOCABULARY, settings, frames, options.out]
