@@ -33,7 +33,8 @@ def main(arguments: list[str]) -> None:
     options = parser.parse_args(arguments)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings, frames = options.out / "orb_slam.yaml", options.out / "frames.tsv"
-    settings.write_text({"2": settings_text_2, "3": settings_text}[options.generation](index, options), encoding="utf-8")
+    text = settings_text(index, options) if options.generation == "3" else settings_text_2(index, options)
+    settings.write_text(text, encoding="utf-8")
     frames.write_text(frames_text(index, mono=options.mono), encoding="utf-8")
     program = options.environment / "bin" / "orb_slam"
     words = [program, options.environment / VOCABULARY, settings, frames, options.out]
