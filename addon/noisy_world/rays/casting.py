@@ -7,6 +7,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.scenes.mesh import Mesh
+
 TILE_PX = 40  # rows of a band, and columns whose packets follow one another; chosen: from 16 to 80 they take as long
 
 
@@ -43,6 +45,21 @@ class CastImages:
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
     triangles: NDArray[np.int32] | None
+
+
+@dataclass(frozen=True)
+class CastMesh:
+    """A mesh that rays are cast at, between two distances.
+
+    vertices_m: (V, 3), as they are seen. corners: (T, 3), of its triangles. coloured: whether colours are asked for.
+    """
+
+    mesh: Mesh
+    vertices_m: NDArray[np.float32]
+    corners: NDArray[np.int32]
+    near_m: float
+    far_m: float
+    coloured: bool
 
 
 class Caster(Protocol):

@@ -203,5 +203,6 @@ def test_shown(value, text):
 def test_line_ends_and_control_characters_stay_in_a_cell():
     assert "\n" not in markdown("a\nb|c")
     assert markdown("a|b") == "a\\|b"
+    assert (markdown("1\u00a0mm\u2028"), latex("1\u00a0mm")) == ("1\u00a0mm\\\\u2028", "1~mm")
     assert "\n" not in latex("a\nb")
     assert latex("50 % of $x_1$ \\ {é}") == r"50 \% of \$x\_1\$ \textbackslash{} \{é\}"

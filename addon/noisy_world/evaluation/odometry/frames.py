@@ -15,6 +15,7 @@ from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.regular_files import read_bytes, read_text
 from ...core.schema import ConfigPath, key, parse
+from ..systems.depth_noise import InverseDepth
 
 Grey: TypeAlias = NDArray[np.uint8]
 Depth: TypeAlias = NDArray[np.float32]
@@ -50,6 +51,7 @@ class FrameIndex:
     camera: CameraEntry = key("the camera")
     depth_scale_per_m: float = key("steps of the depth images a metre", unit="steps/m", above=0.0)
     frames: tuple[FrameEntry, ...] = key("the frames, in order of time")
+    inverse_depth: InverseDepth | None = key("what the depth is like, which this system does not go by", default=None)
 
     @property
     def intrinsics(self) -> Intrinsics:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in an environment of systems.
 
-    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono | --misread]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --near-m M --pixel-noise-px PX --slope S
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --near-m M --bf-px-m BF [--misread]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --mono
     .venv-slam/bin/python orb_slam3.py --versions VOCABULARY
 
 Writes trajectory.txt (TUM, camera-to-world, the tracked frames), keyframes.txt and frames.csv. Poses are those at the
@@ -23,7 +25,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from frame_files import inverse, read_image, rigid, tum_text
-from orb_settings import gap_of, settings_text
+from orb_settings import add_options, gap_of, settings_text
 
 try:
     import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
@@ -46,16 +48,15 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("frames", type=Path, help="the index of the frames")
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("vocabulary", type=Path, help="a vocabulary in DBoW2's text format")
-    how = parser.add_mutually_exclusive_group()
-    how.add_argument("--mono", action="store_true", help="without depth")
-    how.add_argument(
+    add_options(parser)
+    parser.add_argument(
         "--misread", action="store_true", help="depth as the paper's published code reads it: as a colour image"
     )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings = options.out / "orb_slam3.yaml"
-    settings.write_text(settings_text(index), encoding="utf-8")
+    settings.write_text(settings_text(index, options), encoding="utf-8")
     run(index, options.out, options.vocabulary, settings, mono=options.mono, misreading=options.misread)
     return 0
 
