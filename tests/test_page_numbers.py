@@ -107,6 +107,7 @@ OTHERS = {
     ("docs/noisy_replica.md", "32 sequences"): "a product beside it",
     ("docs/recipes.md", "110 settings"): "without the 15 that move the path",
     ("docs/decisions.md", "Sixteen settings"): "of one call to the compositor",
+    ("docs/cluster.md", "100,000 sequences"): "a large dataset, measured",
 }
 
 
