@@ -43,8 +43,8 @@ def settings_table(results: Results, of_all: "DataFrame") -> Table:
         }
         row |= {**counts(group), "endings": endings(records_of(group))}
         for name in metrics:
-            found = spreads[(setting, system, name)]
-            row |= {f"{name}.{part}": found[column] for part, column in PARTS.items()}
+            found = spreads.get((setting, system, name), {"n": 0})
+            row |= {f"{name}.{part}": found.get(column, float("nan")) for part, column in PARTS.items()}
         rows.append(row)
     columns = [column_of(name) for name in ("setting", "system", *COUNTED_RUNS)]
     columns += [Column("endings", "endings", meaning="how many runs ended how")]
