@@ -123,7 +123,7 @@ class Compositor:
                 set_value(node.inputs["Reference Width"], reference_width_px)
             return node
 
-        ordered: list[tuple[tuple[bool, bool, int, int], str, bpy.types.CompositorNodeGroup]] = []
+        ordered: list[tuple[tuple[int, bool, int, int], str, bpy.types.CompositorNodeGroup]] = []
         for number, (names, graph) in enumerate(pooled(self._chains)):
             draws = node_of(graph.draws) if isinstance(graph, Divided) else None
             pool = _Pool(tuple(f"{number}: {rank}" for rank in range(len(names))), draws)
@@ -132,7 +132,7 @@ class Compositor:
                 node = node_of(graph.rest if isinstance(graph, Divided) else graph)
                 for output in () if draws is None else draws.outputs:
                     tree.links.new(output, node.inputs[output.name])
-                ordered.append(((rank >= always, draws is None, number, rank), name, node))
+                ordered.append(((max(rank - always + 1, 0), draws is None, number, rank), name, node))
             self._pool_of |= dict.fromkeys(names, pool)
         self._nodes = {name: node for _, name, node in sorted(ordered, key=lambda item: item[0])}
 
