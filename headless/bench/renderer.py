@@ -84,7 +84,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
             elif order["do"] == "memory":
                 answer(**memory())
             elif order["do"] == "frames":
-                answer(files=save_frames(session, paths, order["frames"], Path(order["to"])))
+                answer(**save_frames(session, paths, order["frames"], Path(order["to"])))
             elif order["do"] == "analytic":
                 answer(**analytic_errors(options))
 
@@ -191,17 +191,19 @@ def switch_everything_on() -> None:
     cycles(scene).use_light_tree = True
 
 
-def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> list[str]:
-    """Save frames as float arrays, for the errors."""
+def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> dict[str, Any]:
+    """Save frames as float arrays, for the errors; return their files, and rays a pixel where the renderer chose."""
     import numpy as np  # noqa: PLC0415
 
-    files = []
+    files, rays_per_px = [], []
     for frame in frames:
         done = session.frame(paths.request(frame))
         path = folder / f"{frame}.npz"
         np.savez(path, rgb=done.rgb, depth_m=done.depth_m)
         files.append(str(path))
-    return files
+        if done.colour_rays is not None and done.rgb is not None:
+            rays_per_px.append(done.colour_rays / done.rgb[..., 0].size)
+    return {"files": files, "rays_per_px": float(np.mean(rays_per_px)) if rays_per_px else None}
 
 
 def analytic_errors(options: Any) -> dict[str, dict[str, float]]:

@@ -81,8 +81,8 @@ class RaySession:
         def smooth(part: slice) -> None:
             row, column = np.divmod(pixels[part], self._width)
             centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
-            rays = RayView(view.origin_m, centres, beside)
-            found = np.empty((beside.shape[1], len(row), 3), dtype=np.float32)
+            rays = RayView(view.origin_m, beside, centres)  # those of a pixel in one row: they share packets
+            found = np.empty((len(row), beside.shape[1], 3), dtype=np.float32)
             self._caster.cast(rays, slice(0, len(found)), CastImages(found, None, None))
             colours[pixels[part]] = mean_colours(colours[pixels[part]], found, grid)
 

@@ -172,16 +172,36 @@ def run_here(name, sequence, out):
     return run_system(system, sequence, out)
 
 
-def test_orb_slam3_moves_along_a_wall(wall, tmp_path):
-    record = run_here("orb_slam3", wall, tmp_path)
+@pytest.mark.parametrize("name", ["orb_slam3", "orb_slam2", "orb_slam3_source"])
+def test_orb_slam_moves_along_a_wall(wall, tmp_path, name):
+    record = run_here(name, wall, tmp_path)
     assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
-    assert set(record.versions) == {"opencv", "orbslam3-python", "python", "vocabulary"}
+    told = {"opencv", "orbslam3-python", "python"} if name == "orb_slam3" else {"source", "driver"}
+    assert set(record.versions) == told | {"vocabulary"}
     estimate = read_estimate_file(tmp_path / "estimate.txt")
     assert len(estimate) == FRAMES
     truth_m = np.arange(FRAMES)[:, None] * [STEP_M, 0.0, 0.0]
     assert np.linalg.norm(estimate.c2w[:, :3, 3] - truth_m, axis=1).max() < 0.02
     assert (tmp_path / "frames.csv").read_text().count(",tracked,") == FRAMES
     assert 1 <= len(read_estimate_file(tmp_path / "keyframes.txt")) <= FRAMES
+
+
+def test_kiss_icp_follows_a_path_through_a_room(tmp_path):
+    truth = box_room.path(20, turn_deg=25.0)
+    box_room.write_sequence(tmp_path / "box", truth)
+    record = run_here("kiss_icp", tmp_path / "box", tmp_path / "run")
+    assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
+    estimate = read_estimate_file(tmp_path / "run/estimate.txt")
+    assert len(estimate) == len(truth)
+    assert box_room.ate_rmse_m(estimate.c2w[:, :3, 3], truth[:, :3, 3]) < 0.03
+
+
+def test_colmap_places_frames_of_a_wall_or_loses_them(wall, tmp_path):
+    record = run_here("colmap_mono", wall, tmp_path)
+    assert record.outcome is Outcome.FINISHED
+    states = [line.split(",")[2] for line in (tmp_path / "frames.csv").read_text().splitlines()[1:]]
+    assert len(states) == FRAMES
+    assert len(read_estimate_file(tmp_path / "estimate.txt")) == states.count("tracked")
 
 
 def test_open3d_runs(wall, tmp_path):

@@ -145,10 +145,12 @@ def _folders(paths: Any) -> frozenset[str]:
     return frozenset(name for name in names if _is_sequence(name))
 
 
+_SEQUENCE = re.compile("[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
 def _is_sequence(name: Any) -> bool:
     """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
-    plain = "[A-Za-z0-9][A-Za-z0-9._-]*"
-    return isinstance(name, str) and re.fullmatch(f"{plain}/{plain}", name) is not None
+    return isinstance(name, str) and _SEQUENCE.fullmatch(name) is not None
 
 
 # --- what may be in the files ---

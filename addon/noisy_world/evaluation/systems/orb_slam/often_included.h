@@ -20,7 +20,9 @@
 #include <opencv2/highgui.hpp>
 #include <opencv2/imgproc.hpp>
 
-#if GENERATION == 3
+#if GENERATION == 2
+#include <opencv2/core/core_c.h>  // its solvers are written in OpenCV's C, which OpenCV 4 still has
+#else
 #include <boost/serialization/export.hpp>
 #include <boost/serialization/list.hpp>
 #include <boost/serialization/map.hpp>

@@ -54,6 +54,18 @@ Viewer.ViewpointZ: -1.8
 Viewer.ViewpointF: 500.0
 """
 
+NAMES_2 = {"Camera1.": "Camera.", "Stereo.ThDepth": "ThDepth", "RGBD.DepthMapFactor": "DepthMapFactor"}
+"""What ORB-SLAM2 calls a setting of ORB-SLAM3."""
+
+
+def settings_text_2(index: dict, options: argparse.Namespace) -> str:
+    """Return ORB-SLAM2's settings: those of ORB-SLAM3, but for names, and with the baseline in pixels times metres."""
+    text = settings_text(index, options)
+    for name, older in NAMES_2.items():
+        text = text.replace(name, older)
+    baseline_m = float(text.partition("Stereo.b: ")[2].partition("\n")[0])
+    return f"{text}Camera.bf: {baseline_m * index['camera']['fx']:.9f}\n"
+
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how depth counts: a system's definition names their values, as they decide results."""
