@@ -114,7 +114,7 @@ test-python311: .venv-python311/.installed ## run tests of what needs no Blender
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))
 
-benchmark: $(VENV)/.evaluate ## evaluate SLAM systems in two rooms into out/benchmark: some minutes; ORB-SLAM3 too with Python 3.11 or 3.12
+benchmark: $(VENV)/.evaluate ## evaluate SLAM systems in two rooms into out/benchmark: a quarter of an hour; ORB-SLAM3 too with Python 3.11 or 3.12
 	@systems=rgbd_odometry,plain_odometry; \
 	if $(INSTALL_ORB_SLAM3); then systems=$$systems,orb_slam3; \
 	else echo "benchmark: without ORB-SLAM3, for the reason above" >&2; fi; \
@@ -156,8 +156,10 @@ corruptions-env: .venv-corruptions/.installed ## an environment with imagecorrup
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-corruptions -r $<
 	touch $@
 
-slam-env: venv ## an environment with ORB-SLAM3 and Open3D's SLAM; PYTHON_SLAM=/path/to/python where 3.11 or 3.12 is not found
+slam-env: venv ## environments of other systems; PYTHON_SLAM=/path/to/python where 3.11 or 3.12 is not found; ORB_SLAM2=, ORB_SLAM3= sources
 	$(INSTALL_ORB_SLAM3)
+	$(if $(ORB_SLAM2),$(PY) headless/systems.py install orb_slam2 --source "$(ORB_SLAM2)")
+	$(if $(ORB_SLAM3),$(PY) headless/systems.py install orb_slam3_source --source "$(ORB_SLAM3)")
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile pyproject.toml --extra blender --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock

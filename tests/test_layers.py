@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing the core loads neither Blender nor the heavy libraries, and the layers hold where lint cannot see."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -33,7 +34,7 @@ import sys
 sys.path.insert(0, {str(ADDON)!r})
 for module in {modules!r}:
     __import__(module)
-print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "isal", "yaml", "tqdm"}} & set(sys.modules)))
+print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "deflate", "yaml", "tqdm"}} & set(sys.modules)))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
@@ -93,3 +94,12 @@ def test_no_file_is_longer_than_400_lines():
     assert len(lines) > 150, "the folders are not where this test looks"
     too_long = {str(path.relative_to(ADDON.parent)): count for path, count in lines.items() if count > 400}
     assert not too_long
+
+
+def test_a_class_name_stands_for_one_thing():
+    places = {}
+    for path in ADDON.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                places.setdefault(node.name, []).append(str(path.relative_to(ADDON)))
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}

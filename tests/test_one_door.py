@@ -22,7 +22,6 @@ ELSEWHERE = {
     "core/extras.py": "asks for the metadata of the installed package",
     "core/scratch.py": "folders that are locked",
     "blender/render.py": "a scratch file that Blender has just written",
-    "blender/render_file.py": "a scratch file that Blender has just written",
     "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
     "executors/node.py": "carried to nodes without this package; it asks whether a file is a regular one",
     "evaluation/systems/guard.py": "/proc, and run without this package",

@@ -14,7 +14,15 @@ from worlds import write_world
 from noisy_world import testing
 from noisy_world.core.datasets.storage import sha256_of_file
 from noisy_world.core.errors import InputError
-from noisy_world.extend import ComputedSource, RenderedFrame, SceneKeys, SourceCapabilities, SourceKind, Trajectory, key
+from noisy_world.extend import (
+    ComputedSource,
+    RenderedFrame,
+    SceneKeys,
+    SourceCapabilities,
+    SingleSceneKind,
+    Trajectory,
+    key,
+)
 from noisy_world.sources import SOURCES
 from noisy_world.sources.scene_files import found_path
 
@@ -94,7 +102,7 @@ class Wall(ComputedSource):
         return RenderedFrame(np.full((*shape, 3), abs(request.rgb_c2w[0, 3]) % 1, np.float32), depth_m)
 
 
-class WallKind(SourceKind):
+class WallKind(SingleSceneKind):
     name, label, meaning, keys = "wall", "Wall", "a wall", WallKeys
 
     def __init__(self, source=Wall):

@@ -32,7 +32,7 @@ from .core.perturbing.kinds import (
     PairingPerturbation,
     SequenceContext,
 )
-from .core.planning.scene import SceneEntry, SourceKind
+from .core.planning.scene import SceneEntry, SingleSceneKind
 from .core.planning.simple_source import ComputedSource, SimpleSource
 from .core.planning.source import RenderedFrame, SourceCapabilities
 from .core.presets.scene_keys import SceneKeys
@@ -76,9 +76,9 @@ __all__ = [
     "SequenceFacts",
     "Shutter",
     "SimpleSource",
+    "SingleSceneKind",
     "Socket",
     "SourceCapabilities",
-    "SourceKind",
     "StoredSequence",
     "Surface",
     "SurfaceChannel",

@@ -5,8 +5,9 @@
 
 Shards wait in one queue. A node makes as many at once as its processors allow; while they are made, their files go to
 a disk (or an object store) that all share, and whose rates of bytes and of files limit all alike. Shards that are
-finished wait for the process that merges them: it reads every byte, hashes it, and renames the file. A node may be
-lost; its shards go back into the queue with what they had finished.
+finished are merged by who made them: every byte is read and hashed, and the file renamed. Or, with `--mergers N`, as
+after `noisy-world shard`, they wait for processes that do nothing else. A node may be lost; its shards go back into the
+queue with what they had finished.
 
 Printed for each number of nodes: into how many shards the work is best cut, when all of them are made, when they are
 merged, the share of the processors' time that went into making, and what the limit was.
@@ -52,7 +53,7 @@ class Cluster:
     disk_bytes_per_s, disk_files_per_s: of the shared disk, all nodes together. losses_per_hour: of a node, replaced at
     once. merge_bytes_per_s: reading and hashing, for each of merge_threads, of which three take what the disk gives.
     merge_file_s: what a file takes besides, one after another, to be renamed and recorded.
-    end_s: text files and manifest. mergers: processes that merge.
+    end_s: text files and manifest. mergers: processes that merge; 0 where who makes a shard merges it.
     """
 
     nodes: int = 1
@@ -66,7 +67,7 @@ class Cluster:
     merge_threads: int = 3
     merge_file_s: float = 1.4e-4
     end_s: float = 60.0
-    mergers: int = 1
+    mergers: int = 0
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ def simulate(work: Work, cluster: Cluster, seed: int = 0) -> Result:
         work.size_bytes / work.shards / each_s / cluster.disk_bytes_per_s,
         work.files / work.shards / each_s / cluster.disk_files_per_s,
     )
+    own_s = 0.0 if cluster.mergers else _own_merge_s(work, cluster)
     running: list[tuple[float, float, float]] = []  # end on the shards' own clock, what is left then, the whole
     now_s = clock = disk_s = 0.0
     lost = 0
@@ -103,7 +105,7 @@ def simulate(work: Work, cluster: Cluster, seed: int = 0) -> Result:
         while waiting and len(running) < slots:
             left, whole = waiting.popleft()
             loss = random.exponential(3600 / cluster.losses_per_hour) if cluster.losses_per_hour else np.inf
-            takes = work.start_s + left
+            takes = work.start_s + left + own_s
             if loss < takes:
                 heapq.heappush(running, (clock + loss, min(left, takes - loss), whole))
             else:
@@ -118,7 +120,7 @@ def simulate(work: Work, cluster: Cluster, seed: int = 0) -> Result:
             waiting.append((left, whole))
         else:
             ended.append(now_s)
-    merged_s = _merged_s(ended, work, cluster) + cluster.end_s
+    merged_s = (_merged_s(ended, work, cluster) if cluster.mergers else now_s) + cluster.end_s
     useful = float(made_in.sum()) / (slots * merged_s)
     result = Result(now_s, merged_s, useful, disk_s / now_s, lost, "processors")
     return replace(result, limit=_limit(result, work, cluster))
@@ -130,10 +132,17 @@ def _speed(cluster: Cluster) -> float:
 
 
 def merge_seconds(work: Work, cluster: Cluster) -> float:
-    """Return what merging all takes, for one process of several that share the work."""
+    """Return what merging all takes, for one process of several that share the work and do nothing else."""
     hashing_s = work.size_bytes / (cluster.merge_bytes_per_s * cluster.merge_threads)
     each = hashing_s + work.files * cluster.merge_file_s
     return each / cluster.mergers
+
+
+def _own_merge_s(work: Work, cluster: Cluster) -> float:
+    """Return what who has made a shard takes to merge it, on its own processors."""
+    threads = min(cluster.cpus, cluster.merge_threads)
+    hashing_s = work.size_bytes / (cluster.merge_bytes_per_s * threads)
+    return (hashing_s + work.files * cluster.merge_file_s) / work.shards
 
 
 def _merged_s(ended: Sequence[float], work: Work, cluster: Cluster) -> float:
@@ -147,7 +156,7 @@ def _merged_s(ended: Sequence[float], work: Work, cluster: Cluster) -> float:
 
 def _limit(result: Result, work: Work, cluster: Cluster) -> Limit:
     """Return what kept the run from being faster."""
-    if merge_seconds(work, cluster) > 0.5 * (result.merged_s - cluster.end_s):
+    if cluster.mergers and merge_seconds(work, cluster) > 0.5 * (result.merged_s - cluster.end_s):
         return "merging"
     if result.disk_busy > 0.5:
         return "disk"

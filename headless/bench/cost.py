@@ -37,7 +37,6 @@ from noisy_world.planning import make_plan
 PRESET = ROOT / "presets" / "noisy_rooms.yaml"
 WHOLE_FRAMES = 2000  # of a sequence of the benchmark
 WHOLE_SCENES = 8
-PERTURBING = "perturbing: "
 IMAGES = ("jpg", "png")
 
 

@@ -14,7 +14,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-STARTED_S = time.perf_counter()
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
@@ -33,7 +32,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
-    from noisy_world.pipeline.completed_images import CompletedImages, Finished  # noqa: PLC0415
+    from noisy_world.pipeline.completed_images import CompletedImages, FinishedImages  # noqa: PLC0415
     from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
     from noisy_world.pipeline.stage_timer import StageTimer  # noqa: PLC0415
@@ -59,7 +58,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
         def work(frames: list[int]) -> dict[str, float]:
             """Render and write; return seconds a frame, and those of all processors together."""
             start_s, start_core_s = time.perf_counter(), time.process_time()
-            with FrameWriter(dataset, render, Finished([CompletedImages(dataset, render)]), StageTimer()) as writer:
+            with FrameWriter(
+                dataset, render, FinishedImages([CompletedImages(dataset, render)]), StageTimer()
+            ) as writer:
                 for frame in frames:
                     shown = frame % frame_count
                     writer.submit(CleanFrame(shown, session.frame(paths.request(shown))), {})
@@ -83,7 +84,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
             elif order["do"] == "memory":
                 answer(**memory())
             elif order["do"] == "frames":
-                answer(files=save_frames(session, paths, order["frames"], Path(order["to"])))
+                answer(**save_frames(session, paths, order["frames"], Path(order["to"])))
             elif order["do"] == "analytic":
                 answer(**analytic_errors(options))
 
@@ -190,17 +191,19 @@ def switch_everything_on() -> None:
     cycles(scene).use_light_tree = True
 
 
-def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> list[str]:
-    """Save frames as float arrays, for the errors."""
+def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> dict[str, Any]:
+    """Save frames as float arrays, for the errors; return their files, and rays a pixel where the renderer chose."""
     import numpy as np  # noqa: PLC0415
 
-    files = []
+    files, rays_per_px = [], []
     for frame in frames:
         done = session.frame(paths.request(frame))
         path = folder / f"{frame}.npz"
         np.savez(path, rgb=done.rgb, depth_m=done.depth_m)
         files.append(str(path))
-    return files
+        if done.colour_rays is not None and done.rgb is not None:
+            rays_per_px.append(done.colour_rays / done.rgb[..., 0].size)
+    return {"files": files, "rays_per_px": float(np.mean(rays_per_px)) if rays_per_px else None}
 
 
 def analytic_errors(options: Any) -> dict[str, dict[str, float]]:

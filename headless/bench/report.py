@@ -46,6 +46,7 @@ TURN_S = 2.0  # of work before the next contestant's turn; chosen: some frames e
 STEADY_FRAMES = (20, 200)  # memory is compared between these frames
 CONFIGURATIONS = (
     ("embree", 1),
+    ("embree", 9),
     ("cycles", 1),
     ("cycles", 4),
     ("cycles", 16),
@@ -301,11 +302,12 @@ def engines(work: Path, results: Results, rounds: int) -> None:
     for (engine, samples), item in ours.items():
         folder = work / f"frames-{engine}{samples}"
         folder.mkdir()
-        item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
+        saved = item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
         results.rows.append(
             Row(
                 engine,
                 samples,
+                saved["rays_per_px"] or samples,
                 spread(item.turns),
                 spread_of_ratios(item.turns, embree.turns) if embree else spread([]),
                 item.start["first_frame_s"],

@@ -36,10 +36,14 @@ def spread_of_ratios(values: Sequence[float], others: Sequence[float]) -> Spread
 
 @dataclass
 class Row:
-    """A row of the table, for one engine at one number of samples; times in seconds, memory in bytes."""
+    """A row of the table, for one engine at one number of samples; times in seconds, memory in bytes.
+
+    rays_per_px: of colour, the mean.
+    """
 
     engine: str
     samples: int
+    rays_per_px: float
     frame_s: Spread
     times_embree: Spread
     first_frame_s: float

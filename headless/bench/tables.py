@@ -64,12 +64,14 @@ def _machine(results: Results) -> str:
 
 
 def _engines(results: Results) -> str:
-    columns = ("engine", "samples", "frame", "x Embree", "first frame", "loading", "peak memory", "PSNR", "SSIM")
+    columns = ("engine", "samples", "rays a pixel", "frame", "x Embree", "first frame", "loading", "peak memory")
+    columns += ("PSNR", "SSIM")
     columns += ("depth: known shapes", "depth: cast, 99.9 %", "at edges: another surface", "void differs")
     rows = [
         (
             row.engine,
             row.samples,
+            float(row.rays_per_px),
             row.frame_s.text(" s"),
             row.times_embree.text(),
             f"{row.first_frame_s:.2f} s",

@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from own_scenes import new_scene, save
 from shard_workers import workers_here
 
-from noisy_world.blender.render_file import RenderFile
+from noisy_world.blender.render import RenderFile
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress

@@ -7,7 +7,8 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from calls import calls_made
-from noisy_world.blender.camera import add_camera, key_trajectory, read_trajectory_keys
+from keyed_poses import keyed_poses
+from noisy_world.blender.camera import add_camera, key_trajectory
 from noisy_world.blender.scene import empty_scene, set_origin
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 from noisy_world.core.trajectories.files import read_trajectory, replica_text, tum_text
@@ -33,7 +34,7 @@ def test_file_to_keyframes_to_file(tmp_path, text):
     scene = empty_scene()
     camera = add_camera(scene, "camera")
     key_trajectory(scene, camera, before)
-    after = read_trajectory_keys(scene, camera, np.arange(2000))
+    after = keyed_poses(scene, camera, np.arange(2000))
     path.write_text(text(evenly_stamped(after)))
     again = read_trajectory(path).c2w
     assert np.abs(again - before).max() < 1e-6
@@ -65,7 +66,7 @@ def test_quaternion_signs_are_continuous():
     curves = [action.fcurve_ensure_for_datablock(camera, "rotation_quaternion", index=i) for i in range(4)]
     keys = np.array([[point.co.y for point in curve.keyframe_points] for curve in curves]).T
     assert (keys[1:] * keys[:-1]).sum(axis=1).min() > 0.99
-    half = read_trajectory_keys(scene, camera, np.array([100.5]))[0]
+    half = keyed_poses(scene, camera, np.array([100.5]))[0]
     middle = (angles[100] + angles[101]) / 2
     assert half[0, 0] == pytest.approx(np.cos(middle), abs=1e-5)
 
@@ -77,7 +78,7 @@ def test_far_from_the_origin_nothing_is_lost():
     set_origin(scene, place_m)
     camera = add_camera(scene, "camera")
     key_trajectory(scene, camera, poses)
-    assert np.abs(read_trajectory_keys(scene, camera, np.arange(200)) - poses).max() < 1e-6
+    assert np.abs(keyed_poses(scene, camera, np.arange(200)) - poses).max() < 1e-6
 
 
 def test_keys_are_set_all_at_once():

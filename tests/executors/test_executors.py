@@ -10,8 +10,8 @@ import pytest
 
 from noisy_world.core.errors import InterruptedRunError, NoisyWorldError
 from noisy_world.core.exit_statuses import INTERRUPTED, REFUSED
-from noisy_world.executors.jobs import InProcess, Job, Outcome, Task, TaskQueue, carry_out
-from noisy_world.executors.processes import Processes
+from noisy_world.executors.jobs import InProcess, Job, TaskOutcome, Task, TaskQueue, carry_out
+from noisy_world.executors.processes import WorkerProcesses
 
 ADDON = str(Path(__file__).resolve().parents[2] / "addon")
 WORKER = """
@@ -54,7 +54,7 @@ def executors(tmp_path):
     path.write_text(WORKER.format(addon=ADDON))
     names = {"__name__": "program"}
     exec(path.read_text(), names)
-    return InProcess(names["ready"]), Processes([sys.executable, str(path)], 2)
+    return InProcess(names["ready"]), WorkerProcesses([sys.executable, str(path)], 2)
 
 
 class Heard:
@@ -86,7 +86,7 @@ def outcomes(executor, wanted, stop=None):
 def test_all_that_is_told_arrives_and_a_note_on_a_subject_once(executors):
     for executor in executors:
         done, heard = outcomes(executor, job("a", "b", "c"))
-        assert done == [Outcome(name, report={"order": "order"}) for name in "abc"]
+        assert done == [TaskOutcome(name, report={"order": "order"}) for name in "abc"]
         assert heard.frames == 6
         assert sorted(heard.notes)[1:] == ["of all"]
         assert heard.notes[0] in ("a loads", "b loads", "c loads")
@@ -100,7 +100,7 @@ def test_what_cannot_be_done_ends_the_job_with_its_line(executors):
             outcomes(executor, job("a", order="nothing"))
     ended = []
     executors[1].run(job("a", order="nothing"), print, ended.append, threading.Event())
-    assert ended == [Outcome("a", REFUSED, "no such scene")]
+    assert ended == [TaskOutcome("a", REFUSED, "no such scene")]
 
 
 def test_a_worker_that_dies_is_named_by_its_task(executors):

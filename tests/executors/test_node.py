@@ -121,7 +121,7 @@ def test_a_command_ends_with_the_process_that_runs_it(tmp_path):
     while not ((tmp_path / "pid").exists() and (tmp_path / "pid").read_text()) and time.monotonic() < end_s:
         time.sleep(0.02)
     process.kill()
-    process.wait()
+    process.wait(60)
     pid = int((tmp_path / "pid").read_text())
     while Path(f"/proc/{pid}").exists() and time.monotonic() < end_s:
         if Path(f"/proc/{pid}/stat").read_text().split()[2] == "Z":

@@ -37,13 +37,15 @@ def test_the_disk():
 
 
 def test_merging():
-    slow = replace(FREE, merge_bytes_per_s=1e6, merge_threads=1, merge_file_s=1.0, end_s=7.0)
+    slow = replace(FREE, merge_bytes_per_s=1e6, merge_threads=1, merge_file_s=1.0, end_s=7.0, mergers=1)
     found = simulate(WORK, slow)  # from the first shards on, after 10 s, one after another
     assert merge_seconds(WORK, slow) == pytest.approx(1e9 / 1e6 + 1000)
     assert merge_seconds(WORK, replace(slow, merge_threads=4)) == pytest.approx(1e9 / 4e6 + 1000)
     assert found.merged_s == pytest.approx(10 + 2000 + 7)
     assert found.limit == "merging"
     assert simulate(WORK, replace(slow, mergers=20)).merged_s < 240
+    # By who makes a shard: 10 s, and 10 s for 1e7 bytes, and 10 s for 10 files; 13 rounds.
+    assert simulate(WORK, replace(slow, mergers=0)).merged_s == pytest.approx(13 * (10 + 10 + 10) + 7)
 
 
 def test_lost_nodes():

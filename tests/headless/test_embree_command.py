@@ -108,11 +108,35 @@ def test_where_blender_is_missing_one_line_names_the_extra_and_what_does_without
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("render.samples=4", "render.samples: is 4, but embree casts one ray through each pixel's centre"),
-        ("render.device=gpu", "render.device: is gpu, but embree casts its rays on the processor"),
+        ("render.samples=2", "render.samples: is 2; embree knows 1, 4, 9, 16, 25, 36, 49, 64"),
+        (
+            "render.device=gpu",
+            "render.device: is gpu, but embree casts its rays on the processor; leave it out, or use cycles",
+        ),
     ],
 )
 def test_what_embree_cannot_do_is_refused(world, tmp_path, change, told):
     result = generate_here(world, "--out", tmp_path / "out", "--set", change, check=False)
     assert result.returncode == 1
-    assert result.stderr.strip() == f"generate.py: {world}: {told}; leave it out, or use cycles"
+    assert result.stderr.strip() == f"generate.py: {world}: {told}"
+
+
+def test_more_samples_are_the_same_bytes_for_any_jobs_and_their_rays_are_told(world, tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+    reports = []
+    for jobs in (1, 2):
+        out = tmp_path / f"{jobs}"
+        said = generate_here(world, "--out", out, "--set", "render.samples=9", "--jobs", jobs)
+        assert content(out) == content(tmp_path / "1")
+        reports.append(json.loads((out / "run.json").read_text()))
+        assert f"{reports[-1]['colour_rays'] / reports[-1]['colour_pixels']:.2f} rays a pixel" in said.stdout
+    told = [{name: report[name] for name in ("colour_rays", "colour_pixels", "rays_per_px")} for report in reports]
+    assert told[0] == told[1]
+    assert told[0]["colour_pixels"] == 8 * SIZE[0] * SIZE[1]  # two paths of four frames
+    assert 1 < told[0]["rays_per_px"] < 9
+    depth, colour = (tmp_path / f"1/clean/box/results/{name}" for name in ("depth000000.png", "frame000000.png"))
+    one = tmp_path / "one"
+    generate_here(world, "--out", one)
+    assert (one / depth.relative_to(tmp_path / "1")).read_bytes() == depth.read_bytes()
+    assert (one / colour.relative_to(tmp_path / "1")).read_bytes() != colour.read_bytes()
+    assert "rays_per_px" not in json.loads((one / "run.json").read_text())

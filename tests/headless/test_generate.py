@@ -158,8 +158,8 @@ def test_killed_at_random_moments_and_resumed(killing_world, undisturbed, tmp_pa
             wait_for_images(process, out, images)
             time.sleep(chance.uniform(0, 0.03))
             os.killpg(process.pid, signal.SIGKILL)
-            kills += process.wait() == -signal.SIGKILL
-            process.communicate()
+            kills += process.wait(60) == -signal.SIGKILL
+            process.communicate(timeout=60)
             for path in images_in(out):
                 assert cv2.imread(str(path), cv2.IMREAD_UNCHANGED) is not None, f"{path} is half-written"
         generate_here(killing_world, "--out", out)

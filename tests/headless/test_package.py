@@ -28,7 +28,7 @@ BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 needs_blender = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
 ID = "noisy_world"
 NAMES = {
-    "isal": "isal-1.9-cp313-cp313-manylinux2014_x86_64.manylinux_2_28_x86_64.whl",
+    "deflate": "deflate-1.9-cp313-cp313-manylinux2014_x86_64.manylinux_2_28_x86_64.whl",
     "opencv-contrib-python-headless": "opencv_contrib_python_headless-5.0-cp37-abi3-linux_x86_64.whl",
     "openexr": "openexr-3.5-cp313-cp313-linux_x86_64.whl",
     "pyyaml": "pyyaml-6.0-cp313-cp313-manylinux2014_x86_64.manylinux_2_17_x86_64.whl",
@@ -91,7 +91,7 @@ def test_another_files_hash_is_refused(wheels):
 
 def test_what_a_python_lacks_is_named(wheels):
     folder, pins = wheels
-    with pytest.raises(package.PackageError, match=r"no wheel of isal, openexr, pyyaml for Python 3\.14"):
+    with pytest.raises(package.PackageError, match=r"no wheel of deflate, openexr, pyyaml for Python 3\.14"):
         package.choose(folder, "3.14", pins)
 
 
@@ -284,9 +284,9 @@ def profile(zips, tmp_path_factory):
 
 PROBE = """
 import json, sys
-import bpy, cv2, isal, OpenEXR, yaml, tqdm, numpy
+import bpy, cv2, deflate, OpenEXR, yaml, tqdm, numpy
 enabled = [item.module for item in bpy.context.preferences.addons]
-print("@" + json.dumps([enabled, [module.__file__ for module in (cv2, isal, OpenEXR, yaml, tqdm)], numpy.__file__]))
+print("@" + json.dumps([enabled, [module.__file__ for module in (cv2, deflate, OpenEXR, yaml, tqdm)], numpy.__file__]))
 """
 
 

@@ -104,7 +104,7 @@ def fake_results():
     rgb = {"psnr_db": 45.0, "ssim": 0.99}
     found = results.Results(report.machine())
     found.rows = [
-        results.Row(engine, k, spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
+        results.Row(engine, k, float(k), spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
         for k, engine in enumerate(("cycles", "eevee", "workbench"), 1)
     ]
     found.others = [{"name": "Embree", "frame_s": asdict(spread), "loading_s": 1.0}]
@@ -127,7 +127,7 @@ def test_the_report_lays_out_every_figure(tmp_path):
     text = tables.markdown(fake_results())
     assert "nan" not in text
     for words in (
-        "| workbench | 3 | 1.1 s ± 18 %",
+        "| workbench | 3 | 3 | 1.1 s ± 18 %",
         "45.0 dB",
         "| x | 1e-07 |",
         "A note.",

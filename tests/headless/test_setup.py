@@ -194,7 +194,7 @@ def test_what_was_made_half_is_made_anew(checkout, ended_by):
             assert process.poll() is None
             time.sleep(0.02)
         os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        process.communicate(timeout=60)
     assert (checkout / ".venv/half").exists()
     assert made(checkout, "venv")[0] == 0
     assert (checkout / "log").read_text().splitlines()[:2] == ["venv", "venv"]

@@ -24,7 +24,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.run import Run
 
 
-VERSIONS = {name: importlib.import_module(name).__version__ for name in ("cv2", "OpenEXR", "isal", "numpy")}
+VERSIONS = {name: importlib.import_module(name).__version__ for name in ("cv2", "OpenEXR", "deflate", "numpy")}
 
 
 class Listener:
@@ -197,7 +197,7 @@ def test_the_refusal_names_what_differs(world, whole, tmp_path):
         Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event()).make_dataset()
 
 
-@cases("package", ["cv2", "OpenEXR", "isal", "numpy"])
+@cases("package", ["cv2", "OpenEXR", "deflate", "numpy"])
 def test_another_version_of_what_decides_the_bytes_is_refused(world, tmp_path, package):
     out = tmp_path / package
     run(world, out)
@@ -329,7 +329,7 @@ time.sleep(60)
     with pytest.raises(StorageError, match="another run"):
         storage.FolderLock(path)
     process.kill()
-    process.wait()
+    process.wait(60)
     storage.FolderLock(path).release()
 
 

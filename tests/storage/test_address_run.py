@@ -107,7 +107,7 @@ def test_workers_elsewhere_put_shards_themselves(preset, packed, place):
     # As a node of a cluster does it: an order with the address, then a shard's name.
     folder, address, scratch = place
     plan = make_plan(read_preset(preset))
-    order, put = ShardOrder.of(plan, address, 1, scratch).text(), []
+    order, put = ShardOrder.of(plan, address, 1, scratch, merging=False).text(), []
 
     def workers(shards, made, progress):
         for shard in shards:

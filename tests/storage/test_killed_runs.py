@@ -20,7 +20,7 @@ LOADED = (
     "cv2",
     "yaml",
     "OpenEXR",
-    "isal",
+    "deflate",
     "tqdm",
 )
 

@@ -3,6 +3,7 @@
 
 import bpy
 import numpy as np
+import yaml
 
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply_writer import write_ply
@@ -24,6 +25,14 @@ def straight(path, count=10):
     poses[:, 0, 3] = np.arange(count) / 10
     path.write_text("\n".join(" ".join(f"{value:g}" for value in pose.ravel()) for pose in poses))
     return str(path), poses
+
+
+def open_document(document, path):
+    """Write a preset's document to a file, and open that in the panel."""
+    from noisy_world.ui.apply_preset import open_preset
+
+    path.write_text(yaml.safe_dump(document))
+    open_preset(settings(), path)
 
 
 def use_files(tmp_path, count=10):

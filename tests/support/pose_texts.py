@@ -49,6 +49,11 @@ def blocks(poses=None):
     return ["\n".join(" ".join(map(repr, row)) for row in pose.tolist()) + "\n" for pose in poses or expected()]
 
 
+def kitti_text(trajectory):
+    """One line a frame: 12 row-major numbers of c2w without its last row."""
+    return "".join(" ".join(map(repr, c2w[:3].ravel().tolist())) + "\n" for c2w in trajectory.c2w)
+
+
 def is_expected(trajectory, stamps_s=None):
     np.testing.assert_allclose(trajectory.c2w, expected(), rtol=0, atol=1e-14)
     if stamps_s is not None:

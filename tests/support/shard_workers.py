@@ -21,6 +21,7 @@ def workers_here(preset, out, *, frames=None, order=list, asked=None, before=lam
         wanted, stop = order(list(shards)), threading.Event()
         (asked if asked is not None else []).extend(wanted)
         here = InProcess(partial(ready_for_shards, stop=stop))
-        return ShardWorkers(make_plan(read_preset(preset), frames), out, here, stop).make(wanted, made, progress)
+        workers = ShardWorkers(make_plan(read_preset(preset), frames), out, here, stop, merging=True)
+        return workers.make(wanted, made, progress)
 
     return make

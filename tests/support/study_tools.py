@@ -51,6 +51,8 @@ with open(os.path.join(out, "poses.txt"), "w") as file:
             pose[0] = float("nan")
         if kind == "still":
             pose = rows[0]
+        if kind == "long":
+            pose[:3] = [1.05 * value for value in pose[:3]]
         file.write(" ".join(map(repr, [frame["stamp_s"], *pose])) + chr(10))
 """
 

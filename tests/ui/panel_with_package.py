@@ -11,8 +11,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from keyed_poses import keyed_poses
+from panel_tools import open_document
+
 import noisy_world
-from noisy_world.blender.camera import read_trajectory_keys
 from noisy_world.core.errors import InputError
 
 world_folder = Path(sys.argv[1])
@@ -27,7 +29,7 @@ told = {}
 
 
 def keyed():
-    return read_trajectory_keys(scene, scene.camera, np.arange(scene.frame_end + 1)).tolist()
+    return keyed_poses(scene, scene.camera, np.arange(scene.frame_end + 1)).tolist()
 
 
 # By hand: from the menu, with sliders.
@@ -105,7 +107,7 @@ told["source entry"] = document.scene_of(settings)
 content = document.to_document(settings)
 content["scenes"] = [{"name": "hall", "corridor": {"width_m": 2.5, "frames": 5}}]
 content["camera"] = {"width": 64, "height": 48, "fx": 64, "fy": 64, "cx": 32, "cy": 24}
-apply_preset.from_document(content, settings, path=world_folder / "corridor.yaml")
+open_document(content, world_folder / "corridor.yaml")
 told["source taken"] = [settings.corridor.width_m, settings.corridor.frames, settings.scene_name]
 shown = document.recorded(settings)
 told["source frames"] = len(shown.stamps_s)
@@ -113,7 +115,7 @@ told["source depth"] = float(footage.still(shown, 0).depth_m[24, 0])
 document.save_preset(settings, world_folder / "corridor.yaml")
 content["scenes"][0]["corridor"]["width_m"] = 0
 try:
-    apply_preset.from_document(content, settings, path=world_folder / "corridor.yaml")
+    open_document(content, world_folder / "corridor.yaml")
 except InputError as error:
     told["source error"] = wording.spoken(error.message, str(world_folder / "corridor.yaml"))
 noisy_world.unregister()

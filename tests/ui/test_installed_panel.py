@@ -47,7 +47,9 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def told(site, folder):
     script = Path(__file__).parent / "panel_with_package.py"
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), str(ROOT / "addon")])}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(site), str(ROOT / "addon"), str(ROOT / "tests/support")])
+    }
     result = subprocess.run(
         [sys.executable, str(script), str(folder)], capture_output=True, text=True, env=environment, check=False
     )

@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 import pytest
 from calls import calls_made
+from keyed_poses import keyed_poses
 from panel_tools import settings, use_files
 
 import noisy_world
-from noisy_world.blender.camera import read_trajectory_keys
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.perturbing.kinds import STAGES
 from noisy_world.core.scenes.ply_writer import write_ply
@@ -189,14 +189,14 @@ def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tm
     bpy.ops.noisy_world.load_trajectory()
     scene = bpy.context.scene
     frames = np.arange(10)
-    assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - poses).max() < 1e-6
+    assert np.abs(keyed_poses(scene, scene.camera, frames) - poses).max() < 1e-6
     settings().deviation_rotation = np.radians(4.0)
     settings().deviation_translation_m = 0.05
     plan = make_plan(preset_of(settings()))
     render = plan.renders[-1]
     rendered = source_paths(plan, render).rgb.c2w
     assert np.abs(rendered - poses).max() > 0.01
-    assert np.abs(read_trajectory_keys(scene, scene.camera, frames) - rendered).max() < 1e-6
+    assert np.abs(keyed_poses(scene, scene.camera, frames) - rendered).max() < 1e-6
     settings().fx_px = 300
     assert scene.camera.data.lens == pytest.approx(300 * 36 / 1200)
 

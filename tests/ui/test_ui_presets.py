@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 import pytest
 from cases import cases
-from panel_tools import settings, use_files
+from panel_tools import open_document, settings, use_files
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.reading import parse_settings
@@ -70,12 +70,12 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
 
 def test_each_embedded_room_is_shown_and_kept(tmp_path):
     from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.apply_preset import from_document, open_preset
+    from noisy_world.ui.apply_preset import open_preset
     from noisy_world.ui.runs import saved_preset
 
     for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
         document = {"scenes": [{"mesh": mesh, "trajectory": {"handheld": {"frames": 3}}}]}
-        from_document(document, settings(), path=tmp_path / "p.yaml")
+        open_document(document, tmp_path / "p.yaml")
         assert (settings().mesh_source, settings().room_seed, settings().scene_name) == ("ROOM", seed, name)
         assert to_document(settings())["scenes"][0]["mesh"] == mesh
     settings().room_seed = 5
@@ -88,13 +88,13 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
     from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.apply_preset import from_document, open_preset
+    from noisy_world.ui.apply_preset import open_preset
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
         "output": {"layout": "euroc", "colour": "rgb", "depth_scale_per_m": 1000.1, "depth_beyond": "farthest"},
     }
-    from_document(document, settings(), path=tmp_path / "p.yaml")
+    open_document(document, tmp_path / "p.yaml")
     wanted = {**document["output"], "image": "png", "modalities": ["rgb", "depth"], "overview": False}
     assert to_document(settings())["output"] == wanted
     save_preset(settings(), tmp_path / "saved.yaml")
@@ -102,7 +102,7 @@ def test_what_the_files_are_written_as_is_kept(tmp_path):
     open_preset(settings(), tmp_path / "saved.yaml", "clean")
     assert to_document(settings())["output"] == wanted
     # What a preset leaves to the layout is the layout's own, not what the panel showed before.
-    from_document({**document, "output": {"layout": "tum"}}, settings(), path=tmp_path / "p.yaml")
+    open_document({**document, "output": {"layout": "tum"}}, tmp_path / "p.yaml")
     output = to_document(settings())["output"]
     assert (output["colour"], output["depth_scale_per_m"], output["depth_beyond"]) == ("rgb", 5000.0, "void")
 
@@ -124,14 +124,13 @@ def test_a_layout_brings_what_its_readers_expect():
 
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     from noisy_world.ui.document import to_document
-    from noisy_world.ui.apply_preset import from_document
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
         "camera": {"width": 64, "height": 48, "fx": 52.123456789012, "fy": 1 / 3, "cx": 31.5, "cy": 23.5},
         "settings": [{"name": "fog", "perturb": [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]}],
     }
-    from_document(document, settings(), path=tmp_path / "p.yaml")
+    open_document(document, tmp_path / "p.yaml")
     said = to_document(settings())
     assert said["camera"]["fx"] == 52.123456789012
     assert said["camera"]["fy"] == 1 / 3
@@ -157,13 +156,12 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
 )
 def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
     from noisy_world.ui.document import to_document
-    from noisy_world.ui.apply_preset import from_document
 
     document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
     settings().seed = 77
     before = to_document(settings())
     with pytest.raises(InputError) as raised:
-        from_document(document, settings(), path=tmp_path / "p.yaml")
+        open_document(document, tmp_path / "p.yaml")
     assert f"p.yaml: {key}: " in str(raised.value)
     assert "\n" not in str(raised.value)
     assert to_document(settings()) == before

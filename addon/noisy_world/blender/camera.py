@@ -11,13 +11,10 @@ from ..core.geometry import (
     Intrinsics,
     blender_from_opencv_c2w,
     continuous_quats,
-    opencv_from_blender_c2w,
-    pose,
     quat_wxyz_from_rotation,
-    rotation_from_quat_wxyz,
 )
 from .scene import get_origin
-from .typed import action_of, camera_of, interpolation, new_action
+from .typed import camera_of, interpolation, new_action
 
 SENSOR_WIDTH_MM = 36.0  # Blender's default; only its ratio to the focal length matters
 SMALLEST_PX = 4  # the smallest width and height that Blender renders
@@ -116,18 +113,3 @@ def _set_keys(curve: bpy.types.FCurve, frames: NDArray[Any], values: NDArray[np.
     points.foreach_set("co", np.stack([frames, values], axis=1).astype(np.float32).ravel())
     points.foreach_set("interpolation", np.full(len(frames), interpolation("LINEAR"), dtype=np.int32))
     curve.update()
-
-
-def read_trajectory_keys(
-    scene: bpy.types.Scene, camera: bpy.types.Object, frames: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return the poses (len(frames), 4, 4) float64 of the camera's curves, camera-to-world, OpenCV axes, metres."""
-    action = action_of(camera)
-
-    def values(path: str, size: int) -> NDArray[np.float64]:
-        curves = [action.fcurve_ensure_for_datablock(camera, path, index=index) for index in range(size)]
-        return np.array([[curve.evaluate(float(frame)) for curve in curves] for frame in frames])
-
-    quat_wxyz = values("rotation_quaternion", 4)
-    rotation = rotation_from_quat_wxyz(quat_wxyz / np.linalg.norm(quat_wxyz, axis=1, keepdims=True))
-    return opencv_from_blender_c2w(pose(rotation, values("location", 3) + get_origin(scene)))

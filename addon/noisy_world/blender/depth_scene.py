@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from ..core.channels.surface import Fact, Surface
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
-from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE
+from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE, sample_plainly
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
-from .render import FAR_PLANE_TOLERANCE
+from .render import FAR_PLANE_TOLERANCE, RenderFile
 from .render_camera import RenderCamera
-from .render_file import RenderFile
 from .scene_files import blocks_of
 from .typed import cycles as cycles_of
 from .typed import get_value
@@ -74,14 +73,7 @@ class DepthScene:
         cycles = cycles_of(copy)
         cycles.samples = 1
         cycles.use_sample_subset = False
-        cycles.use_adaptive_sampling = False
-        cycles.use_denoising = False
-        cycles.use_auto_tile = False
-        cycles.use_light_tree = False
-        cycles.max_bounces = 0
-        cycles.sampling_pattern = "TABULATED_SOBOL"
-        cycles.pixel_filter_type = "BLACKMAN_HARRIS"
-        cycles.filter_width = CENTRE_FILTER_PX
+        sample_plainly(cycles, CENTRE_FILTER_PX)
         offset_px = FILTER_MIDDLE * CENTRE_FILTER_PX
         self._camera = RenderCamera(
             copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True

@@ -108,16 +108,21 @@ def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
     cycles.device = "CPU"
     cycles.seed = seed
     cycles.use_animated_seed = True
+    sample_plainly(cycles, filter_width_px(samples))
+    cycles.transparent_max_bounces = 0
+    cycles.film_exposure = 1.0
+
+
+def sample_plainly(cycles: Any, filter_px: float) -> None:
+    """Let Cycles follow a camera's rays to what they meet and no further, by a fixed pattern."""
     cycles.use_adaptive_sampling = False
     cycles.use_denoising = False
     cycles.use_auto_tile = False
     cycles.use_light_tree = False
     cycles.max_bounces = 0
-    cycles.transparent_max_bounces = 0
     cycles.sampling_pattern = "TABULATED_SOBOL"
     cycles.pixel_filter_type = "BLACKMAN_HARRIS"
-    cycles.filter_width = filter_width_px(samples)
-    cycles.film_exposure = 1.0
+    cycles.filter_width = filter_px
 
 
 def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:

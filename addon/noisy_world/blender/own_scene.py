@@ -20,8 +20,8 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .own_settings import make_repeatable, rendered_layer
+from .render import RenderFile
 from .render_camera import RenderCamera
-from .render_file import RenderFile
 from .scene_camera import show_frame
 from .scene_files import blocks_of
 from .scene_inspection import open_file, show_scene

@@ -14,10 +14,12 @@ from ..core.channels.surface import Fact, Surface
 from ..core.errors import StorageError
 from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
-from .typed import camera_of
+from .scratch_images import write_plain_floats
+from .typed import camera_of, override
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
+BYTES_PER_PIXEL = 36  # nine channels, as where a denoiser keeps what it was given
 SURFACE_BYTES_PER_PIXEL = 28  # seven more: a normal, and a face with its alpha
 FACE_OUTPUT = "Noisy World face"
 FACE_ATTRIBUTE = "noisy_world_face"
@@ -31,12 +33,60 @@ class Passes(RenderedFrame):
     world: Surface | None = None
 
 
-class FrameRenderer:
-    """Renders a scene into arrays, through a scratch file in memory.
+class RenderFile:
+    """The scratch file, in memory, that a scene is rendered into.
 
-    In background mode Python cannot read a render result, but it can read an uncompressed float EXR, in 7 ms. Passes
-    and camera are set once: setting them, even to equal values, makes Cycles load the whole scene again, which takes as
-    long as a frame. Moving the camera and changing the number of samples cost nothing.
+    In background mode Python cannot read a render result, but it can read an uncompressed float EXR, in 7 ms.
+    """
+
+    def __init__(
+        self, scene: bpy.types.Scene, size_px: tuple[int, int], bytes_per_pixel: int = BYTES_PER_PIXEL
+    ) -> None:
+        """Prepare the scene. size_px: width, height of the frames, which stand at the left top of the image."""
+        self._scene = scene
+        self._crop = (slice(size_px[1]), slice(size_px[0]))
+        self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
+        self.folder = self._scratch.path
+        self._path = self.folder / "frame.exr"
+        render = scene.render
+        render.filepath = str(self._path)
+        render.use_file_extension = False
+        render.use_overwrite = True
+        render.use_placeholder = False
+        write_plain_floats(render.image_settings)
+
+    def render(self, layer: str) -> dict[str, NDArray[np.float32]]:
+        """Render the scene as it is, and return a layer's channels (H, W) by pass and channel, such as "Depth.Z".
+
+        Raises StorageError where the scratch file could not be written, for instance on a full disk.
+        """
+        import OpenEXR  # needed only for rendering
+
+        self._path.unlink(missing_ok=True)
+        problem = ""
+        try:
+            with muted_output(), override(scene=self._scene):
+                bpy.ops.render.render(write_still=True)
+        except RuntimeError as error:  # Blender reports in this way that it could not write
+            problem = str(error).strip().splitlines()[-1]
+        if problem or not self._path.exists():
+            raise StorageError(
+                f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
+            )
+        with OpenEXR.File(str(self._path), separate_channels=True) as file:
+            named = {tuple(name.rsplit(".", 2)): item.pixels[self._crop] for name, item in file.channels().items()}
+        return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
+
+    def close(self) -> None:
+        """Remove the scratch file."""
+        self._scratch.remove()
+
+
+class FrameRenderer:
+    """Renders a scene into arrays.
+
+    Passes and camera are set once: setting them, even to equal values, makes Cycles load the whole scene again, which
+    takes as long as a frame. Moving the camera and changing the number of samples cost nothing.
     """
 
     def __init__(
@@ -55,14 +105,12 @@ class FrameRenderer:
         facts: what is told of the surface, with Cycles; for faces their materials have to say it (`tell_faces`).
         """
         self._scene = scene
-        self._crop = (slice(size_px[1]), slice(size_px[0]))
         self._rgb = rgb
         self._depth = depth
         self._encoded_colours = encoded_colours
         self._facts = facts
         bytes_per_pixel = EXR_BYTES_PER_PIXEL + (SURFACE_BYTES_PER_PIXEL if facts else 0)
-        self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
-        self._path = self._scratch.path / "frame.exr"
+        self._file = RenderFile(scene, size_px, bytes_per_pixel)
         layer = scene.view_layers[0]
         layer.use_pass_combined = rgb
         layer.use_pass_z = depth
@@ -70,44 +118,18 @@ class FrameRenderer:
         if "faces" in facts:
             face = layer.aovs.add()
             face.name, face.type = FACE_OUTPUT, "COLOR"
-        render = scene.render
-        render.filepath = str(self._path)
-        render.use_file_extension = False
-        render.use_overwrite = True
-        settings = render.image_settings
-        settings.media_type = "MULTI_LAYER_IMAGE"
-        settings.file_format = "OPEN_EXR_MULTILAYER"
-        settings.color_depth = "32"
-        settings.exr_codec = "NONE"
-        settings.use_exr_interleave = True
+        self._layer = layer.name
 
     def close(self) -> None:
         """Remove the scratch file."""
-        self._scratch.remove()
+        self._file.close()
 
     def render(self) -> Passes:
         """Render the scene in its current state.
 
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
         """
-        self._path.unlink(missing_ok=True)
-        problem = ""
-        try:
-            with muted_output():
-                bpy.ops.render.render(write_still=True)
-        except RuntimeError as error:  # Blender reports in this way that it could not write
-            problem = str(error).strip().splitlines()[-1]
-        if problem or not self._path.exists():
-            raise StorageError(
-                f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
-            )
-        return self._read()
-
-    def _read(self) -> Passes:
-        import OpenEXR  # needed only for rendering
-
-        with OpenEXR.File(str(self._path), separate_channels=True) as file:
-            channels = {name.split(".", 1)[-1]: item.pixels[self._crop] for name, item in file.channels().items()}
+        channels = self._file.render(self._layer)
         colours = None
         if self._rgb:
             colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)

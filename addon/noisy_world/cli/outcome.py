@@ -25,6 +25,8 @@ def figures(report: "Report") -> str:
     if report.frames_per_s is not None:
         parts.append(f"{report.frames_per_s:.2f} frames/s")
         parts.append(f"loading {report.loading_s:.1f} s")
+    if report.rays_per_px is not None:
+        parts.append(f"{report.rays_per_px:.2f} rays a pixel")
     if report.decoding_share is not None:
         parts.append(f"decoding {100 * report.decoding_share:.0f} % of the processor's time")
     parts.append(f"{report.total_s:.1f} s in all")

@@ -67,9 +67,9 @@ def executor_of(options: argparse.Namespace, entry: "Entry", jobs: int) -> "Abst
         from ..executors.ray_cluster import ray_cluster
 
         return ray_cluster(options.ray, options.cpus)
-    from ..executors.processes import Processes
+    from ..executors.processes import WorkerProcesses
 
-    return nullcontext(Processes(entry.command(["--worker"]), jobs))
+    return nullcontext(WorkerProcesses(entry.command(["--worker"]), jobs))
 
 
 def work_on(prepare: Callable[..., AbstractContextManager[Any]]) -> int:

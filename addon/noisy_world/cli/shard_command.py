@@ -69,7 +69,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     """Make the shards, and print the outcome of each. Of several, the others are made where one cannot be."""
     from ..core.datasets.shard_record import shard_folder
     from ..core.planning.shards import Shard, render_of
-    from ..executors.jobs import InProcess, Job, Outcome, Perform, carry_out
+    from ..executors.jobs import InProcess, Job, Perform, TaskOutcome, carry_out
     from ..pipeline.report import Report
     from .running import listener
     from .shard_tasks import tasks_of
@@ -86,7 +86,7 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
         with place.making(heard, stop, threads=options.threads, overwrite=options.overwrite) as make:
             yield lambda name: asdict(make(Shard.parse(name)))
 
-    def done(outcome: Outcome) -> None:
+    def done(outcome: TaskOutcome) -> None:
         print(f"wrote {out_address(options) or shard_folder(place.folder, Shard.parse(outcome.name))}")
         tell_outcome(Report(**(outcome.report or {})), options)
 

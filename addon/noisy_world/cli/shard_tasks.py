@@ -21,7 +21,7 @@ from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
 from ..core.progress import Progress
-from ..executors.jobs import Executor, Job, Outcome, Perform, Task, carry_out
+from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out
 from ..pipeline.destination import Destination, Made
 from ..pipeline.report import Report
 from ..pipeline.run import Run, threads_of_each
@@ -42,6 +42,7 @@ class ShardOrder:
     preset, document: the preset's file and its content, overrides included. chosen: start and stop of the frames of
     each sequence, if not all are made. out: the dataset's folder, which a run has opened, or its address. threads: of
     the renderer; 0 for all. scratch: where shards are made that go to an address; None for the system's own folder.
+    merging: whether each is merged by who makes it.
     """
 
     preset: str
@@ -50,14 +51,17 @@ class ShardOrder:
     out: str
     threads: int
     scratch: str | None = None
+    merging: bool = False
 
     @classmethod
-    def of(cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None) -> "ShardOrder":
+    def of(
+        cls, plan: Plan, out: Path | str, threads: int, scratch: Path | None = None, *, merging: bool
+    ) -> "ShardOrder":
         """Return the order for the workers of a plan. out: the dataset's folder or address."""
         chosen = None if plan.chosen is None else (plan.chosen.start, plan.chosen.stop)
         place = out if isinstance(out, str) else str(out.resolve())
         own = None if scratch is None else str(scratch.resolve())
-        return cls(str(plan.preset.path), plan.preset.document, chosen, place, threads, own)
+        return cls(str(plan.preset.path), plan.preset.document, chosen, place, threads, own, merging)
 
     def text(self) -> str:
         """Return it as a line of JSON."""
@@ -80,7 +84,7 @@ def ready_for_shards(text: str, progress: Progress, *, stop: threading.Event) ->
         place = AddressDestination(plan, open_store(order.out), None if order.scratch is None else Path(order.scratch))
     else:
         place = Destination(plan, Path(order.out))
-    with place.making(progress, stop, threads=order.threads, joining=True) as make:
+    with place.making(progress, stop, threads=order.threads, joining=True, merging=order.merging) as make:
 
         def perform(name: str) -> dict[str, Any]:
             return replace(make(Shard.parse(name)), peak_memory_bytes=peak_memory_bytes()).content()
@@ -100,7 +104,8 @@ def tasks_of(plan: Plan, shards: tuple[Shard, ...]) -> tuple[Task, ...]:
 class ShardWorkers:
     """Workers that make the shards of a plan.
 
-    out: the dataset's folder or address. threads: of the renderer in each; 0 for a share of this machine's.
+    out: the dataset's folder or address. threads: of the renderer in each; 0 for a share of this machine's. merging:
+    whether each merges what it has made.
     """
 
     plan: Plan
@@ -109,6 +114,7 @@ class ShardWorkers:
     stop: threading.Event
     threads: int = 0
     scratch: Path | None = None
+    merging: bool = False
 
     def make(self, shards: tuple[Shard, ...], made: Made, progress: Progress) -> Report:
         """Have shards made; return what was done in all. made: is called with each shard that is finished.
@@ -117,7 +123,7 @@ class ShardWorkers:
         """
         total, at_once = Report(), min(self.executor.slots, len(shards))
 
-        def done(outcome: Outcome) -> None:
+        def done(outcome: TaskOutcome) -> None:
             total.add(outcome.report or {})
             made(Shard.parse(outcome.name))
 
@@ -129,7 +135,8 @@ class ShardWorkers:
         return total
 
     def _job(self, shards: tuple[Shard, ...], at_once: int) -> Job:
-        order = ShardOrder.of(self.plan, self.out, self.threads or threads_of_each(at_once), self.scratch)
+        threads = self.threads or threads_of_each(at_once)
+        order = ShardOrder.of(self.plan, self.out, threads, self.scratch, merging=self.merging)
         opened = None if isinstance(self.out, str) else self.out.resolve() / WORK_FOLDER / IDENTITY
         return Job("shards", "made", "generate", order.text(), tasks_of(self.plan, shards), opened)
 
@@ -166,14 +173,13 @@ def make_dataset(
         if options.ray is not None:
             jobs, count = executor.slots, options.shards or math.ceil(estimate(plan).seconds / SHARD_S)
             place = destination_of(plan, options, put_by_workers=True)
-            workers = ShardWorkers(
-                plan, out_address(options) or place.folder, executor, stop, options.cpus, options.scratch
-            )
+            out, merging = out_address(options) or place.folder, place.merged_by_workers
+            workers = ShardWorkers(plan, out, executor, stop, options.cpus, options.scratch, merging)
         else:
             if note:
                 progress.note(note)
             place, count = destination_of(plan, options, folder=folder), None
-            workers = ShardWorkers(plan, place.folder, executor, stop)
+            workers = ShardWorkers(plan, place.folder, executor, stop, merging=place.merged_by_workers)
         overwrite, make = options.overwrite, workers.make
         run = Run(plan, place, progress=progress, stop=stop, overwrite=overwrite, jobs=jobs, workers=make, shards=count)
         return run.make_dataset()

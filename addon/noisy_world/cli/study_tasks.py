@@ -23,7 +23,7 @@ from ..evaluation.study.study import Study
 from ..evaluation.study.summary import NEEDED as SUMMARY_NEEDS
 from ..evaluation.study.tables import write_tables
 from ..evaluation.systems.checking import check_system
-from ..executors.jobs import Executor, InProcess, Job, Outcome, Perform, Task, carry_out
+from ..executors.jobs import Executor, InProcess, Job, Perform, Task, TaskOutcome, carry_out
 from .entry import Entry
 from .generate import need_blender, need_packages
 from .report_command import tell_report
@@ -98,7 +98,7 @@ def _carry_out(
     left = sum(frames[case] * len(study.missing_runs(case)) for case in study.missing)
     unfinished = Counter(case.scene for case in study.missing)
 
-    def done(outcome: Outcome) -> None:
+    def done(outcome: TaskOutcome) -> None:
         scene = Case.parse(outcome.name).scene
         unfinished[scene] -= 1
         if not unfinished[scene]:

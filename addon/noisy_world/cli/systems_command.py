@@ -2,6 +2,7 @@
 """`systems`: list the SLAM systems that come with Noisy World and whether they can be run here; install one."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .ending import ended
@@ -10,6 +11,7 @@ from .parser import Parser
 from .places import folder
 
 if TYPE_CHECKING:
+    from ..evaluation.systems.building import AuthorsSource
     from ..evaluation.systems.definition import System
 
 
@@ -38,16 +40,18 @@ def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
 def install(options: argparse.Namespace, entry: Entry) -> int:
     """Make what a system needs, and say that it can be run."""
     from ..core.errors import InputError, MissingDependencyError
+    from ..evaluation.systems.building import CLONED
     from ..evaluation.systems.checking import check_system, system_versions
     from ..evaluation.systems.environments import FOLDER_VARIABLE, environment_folder
     from ..evaluation.systems.installing import ENVIRONMENT
-    from ..evaluation.systems.installing import install as make
     from ..evaluation.systems.registry import find_system
     from .missing import blender_problem
-    from .system_libraries import missing_for, provide
 
     system = find_system(options.install)
-    if system.environment != ENVIRONMENT:
+    published = CLONED.get(system.environment)
+    if options.source and published is None:
+        raise InputError("--source", f"is given, but {system.name} is not built from source", remedy="leave it out")
+    if system.environment != ENVIRONMENT and published is None:
         if system.remedy:
             raise InputError(system.name, "is not installed by this command", remedy=system.remedy)
         check_system(system)
@@ -55,13 +59,9 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
         return 0
     if problem := blender_problem(entry):  # the vocabulary's pictures are rendered
         raise MissingDependencyError(problem)
-    found = environment_folder(ENVIRONMENT)
+    found = environment_folder(system.environment)
     into = found if options.into is None else options.into.resolve() / found.name
-    made = make(into, options.python, say)
-    packages = "lib/python3.*/site-packages"
-    libraries = [*into.glob(f"{packages}/orbslam3/*.so"), *into.glob(f"{packages}/open3d/cpu/pybind*.so")]
-    if problem := provide(f"{system.name}, in {into},", lambda: missing_for(libraries)):
-        raise MissingDependencyError(problem)
+    made = _packages(system, into, options) if published is None else _built(published, into, options)
     print(f"{'installed' if made else 'is there already:'} {into}")
     if into == found:
         system_versions.cache_clear()
@@ -69,6 +69,32 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     else:
         print(f"to use it, set {FOLDER_VARIABLE}: export {FOLDER_VARIABLE}={into.parent}")
     return 0
+
+
+def _packages(system: "System", into: Path, options: argparse.Namespace) -> bool:
+    """Make the environment of packages; tell whether it was not there."""
+    from ..core.errors import MissingDependencyError
+    from ..evaluation.systems.installing import install as make
+    from .system_libraries import missing_for, provide
+
+    made = make(into, options.python, say)
+    packages = "lib/python3.*/site-packages"
+    libraries = [*into.glob(f"{packages}/orbslam3/*.so"), *into.glob(f"{packages}/open3d/cpu/pybind*.so")]
+    if problem := provide(f"{system.name}, in {into},", lambda: missing_for(libraries)):
+        raise MissingDependencyError(problem)
+    return made
+
+
+def _built(published: "AuthorsSource", into: Path, options: argparse.Namespace) -> bool:
+    """Build a system from its source; tell whether it was not there."""
+    from ..core.errors import InputError
+    from ..evaluation.systems.building import build
+
+    if options.source is None:
+        raise InputError("--source", f"is needed: the folder of {published.name}'s source", remedy=published.remedy)
+    if options.python is not None:
+        raise InputError("--python", f"is given, but {published.name} is built from C++", remedy="leave it out")
+    return build(published, options.source, into, say)
 
 
 def _problem(system: "System") -> str:
@@ -84,6 +110,10 @@ def _problem(system: "System") -> str:
 
 
 def _needs(system: "System") -> str:
+    from ..evaluation.systems.building import CLONED
+
+    if system.environment in CLONED:
+        return f"its own source, a compiler and libraries; {system.remedy}"
     if system.environment:
         return f"an environment of its own, made from a Python 3.12 or 3.11; {system.remedy}"
     parts = [*(["an NVIDIA GPU"] if system.gpu else []), *(["its own code"] if system.remedy else [])]
@@ -100,16 +130,22 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     installing = actions.add_parser(
         "install",
         help="install a system: 'install orb_slam3'",
-        description="Install a system that needs an environment of its own: ORB-SLAM3 or Open3D's dense SLAM, with "
-        "packages pinned by hashes (630 MB) in .venv-slam.",
+        description="Install a system that needs an environment of its own: with packages pinned by hashes (770 MB) in "
+        ".venv-slam, or, with --source, built from its authors' source in .venv-orb-slam2 or .venv-orb-slam3.",
     )
     installing.add_argument("install", metavar="SYSTEM", help="its name, orb_slam3 for instance")
     installing.add_argument(
         "--into",
         metavar="DIR",
         type=folder,
-        help="the folder that .venv-slam is made in (default: $NOISY_WORLD_ENVIRONMENTS, a checkout, or the user's "
+        help="the folder that it is made in (default: $NOISY_WORLD_ENVIRONMENTS, a checkout, or the user's "
         "data folder)",
+    )
+    installing.add_argument(
+        "--source",
+        metavar="DIR",
+        type=folder,
+        help="of orb_slam2 or orb_slam3_source: its source, which you have cloned",
     )
     installing.add_argument("--python", metavar="PATH", help="a Python 3.12 or 3.11 (default: one that is found)")
     return parser.parse_args(arguments)

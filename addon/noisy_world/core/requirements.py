@@ -11,7 +11,7 @@ NEEDED = {
     "yaml": "pyyaml",
     "cv2": "opencv-contrib-python-headless",
     "OpenEXR": "OpenEXR",
-    "isal": "isal",
+    "deflate": "deflate",
     "tqdm": "tqdm",
 }
 

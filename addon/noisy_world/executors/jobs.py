@@ -54,7 +54,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class TaskOutcome:
     """How a task ended.
 
     status: of its process; None where its machine was lost each time that it was tried. line: why it was not done.
@@ -93,7 +93,7 @@ class Executor(Protocol):
         self,
         job: Job,
         hear: Callable[[TaskMessage], None],
-        ended: Callable[[Outcome], None],
+        ended: Callable[[TaskOutcome], None],
         stop: threading.Event,
     ) -> None:
         """Carry out a job until its tasks have ended, or one has failed, unless it goes on then.
@@ -108,7 +108,7 @@ class Executor(Protocol):
 def carry_out(
     job: Job,
     executor: Executor,
-    done: Callable[[Outcome], None],
+    done: Callable[[TaskOutcome], None],
     progress: Progress,
     stop: threading.Event,
 ) -> None:
@@ -116,9 +116,9 @@ def carry_out(
 
     Raises NoisyWorldError where a task could not be done, InterruptedRunError where `stop` was set.
     """
-    failed: list[Outcome] = []
+    failed: list[TaskOutcome] = []
 
-    def ended(outcome: Outcome) -> None:
+    def ended(outcome: TaskOutcome) -> None:
         if outcome.done:
             done(outcome)
             return
@@ -169,7 +169,7 @@ class InProcess:
         self.goes_on = goes_on
 
     def run(
-        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[Outcome], None], stop: threading.Event
+        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[TaskOutcome], None], stop: threading.Event
     ) -> None:
         """Carry out the tasks, one after another. Raises what they raise, unless it goes on then."""
         with self._prepare(job.order, HeardProgress(hear)) as perform:
@@ -177,13 +177,13 @@ class InProcess:
                 if stop.is_set():
                     return
                 try:
-                    outcome = Outcome(task.name, report=perform(task.name))
+                    outcome = TaskOutcome(task.name, report=perform(task.name))
                 except InterruptedRunError:
                     raise
                 except NoisyWorldError as error:
                     if not self.goes_on:
                         raise
-                    outcome = Outcome(task.name, USERS_ERROR, str(error))
+                    outcome = TaskOutcome(task.name, USERS_ERROR, str(error))
                 ended(outcome)
 
 

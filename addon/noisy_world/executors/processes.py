@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 
 from ..core.exit_statuses import DONE, INTERRUPTED, how_it_ended
 from ..core.machine import available_threads, thread_variables
-from .jobs import Job, Outcome, TaskMessage, TaskQueue
+from .jobs import Job, TaskMessage, TaskOutcome, TaskQueue
 from .worker_process import Heard, WorkerProcess
 
 
-class Processes:
+class WorkerProcesses:
     """Processes of this machine, each of which does one task after another."""
 
     goes_on = False
@@ -29,7 +29,7 @@ class Processes:
         return self._jobs
 
     def run(
-        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[Outcome], None], stop: threading.Event
+        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[TaskOutcome], None], stop: threading.Event
     ) -> None:
         """Let the processes do the tasks. One that dies ends the job, and its task is named."""
         pool = _Pool(TaskQueue(job.tasks), hear, ended)
@@ -44,7 +44,7 @@ class _Pool:
     """The workers of one job."""
 
     def __init__(
-        self, waiting: TaskQueue, hear: Callable[[TaskMessage], None], ended: Callable[[Outcome], None]
+        self, waiting: TaskQueue, hear: Callable[[TaskMessage], None], ended: Callable[[TaskOutcome], None]
     ) -> None:
         self._waiting = waiting
         self._hear = hear
@@ -76,7 +76,7 @@ class _Pool:
                 match message:
                     case {"made": name, "report": report}:
                         self._give(number)
-                        self._ended(Outcome(name, report=report))
+                        self._ended(TaskOutcome(name, report=report))
                     case {"error": text}:
                         self._errors[number] = text
                     case {"end": status}:
@@ -109,6 +109,6 @@ class _Pool:
         if name is not None:
             self._failed = True
             died = f"{name}: its worker {how_it_ended(status)}; its messages are above, and the same command goes on"
-            self._ended(Outcome(name, status, line or died))
+            self._ended(TaskOutcome(name, status, line or died))
         elif status != DONE:
             self._hear({"note": f"a worker that had done all its tasks {how_it_ended(status)}"})

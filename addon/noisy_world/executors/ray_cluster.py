@@ -24,7 +24,7 @@ from ..core.exit_statuses import DONE, INTERRUPTED, REFUSED, USERS_ERROR
 from ..core.extras import install_command
 from ..core.machine import thread_variables
 from . import node
-from .jobs import Job, Outcome, TaskMessage
+from .jobs import Job, TaskMessage, TaskOutcome
 from .node import NodeTask
 
 ANSWER_S = 10.0  # for a cluster to answer; chosen
@@ -49,7 +49,7 @@ class RayCluster:
         return max(1, sum(int(item["Resources"].get("CPU", 0) // self.cpus) for item in nodes))
 
     def run(
-        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[Outcome], None], stop: threading.Event
+        self, job: Job, hear: Callable[[TaskMessage], None], ended: Callable[[TaskOutcome], None], stop: threading.Event
     ) -> None:
         """Let the nodes do the tasks. Raises NoisyWorldError where no node is left that could take part."""
         _Tasks(self.cpus, hear, ended, stop).run(_node_tasks(job, self.cpus))
@@ -138,7 +138,7 @@ class _Tasks:
         self,
         cpus: int,
         hear: Callable[[TaskMessage], None],
-        ended: Callable[[Outcome], None],
+        ended: Callable[[TaskOutcome], None],
         stop: threading.Event,
     ) -> None:
         self._ray = module("ray")
@@ -217,7 +217,7 @@ class _Tasks:
             self._ended(outcome)
 
 
-def _outcome(reference: Any, task: NodeTask, stopping: bool) -> tuple[Outcome | None, str]:
+def _outcome(reference: Any, task: NodeTask, stopping: bool) -> tuple[TaskOutcome | None, str]:
     """Return how a task ended, None where it was stopped; and its node."""
     exceptions = module("ray.exceptions")
     try:
@@ -231,7 +231,8 @@ def _outcome(reference: Any, task: NodeTask, stopping: bool) -> tuple[Outcome | 
         raise  # a bug
     except exceptions.RayError as error:
         line = str(error).strip().split("\n")[0]
-        return Outcome(task.name, None, line), ""
+        return TaskOutcome(task.name, None, line), ""
     if answer["status"] == INTERRUPTED:
         return None, ""
-    return Outcome(task.name, answer["status"], answer["line"], answer["machine"], answer["report"]), answer["node_id"]
+    outcome = TaskOutcome(task.name, answer["status"], answer["line"], answer["machine"], answer["report"])
+    return outcome, answer["node_id"]

@@ -19,8 +19,8 @@ from ._bands import bands, by_bands
 from ._quantile_groups import poisson_quantile
 from ._quantiles import CODES, look_up, uniform_codes, uniform_words
 
-OUTCOMES = 256  # columns of the alias table of a level, and codes of a column: one for each value of 8 random bits
 MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
+OUTCOMES = 256  # columns of the alias table of a level, and codes of a column: one for each value of 8 random bits
 FEWEST_PHOTONS = 1e-6  # mean at full scale below which a frame is black: a megapixel expects a few photons at most
 BYTE_NOISE = np.float32(2**-10)  # of a byte: more than float32's error of a byte that was divided by 255 and multiplied
 
@@ -29,7 +29,9 @@ BYTE_NOISE = np.float32(2**-10)  # of a byte: more than float32's error of a byt
 class ShotNoise:
     """Each channel of each pixel is a Poisson number of photons over their mean number at full scale, as ImageNet-C."""
 
-    photons: float = key("mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=256)
+    photons: float = key(
+        "mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=MOST_PHOTONS
+    )
 
 
 def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext) -> NDArray[np.float32]:

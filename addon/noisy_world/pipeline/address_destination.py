@@ -46,6 +46,7 @@ class AddressDestination(Destination):
     """A packed dataset at an address. folder: in which workers of this machine make shards, laid out as a dataset's."""
 
     looking = "reading which frames are there"
+    merged_by_workers = False
 
     def __init__(self, plan: Plan, store: Store, scratch: Path | None = None, *, put_by_workers: bool = False) -> None:
         """Prepare.
@@ -211,9 +212,10 @@ class AddressDestination(Destination):
         threads: int = 0,
         overwrite: bool = False,
         joining: bool = False,
+        merging: bool = False,
     ) -> Iterator[Callable[[Shard], Report]]:
         """Return what makes shards and puts them to the address, unless they are there; no run needs to be open."""
-        del overwrite, joining
+        del overwrite, joining, merging
         with ShardMaker(self._plan, progress=progress, stop=stop, threads=threads) as maker:
 
             def make(shard: Shard) -> Report:

@@ -161,7 +161,7 @@ class CompletedImages:
                     yield self._dataset.out / folder / self._names.image(modality, frame)
 
 
-class Finished:
+class FinishedImages:
     """The images of a render's sequences that are finished, in any of several folders."""
 
     def __init__(self, completed: Iterable[CompletedImages]) -> None:

@@ -4,7 +4,6 @@
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
 from typing import Any, TypeAlias
@@ -12,7 +11,7 @@ from typing import Any, TypeAlias
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.dataset_state import RUN
 from ..core.datasets.differences import why_not
-from ..core.datasets.shard_merging import Merged, ShardRules, drop_unfinished, merge_shard, merged_shards
+from ..core.datasets.shard_merging import ShardRules, drop_unfinished, merge_shard, merged_shards
 from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.messages import Action, Message, either
@@ -37,9 +36,11 @@ class Destination:
     """A folder as where a dataset goes; other places differ from it.
 
     dataset: is written to while it is open. looking: what is said while it is asked what is there.
+    merged_by_workers: whether those who make shards merge them.
     """
 
     looking = "checking the frames that are there"
+    merged_by_workers = True
 
     def __init__(self, plan: Plan, folder: Path) -> None:
         """Take a plan and the dataset's folder, which `open` makes."""
@@ -102,31 +103,46 @@ class Destination:
 
     @contextlib.contextmanager
     def making(
-        self, progress: Progress, stop: Event, *, threads: int = 0, overwrite: bool = False, joining: bool = False
+        self,
+        progress: Progress,
+        stop: Event,
+        *,
+        threads: int = 0,
+        overwrite: bool = False,
+        joining: bool = False,
+        merging: bool = False,
     ) -> Iterator[Callable[[Shard], Report]]:
-        """Return what makes shards, for whoever runs beside the run that takes them in; see `ShardMaker.make`."""
+        """Return what makes shards, for whoever runs beside the run that takes them in; see `ShardMaker.make`.
+
+        merging: whether each is merged at once, by this process: one for all of a cluster could not keep up.
+        """
         with ShardMaker(self._plan, progress=progress, stop=stop, threads=threads) as maker:
 
             def make(shard: Shard) -> Report:
-                if not joining:
-                    maker.check_dataset(self.dataset, shard)
                 folder = shard_folder(self.folder, shard)
-                return maker.make(folder, shard, self.dataset, joining=joining, overwrite=overwrite)
+                if not joining:
+                    maker.check_dataset(self.dataset, shard, folder)
+                report = maker.make(folder, shard, self.dataset, joining=joining, overwrite=overwrite)
+                if merging:
+                    self._merge(folder)
+                return report
 
             yield make
 
+    def _merge(self, folder: Path) -> None:
+        """Merge a finished shard. Raises StorageError where a file is damaged already."""
+        if damaged := merge_shard(self.dataset, folder).damaged:
+            where = f"{self.folder / damaged[0]}"
+            raise StorageError("is not as it was written", file=where, remedy="look after the disk, and run it again")
+
     @contextlib.contextmanager
     def taking(self) -> Iterator[Made]:
-        """Take in shards while others are made; all are in at the end of the block."""
-        merging: list[Future[Merged]] = []
-        with ThreadPoolExecutor(1, thread_name_prefix="merging") as pool:
-            yield lambda shard: merging.append(pool.submit(merge_shard, self.dataset, shard_folder(self.folder, shard)))
-        for merged in (future.result() for future in merging):
-            if merged.damaged:
-                where = f"{self.folder / merged.damaged[0]}"
-                raise StorageError(
-                    "is not as it was written", file=where, remedy="look after the disk, and run it again"
-                )
+        """Take in shards while others are made; all are in at the end of the block. Here, who makes one merges it."""
+
+        def made(shard: Shard) -> None:
+            del shard
+
+        yield made
 
     def merged(self) -> list[dict[str, Any]]:
         """Return the summaries of the shards that the dataset was made from."""

@@ -18,14 +18,14 @@ from ..core.errors import InterruptedRunError
 from ..core.messages import Message
 from ..core.planning.exposed import open_render
 from ..core.planning.plan import Plan, Render
-from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderOptions
+from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_files import CleanFiles
 from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
-from .completed_images import Finished
+from .completed_images import FinishedImages
 from .frame_writer import FrameWriter, Lost
 from .pairs import OpenPairs, motion_of, view_of
 from .report import Report
@@ -72,7 +72,7 @@ class FrameMaker:
         self._closed_at_end = (self._render, self._colour, *([self._scene] if scene is None else []))
         self.report = Report()
 
-    def make(self, render: Render, frames: Many[int], target: Dataset, finished: Finished) -> None:
+    def make(self, render: Render, frames: Many[int], target: Dataset, finished: FinishedImages) -> None:
         """Make the images that show some source frames of a render and are not finished, and write them to a dataset.
 
         Raises InterruptedRunError when stopped.
@@ -130,7 +130,7 @@ class FrameMaker:
         self.report.notes.append(note)
         self._progress.note(note)
 
-    def _colour_of(self, render: Render, frames: Many[int], finished: Finished) -> Colour:
+    def _colour_of(self, render: Render, frames: Many[int], finished: FinishedImages) -> Colour:
         """Return what perturbs the colour of those sequences that lack some of it."""
         coloured = render.sequences if "rgb" in self._modalities else ()
         lacking = [item for item in coloured if item.frames and finished.lacks(item, "rgb", frames)]
@@ -159,6 +159,7 @@ class FrameMaker:
             start_s = time.perf_counter()
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
+            self._count_rays(image)
             clean = CleanFrame(frame, image, render.registration, heard)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
@@ -169,7 +170,7 @@ class FrameMaker:
                 self._count(writer.submit_pair(pair), writer)
         self._count(writer.drain(), writer)
 
-    def _pairs(self, render: Render, frames: Many[int], finished: Finished) -> OpenPairs:
+    def _pairs(self, render: Render, frames: Many[int], finished: FinishedImages) -> OpenPairs:
         """Return what leads from some source frames to others and is missing."""
         channels = [channel.name for channel in pair_channels(self._modalities)]
         sequences = [item for item in render.sequences if item.frames] if channels else []
@@ -181,6 +182,11 @@ class FrameMaker:
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)
+
+    def _count_rays(self, image: SourceFrame) -> None:
+        if isinstance(image, RenderedFrame) and image.rgb is not None and image.colour_rays is not None:
+            self.report.colour_rays += image.colour_rays
+            self.report.colour_pixels += image.rgb.shape[0] * image.rgb.shape[1]
 
     def _tell_lost(self, lost: Lost | None) -> None:
         """Say at once where depth is lost for the first time in a scene, so that nobody waits for a whole run."""

@@ -27,7 +27,7 @@ from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
 from .clean_frame import Camera, CleanFrame
 from .colour import Colours, PerturbedImage
-from .completed_images import Finished
+from .completed_images import FinishedImages
 from .pairs import CleanPair
 from .stage_timer import StageTimer
 
@@ -61,7 +61,7 @@ class FrameWriter:
     first_lost: the first frame that was written whose depth 16 bits do not hold, None while there is none.
     """
 
-    def __init__(self, dataset: Dataset, render: Render, finished: Finished, timer: StageTimer) -> None:
+    def __init__(self, dataset: Dataset, render: Render, finished: FinishedImages, timer: StageTimer) -> None:
         """Open the journals. finished: what is not to be written again. timer: hears how long what took."""
         self._dataset = dataset
         self.timer = self._timer = timer
@@ -199,7 +199,9 @@ class FrameFiles:
     A clean one that a sequence of the dataset has already is linked too.
     """
 
-    def __init__(self, dataset: Dataset, clean: CleanFrame | CleanPair, finished: Finished, timer: StageTimer) -> None:
+    def __init__(
+        self, dataset: Dataset, clean: CleanFrame | CleanPair, finished: FinishedImages, timer: StageTimer
+    ) -> None:
         self._dataset = dataset
         self._timer = timer
         self._clean = clean

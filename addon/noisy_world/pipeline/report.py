@@ -13,7 +13,8 @@ class Report:
     """What a run did, for run.json and for the user.
 
     processor_s: seconds of processors by stage, over all threads and processes. processors: those that shards were made
-    on, where they are unlike, each with its shards.
+    on, where they are unlike, each with its shards. colour_rays, colour_pixels: of frames whose renderer chose by what
+    it saw how many rays each pixel of colour took: all their rays and pixels.
     """
 
     frames_rendered: int = 0
@@ -27,6 +28,8 @@ class Report:
     notes: list[str] = field(default_factory=list)
     processor_s: dict[str, float] = field(default_factory=dict)
     processors: list[dict[str, Any]] = field(default_factory=list)
+    colour_rays: int = 0
+    colour_pixels: int = 0
 
     @property
     def frames_per_s(self) -> float | None:
@@ -39,6 +42,11 @@ class Report:
         decoding_s = self.processor_s.get(DECODING)
         return None if decoding_s is None else decoding_s / sum(self.processor_s.values())
 
+    @property
+    def rays_per_px(self) -> float | None:
+        """The mean number of rays that a pixel of colour took; None where it was not the renderer that chose it."""
+        return self.colour_rays / self.colour_pixels if self.colour_pixels else None
+
     def merge(self, other: "Report") -> None:
         """Add what another process did at the same time."""
         self.frames_rendered += other.frames_rendered
@@ -47,6 +55,8 @@ class Report:
         first = [value for value in (self.first_frame_s, other.first_frame_s) if value is not None]
         self.first_frame_s = min(first) if first else None
         self.peak_memory_bytes = (self.peak_memory_bytes or 0) + (other.peak_memory_bytes or 0) or None
+        self.colour_rays += other.colour_rays
+        self.colour_pixels += other.colour_pixels
         self.notes += [note for note in other.notes if note not in self.notes]
         self.add_processor_s(other.processor_s)
 
@@ -58,6 +68,8 @@ class Report:
         self.first_frame_s = content["first_frame_s"] if self.first_frame_s is None else self.first_frame_s
         peaks = [peak for peak in (self.peak_memory_bytes, content["peak_memory_bytes"]) if peak is not None]
         self.peak_memory_bytes = max(peaks, default=None)
+        self.colour_rays += content.get("colour_rays", 0)
+        self.colour_pixels += content.get("colour_pixels", 0)
         self.notes += [note for note in content["notes"] if note not in self.notes]
         self.add_processor_s(content["processor_s"])
 
@@ -68,7 +80,8 @@ class Report:
 
     def content(self) -> dict[str, object]:
         """Return the content of run.json."""
-        rate = self.frames_per_s
+        rate, rays_per_px = self.frames_per_s, self.rays_per_px
+        rays = {"colour_rays": self.colour_rays, "colour_pixels": self.colour_pixels}
         return {
             "frames_rendered": self.frames_rendered,
             "frames_kept": self.frames_kept,
@@ -81,6 +94,7 @@ class Report:
             "peak_memory_bytes": self.peak_memory_bytes,
             "jobs": self.jobs,
             "notes": self.notes,
+            **({} if rays_per_px is None else {"rays_per_px": round(rays_per_px, 3), **rays}),
             **({"processors": self.processors} if self.processors else {}),
         }
 

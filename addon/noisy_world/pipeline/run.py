@@ -19,7 +19,7 @@ from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
-from .completed_images import CompletedImages, Finished, find_missing
+from .completed_images import CompletedImages, FinishedImages, find_missing
 from .completion import Completion
 from .destination import SHARDS_PER_JOB, Destination, Made, Work
 from .frame_maker import FrameMaker
@@ -159,7 +159,7 @@ class Run:
         with self._frames as maker:
             for render in self._plan.renders:
                 if frames := work.get(render.name):
-                    maker.make(render, frames, dataset, Finished([CompletedImages(dataset, render)]))
+                    maker.make(render, frames, dataset, FinishedImages([CompletedImages(dataset, render)]))
         self.report.merge(maker.report)
 
     def _make_shards_here(self, shards: tuple[Shard, ...], made: Made) -> None:

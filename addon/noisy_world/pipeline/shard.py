@@ -12,6 +12,7 @@ from ..core.datasets.dataset_state import WORK_FOLDER
 from ..core.datasets.differences import why_not
 from ..core.datasets.hashing import Hasher
 from ..core.datasets.identity_mismatch import identity_mismatch
+from ..core.datasets.open_run import OpenRun
 from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_merging import remove_shard, take_up, tidy
 from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard
@@ -21,7 +22,7 @@ from ..core.machine import peak_memory_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.shards import Shard, render_of
 from ..core.progress import Progress
-from .completed_images import CompletedImages, Finished, keep_intact
+from .completed_images import CompletedImages, FinishedImages, keep_intact
 from .frame_maker import FrameMaker
 from .report import Report
 from .versions import versions_of
@@ -39,6 +40,7 @@ class ShardMaker:
         self._frames = FrameMaker(plan, progress=progress, stop=stop, threads=threads)
         self._identities: dict[str, dict[str, Any]] = {}
         self._there: tuple[str, CompletedImages] | None = None  # of the render that was made last
+        self._run: tuple[Path, OpenRun] | None = None  # by its folder
 
     def make(
         self,
@@ -64,7 +66,7 @@ class ShardMaker:
         render = render_of(self._plan, shard)
         identity = self._identity(render)
         if there is not None and joining:
-            there.join(identity, any_processor=self._any_processor)
+            self._open_run(there.out).join(identity, any_processor=self._any_processor)
         start_s = time.perf_counter()
         self._frames.report = report = Report()
         if (folder / SHARD).exists() and self._is_whole(folder, identity, overwrite=overwrite):
@@ -82,14 +84,19 @@ class ShardMaker:
             made.close()
         return report
 
-    def check_dataset(self, there: Dataset, shard: Shard) -> None:
-        """See whether a shard can become part of a dataset, which others may be writing to.
+    def check_dataset(self, there: Dataset, shard: Shard, folder: Path) -> None:
+        """See whether a shard, which is made in a folder of it, can become part of a dataset, which others may write.
 
         Raises StorageError where the folder holds something else.
         """
         part = self._plan.only(render_of(self._plan, shard))
         identity = self._identity(part.renders[0])
-        there.check(lambda other: why_not(other, identity, part))
+        there.check(lambda other: why_not(other, identity, part), identity["sequences"], folder)
+
+    def _open_run(self, out: Path) -> OpenRun:
+        if self._run is None or self._run[0] != out:
+            self._run = out, OpenRun(out)
+        return self._run[1]
 
     @property
     def _any_processor(self) -> bool:
@@ -142,7 +149,7 @@ class ShardMaker:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
             keep_intact(made, sequence, names)
-        finished = Finished([CompletedImages(made, render), *([] if there is None else [there])])
+        finished = FinishedImages([CompletedImages(made, render), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
         sources_missing = finished.sources_missing(render, self._plan.format.modalities, wanted)
         self._frames.report.frames_kept = len(wanted) - len(sources_missing)

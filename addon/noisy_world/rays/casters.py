@@ -8,7 +8,7 @@ from ..core.extras import install_command
 from ..core.home import private_cache_folder
 from ..core.planning.source import RenderOptions
 from ..core.scenes.mesh import Mesh
-from .casting import Caster
+from .casting import Caster, CastMesh
 from .embree import check_embree
 from .embree_library import LibraryError
 from .ray_by_ray import RayByRay
@@ -30,13 +30,13 @@ def caster_of(
     """
     check_embree()
     notes: tuple[str, ...] = ()
-    near_m, far_m = options.near_m, options.far_m
+    cast = CastMesh(mesh, vertices_m, corners, options.near_m, options.far_m, options.rgb)
     if rays + RAYS_FOR_A_TRIANGLE * len(corners) >= PAYS_FROM_RAYS:
         folder = private_cache_folder()
         try:
             from .packets import Packets
 
-            packets = Packets(mesh, vertices_m, corners, near_m, far_m, coloured=options.rgb, kept_in=folder)
+            packets = Packets(cast, folder)
         except (ImportError, LibraryError) as error:
             remedy = f"; run: {install_command('embree')}" if isinstance(error, ModuleNotFoundError) else ""
             notes = (f"rays are cast one by one, which takes twice as long: {error}{remedy}",)
@@ -44,4 +44,4 @@ def caster_of(
             kept = "not kept: there is no folder for it that is yours alone" if folder is None else f"kept in {folder}"
             took = f"compiling the code that casts rays took {packets.compiling_s:.1f} s; it is {kept}"
             return packets, (took,) if packets.compiling_s else ()
-    return RayByRay(mesh, vertices_m, corners, near_m, far_m, coloured=options.rgb), notes
+    return RayByRay(cast), notes

@@ -7,11 +7,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.scenes.mesh import Mesh
+
 TILE_PX = 40  # rows of a band, and columns whose packets follow one another; chosen: from 16 to 80 they take as long
 
 
 @dataclass(frozen=True)
-class View:
+class RayView:
     """Rays from a point through the centres of an image's pixels.
 
     origin_m: (3,) float64, in the axes of the triangles. across: (3, W), down: (3, H) float64; the sum of a column's
@@ -33,7 +35,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Images:
+class CastImages:
     """What a view sees; each is None where it is not asked for.
 
     rgb: (H, W, 3) float32, display-encoded, black where nothing is seen. depth_m: (H, W) float32, 0 there. triangles:
@@ -45,10 +47,25 @@ class Images:
     triangles: NDArray[np.int32] | None
 
 
+@dataclass(frozen=True)
+class CastMesh:
+    """A mesh that rays are cast at, between two distances.
+
+    vertices_m: (V, 3), as they are seen. corners: (T, 3), of its triangles. coloured: whether colours are asked for.
+    """
+
+    mesh: Mesh
+    vertices_m: NDArray[np.float32]
+    corners: NDArray[np.int32]
+    near_m: float
+    far_m: float
+    coloured: bool
+
+
 class Caster(Protocol):
     """Triangles that rays are cast at, between two distances. Several threads may cast at once."""
 
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images."""
         ...
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.scenes.mesh import Mesh
-from .casting import Images, View
+from .casting import CastImages, CastMesh, RayView
 from .embree_library import PacketScene
 from .packet_kernel import compiled
 from .triangles import triangle_faces
@@ -16,30 +15,21 @@ from .triangles import triangle_faces
 class Packets:
     """Triangles that rays are cast at in packets. compiling_s: the seconds that compiling its code took, if it did."""
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        vertices_m: NDArray[np.float32],
-        corners: NDArray[np.int32],
-        near_m: float,
-        far_m: float,
-        *,
-        coloured: bool,
-        kept_in: Path | None,
-    ) -> None:
-        """Copy the mesh; its colours are not copied. vertices_m: (V, 3), as they are seen. corners: (T, 3).
+    def __init__(self, cast: CastMesh, kept_in: Path | None) -> None:
+        """Copy the mesh; its colours are not copied.
 
         kept_in: the folder of compiled code; None for none. Raises LibraryError where Embree's library is another, and
         ImportError where numba compiles nothing.
         """
+        mesh, corners, coloured = cast.mesh, cast.corners, cast.coloured
         vertices = mesh.corner_vertices[corners]
-        self._scene = scene = PacketScene(vertices_m, vertices)
+        self._scene = scene = PacketScene(cast.vertices_m, vertices)
         known = compiled.cache_info().misses
         self._kernel, marker, seconds = compiled(scene.lanes, kept_in)
         self.compiling_s = seconds if compiled.cache_info().misses > known else 0.0
         addresses = [scene.address, scene.intersector(scene.lanes), scene.intersector(1), marker]
         self._functions = np.array(addresses, dtype=np.int64)
-        self._near_m, self._far_m = np.float32(near_m), np.float32(far_m)
+        self._near_m, self._far_m = np.float32(cast.near_m), np.float32(cast.far_m)
         self._colours, self._colour_corners = _EMPTY_VALUES, _EMPTY_CORNERS
         self._uv, self._uv_corners, self._shown = _EMPTY_VALUES, _EMPTY_CORNERS, np.empty(0, np.int32)
         self._pictures: list[NDArray[np.uint8]] = []
@@ -54,7 +44,7 @@ class Packets:
         lines = [(picture.ctypes.data, picture.shape[1], picture.shape[0]) for picture in self._pictures]
         self._told_pictures = np.array(lines, dtype=np.int64).reshape(-1, 3)
 
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images, without Python's lock. The first row is a multiple of TILE_PX."""
         self._kernel(
             *(self._functions, self._scene.lanes, view.origin_m, view.across, view.down, self._near_m, self._far_m),

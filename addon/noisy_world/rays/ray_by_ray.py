@@ -4,8 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.scenes.mesh import Mesh
-from .casting import Images, View
+from .casting import CastImages, CastMesh, RayView
 from .colours import colours_of
 from .embree import Hits, TracedTriangles
 
@@ -13,25 +12,13 @@ from .embree import Hits, TracedTriangles
 class RayByRay:
     """Triangles in embreex. Its values are those that packets of rays give, to the bit."""
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        vertices_m: NDArray[np.float32],
-        corners: NDArray[np.int32],
-        near_m: float,
-        far_m: float,
-        *,
-        coloured: bool,
-    ) -> None:
-        """Copy the mesh. vertices_m: (V, 3), as they are seen. corners: (T, 3), of its triangles.
+    def __init__(self, cast: CastMesh) -> None:
+        """Copy the mesh. Raises MissingDependencyError where embreex cannot be imported."""
+        self._triangles = TracedTriangles(cast.vertices_m, cast.mesh.corner_vertices[cast.corners])
+        self._colours = colours_of(cast.mesh, cast.corners) if cast.coloured else None
+        self._near_m, self._far_m = cast.near_m, cast.far_m
 
-        Raises MissingDependencyError where embreex cannot be imported.
-        """
-        self._triangles = TracedTriangles(vertices_m, mesh.corner_vertices[corners])
-        self._colours = colours_of(mesh, corners) if coloured else None
-        self._near_m, self._far_m = near_m, far_m
-
-    def cast(self, view: View, rows: slice, images: Images) -> None:
+    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images."""
         import cv2
 

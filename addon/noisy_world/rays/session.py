@@ -18,8 +18,9 @@ from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
+from .antialiasing import PIXELS_AT_ONCE, grid_of, mean_colours, uneven_pixels
 from .casters import caster_of
-from .casting import TILE_PX, Images, View
+from .casting import TILE_PX, CastImages, RayView
 from .triangles import triangle_corners, triangle_faces, triangle_normals
 
 
@@ -48,6 +49,8 @@ class RaySession:
         self._faces = triangle_faces(mesh) if "faces" in needs else None
         self._right = (np.arange(self._width) - intrinsics.cx_px) / intrinsics.fx_px
         self._down = (np.arange(self._height) - intrinsics.cy_px) / intrinsics.fy_px
+        self._grid = grid_of(options.samples) if options.samples > 1 else None
+        self._focal_px = intrinsics.fx_px, intrinsics.fy_px
         self._threads = ThreadPoolExecutor(options.threads or available_threads(), thread_name_prefix="rays")
         self._process = os.getpid()
 
@@ -57,33 +60,53 @@ class RaySession:
         return here == there and np.array_equal(self.origin_m, recentring_m(paths.rgb))
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
-        """Return the frame of a request: one ray through the centre of each pixel of each sensor."""
+        """Return the frame of a request: one ray through each pixel of a sensor, more where colours are uneven."""
         view, rgb = self._view(request.rgb_c2w), self._options.rgb
         depth = self._options.depth or not rgb  # without colour it tells whether anything is seen
         apart = depth and not np.array_equal(request.rgb_c2w, request.depth_c2w)
         seen = self._seen(view, rgb=rgb, depth=depth and not apart, triangles=bool(self._images.needs))
         others = {} if seen.triangles is None else self._images.of(self._surface(view, request.rgb_c2w, seen.triangles))
         depth_m = self._seen(self._view(request.depth_c2w), depth=True).depth_m if apart else seen.depth_m
-        return RenderedFrame(seen.rgb, depth_m, others)
+        rays = None if seen.rgb is None else self._smooth(view, request.rgb_c2w, seen.rgb)
+        return RenderedFrame(seen.rgb, depth_m, others, rays)
 
-    def _view(self, c2w: NDArray[np.float64]) -> View:
+    def _smooth(self, view: RayView, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
+        """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""
+        if (grid := self._grid) is None:
+            return None
+        fx_px, fy_px = self._focal_px
+        beside = c2w[:3, :1] * (grid.right_px / fx_px) + c2w[:3, 1:2] * (grid.down_px / fy_px)
+        pixels, colours = uneven_pixels(rgb), rgb.reshape(-1, 3)
+
+        def smooth(part: slice) -> None:
+            row, column = np.divmod(pixels[part], self._width)
+            centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
+            rays = RayView(view.origin_m, beside, centres)  # those of a pixel in one row: they share packets
+            found = np.empty((len(row), beside.shape[1], 3), dtype=np.float32)
+            self._caster.cast(rays, slice(0, len(found)), CastImages(found, None, None))
+            colours[pixels[part]] = mean_colours(colours[pixels[part]], found, grid)
+
+        self._each(smooth, len(pixels), PIXELS_AT_ONCE)
+        return self._width * self._height + beside.shape[1] * len(pixels)
+
+    def _view(self, c2w: NDArray[np.float64]) -> RayView:
         """Return the rays of a pose (4, 4)."""
         right, down, forward = (c2w[:3, axis, None] for axis in range(3))
-        return View(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
+        return RayView(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
 
-    def _seen(self, view: View, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> Images:
+    def _seen(self, view: RayView, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> CastImages:
         """Return what is asked for of what a view sees."""
         size = (self._height, self._width)
-        images = Images(
+        images = CastImages(
             np.empty((*size, 3), dtype=np.float32) if rgb else None,
             np.empty(size, dtype=np.float32) if depth else None,
             np.empty(size, dtype=np.int32) if triangles else None,
         )
         if rgb or depth or triangles:
-            self._each_band(lambda rows: self._caster.cast(view, rows, images))
+            self._each(lambda rows: self._caster.cast(view, rows, images), self._height, TILE_PX)
         return images
 
-    def _surface(self, view: View, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
+    def _surface(self, view: RayView, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
         """Return what is asked for of the mesh, where a view of a pose (4, 4) sees these triangles (H, W)."""
         size = triangles.shape
         normals = None if self._normals is None else np.empty((*size, 3), dtype=np.float32)
@@ -103,20 +126,20 @@ class RaySession:
                 face[missed] = -1
                 faces[rows] = face.reshape(-1, self._width)
 
-        self._each_band(look)
+        self._each(look, self._height, TILE_PX)
         return Surface(normals, faces)
 
-    def _each_band(self, work: Callable[[slice], None]) -> None:
-        """Do something for each band of rows: in several threads, but where this process was forked meanwhile.
+    def _each(self, work: Callable[[slice], None], count: int, size: int) -> None:
+        """Do something for parts of a whole: in several threads, but where this process was forked meanwhile.
 
         Threads do not outlive a fork, and those who fork workers have one for each processor.
         """
-        bands = [slice(top, min(top + TILE_PX, self._height)) for top in range(0, self._height, TILE_PX)]
+        parts = [slice(first, min(first + size, count)) for first in range(0, count, size)]
         if os.getpid() != self._process:
-            for band in bands:
-                work(band)
+            for part in parts:
+                work(part)
         else:
-            for done in [self._threads.submit(work, band) for band in bands]:
+            for done in [self._threads.submit(work, part) for part in parts]:
                 done.result()
 
     def close(self) -> None:

@@ -19,8 +19,8 @@ def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     versions = {
         name: (recipe["versions"].get(name, "none"), version)
         for name, version in here["versions"].items()
-        # Python itself decides no byte; isal does since it compresses PNG files.
-        if name != "python" and recipe["versions"].get(name, version if name != "isal" else None) != version
+        # Python itself decides no byte; deflate does since it compresses PNG files.
+        if name != "python" and recipe["versions"].get(name, version if name != "deflate" else None) != version
     }
     parts = [f"{name} {was_is(*pair)}" for name, pair in versions.items()]
     if other := _processor(recipe["processor"], here["processor"]):

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import patterns as pt
 from .light import Window
-from .openings import CURTAIN_CODES, REVEAL_M, TRIM, Hole, View, curtains, door, outdoors, window
+from .openings import CURTAIN_CODES, REVEAL_M, TRIM, Hole, Outlook, curtains, door, outdoors, window
 from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, shadeless
 
 WALL_CELL_M = 0.018  # distance of the walls' vertices, which carry the texture; chosen: detail against size
@@ -226,7 +226,7 @@ def _swapped(paint: Painter) -> Painter:
 
 
 def glazed(
-    wall: Wall, hole: Hole, view: View, seed: int, *, hung: list[str] | None = CURTAIN_CODES, eye_out_m: float = 2.0
+    wall: Wall, hole: Hole, view: Outlook, seed: int, *, hung: list[str] | None = CURTAIN_CODES, eye_out_m: float = 2.0
 ) -> Piece:
     """A window with what is seen through it and, if curtains are wanted, their six colours."""
     a, b, low, high = hole

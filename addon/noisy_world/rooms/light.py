@@ -177,7 +177,7 @@ def _ambient(origins_m: Array, normals: Array, boxes_m: Array, lighting: Lightin
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _SeenLights:
     """Points of light from points (N, 3): whether each is visible (L, N), the cosine at the surface, the vectors."""
 
     clear: Array
@@ -190,13 +190,13 @@ class _Seen:
         return self.away[..., 0] ** 2 + self.away[..., 1] ** 2 + self.away[..., 2] ** 2
 
 
-def _seen(origins_m: Array, normals: Array, lights_m: Array, boxes_m: Array) -> _Seen:
+def _seen(origins_m: Array, normals: Array, lights_m: Array, boxes_m: Array) -> _SeenLights:
     away = lights_m[:, None] - origins_m
     x, y, z = away[..., 0], away[..., 1], away[..., 2]
     distance = np.sqrt(x**2 + y**2 + z**2)
     dot = x * normals[:, 0] + y * normals[:, 1] + z * normals[:, 2]
     cos = np.maximum(dot / np.maximum(distance, 1e-6), 0.0)
-    return _Seen((cos > 0) & ~hidden(origins_m, lights_m, away, boxes_m), cos, away)
+    return _SeenLights((cos > 0) & ~hidden(origins_m, lights_m, away, boxes_m), cos, away)
 
 
 def _windows(origins_m: Array, normals: Array, boxes_m: Array, windows: tuple[Window, ...]) -> Array:

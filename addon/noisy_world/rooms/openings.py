@@ -11,7 +11,7 @@ from .surfaces import Array, Piece, Point, ball, box, joined, rect, rod, shadele
 
 Hole: TypeAlias = tuple[float, float, float, float]  # metres: from, to, low, high
 # (s, t), right and up by ahead -> (R, C, 3) display-encoded colours of what is far away.
-View: TypeAlias = Callable[[Array, Array], Array]
+Outlook: TypeAlias = Callable[[Array, Array], Array]
 
 REVEAL_M = 0.16  # depth of the windows in the wall
 
@@ -64,7 +64,7 @@ def pane_bars_m(window: tuple[float, float, float, float]) -> tuple[list[float],
     return _mullions(x_low, x_high), [z_low + (z_high - z_low) * k / 3 for k in (1, 2)]
 
 
-def outdoors(low_m: Point, high_m: Point, eye_m: Point, view: View) -> Piece:
+def outdoors(low_m: Point, high_m: Point, eye_m: Point, view: Outlook) -> Piece:
     """What is behind windows: a glowing box, open towards -y, whose picture is right from eye_m."""
     low, high, eye = np.array(low_m), np.array(high_m), np.array(eye_m)
     size = high - low

@@ -3,13 +3,13 @@
 
 import numpy as np
 
-from .openings import View
+from .openings import Outlook
 from .patterns import cloud, colour, hash01, mix, ramp
 from .pictures import garden
 from .surfaces import Array
 
 
-def garden_from(share: float) -> View:
+def garden_from(share: float) -> Outlook:
     """The garden, with its hills and clouds elsewhere than in the living room's view."""
 
     def view(s: Array, t: Array) -> Array:
@@ -18,7 +18,7 @@ def garden_from(share: float) -> View:
     return view
 
 
-def city(seed: int, sky_codes: tuple[str, str] = ("#e6edf2", "#8fb4d8")) -> View:
+def city(seed: int, sky_codes: tuple[str, str] = ("#e6edf2", "#8fb4d8")) -> Outlook:
     """Rows of houses with windows, the nearer ones darker and in front."""
     walls = [colour(c) for c in ("#b9a48f", "#a65f4a", "#8b8f96", "#c8b79c", "#6f7f8c", "#93755f")]
     panes = [colour(c) for c in ("#3a4855", "#566a7c", "#efd9a0", "#2c3640")]

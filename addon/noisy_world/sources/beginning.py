@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from ..core.errors import InputError
 from ..core.planning.source import SourceFrame
+from ..core.schema import ConfigPath
 from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.sensor_paths import SensorPaths
 
 
 @dataclass(frozen=True)
@@ -15,6 +17,21 @@ class Beginning:
 
     requests: tuple[FrameRequest, ...]
     error: InputError
+
+
+def beginning_of(
+    paths: SensorPaths, frames: tuple[int, ...], path: str, *, unseen: str, place: ConfigPath, remedy: str
+) -> Beginning | None:
+    """Return what a path must not begin with, None where no frame is looked at.
+
+    path, unseen: for the message, such as "nothing of room.ply". place: in the preset. remedy: beside going on.
+    """
+    if not frames:
+        return None
+    those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
+    problem = f"{those} of {path} see{'s' * (len(frames) == 1)} {unseen}"
+    error = place.error(problem, f"{remedy}, or go on with render.allow_empty: true")
+    return Beginning(tuple(map(paths.request, frames)), error)
 
 
 def check_beginning(

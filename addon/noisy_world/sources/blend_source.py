@@ -25,7 +25,7 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
-from .beginning import Beginning, check_beginning
+from .beginning import Beginning, beginning_of, check_beginning
 from .path_files import sha256_of_path
 
 if TYPE_CHECKING:
@@ -181,14 +181,10 @@ class BlendSource(SimpleSource):
 
     def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
         """Return what a path must not begin with, None where no frame is looked at."""
-        if not frames:
-            return None
-        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
         path = f"{self.found.scene}'s camera" if self.path_file is None else self.path_file.name
-        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} no surface of {self.path.name}"
-        key = "blend" if self.path_file is None else "trajectory"
-        error = self.place.at(key).error(problem, "look at the path, or go on with render.allow_empty: true")
-        return Beginning(tuple(map(paths.request, frames)), error)
+        where = self.place.at("blend" if self.path_file is None else "trajectory")
+        unseen = f"no surface of {self.path.name}"
+        return beginning_of(paths, frames, path, unseen=unseen, place=where, remedy="look at the path")
 
 
 @dataclass

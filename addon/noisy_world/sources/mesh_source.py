@@ -30,7 +30,7 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
-from .beginning import Beginning, check_beginning
+from .beginning import Beginning, beginning_of, check_beginning
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
 from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
@@ -154,15 +154,14 @@ class MeshSource(SimpleSource):
 
     def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
         """Return what a path of the mesh must not begin with, None where no frame is looked at."""
-        if not frames:
-            return None
-        path = "the hand-held path" if self.path_file is None else self.path_file.name
-        those = f"frame {frames[0]}" if len(frames) == 1 else f"frames {frames[0]} to {frames[-1]}"
-        problem = f"{those} of {path} see{'s' * (len(frames) == 1)} nothing of {Path(self.location).name}"
+        unseen, where = f"nothing of {Path(self.location).name}", self.place.at("trajectory")
+        if self.path_file is None:
+            return beginning_of(
+                paths, frames, "the hand-held path", unseen=unseen, place=where, remedy="look at the mesh"
+            )
         declared = f"pose ({self.spec.pose}) and axes ({self.spec.axes}) as the file has them"
-        remedy = f"is it this mesh's path? Declare {declared}" if self.path_file is not None else "look at the mesh"
-        error = self.place.at("trajectory").error(problem, f"{remedy}, or go on with render.allow_empty: true")
-        return Beginning(tuple(map(paths.request, frames)), error)
+        remedy = f"is it this mesh's path? Declare {declared}"
+        return beginning_of(paths, frames, self.path_file.name, unseen=unseen, place=where, remedy=remedy)
 
 
 class PreparedMesh:

@@ -66,7 +66,7 @@ class FrameImages:
 
 
 @dataclass(frozen=True)
-class Finished:
+class FinishedDataset:
     """A finished dataset. store: holds its files. manifest: as read."""
 
     store: Store
@@ -112,7 +112,7 @@ class Finished:
 
 
 @dataclass(frozen=True)
-class Content(Finished):
+class Content(FinishedDataset):
     """A finished dataset whose text files lie in a folder; its images may lie elsewhere."""
 
     store: FolderStore
@@ -177,12 +177,12 @@ class Content(Finished):
         return None if digest is None else self.file(OVERVIEW, digest)
 
     def reader(self, sequence: str, frames: list[FrameImages]) -> ReadImage:
-        """Return what reads a sequence's images, where they lie in the folder too; see `Images`."""
+        """Return what reads a sequence's images, where they lie in the folder too; see `ImageReaders`."""
         del frames
         return lambda name, sha256: self.file(f"{sequence}/{name}", sha256)
 
 
-class Images(Protocol):
+class ImageReaders(Protocol):
     """Where the images of a dataset are."""
 
     def reader(self, sequence: str, frames: list[FrameImages]) -> ReadImage:
@@ -193,7 +193,7 @@ class Images(Protocol):
         ...
 
 
-class Packed(Finished):
+class Packed(FinishedDataset):
     """A finished packed dataset."""
 
     @cached_property

@@ -22,7 +22,7 @@ from ..core.progress import Progress
 from ..core.working_ahead import done_ahead
 from .card import card
 from .croissant import croissant
-from .finished import Content, Images, sealed_state
+from .finished import Content, ImageReaders, sealed_state
 from .frame_table import FrameTable
 from .packed_names import CARD, CROISSANT, TABLE, PackedFile, tar_name
 from .sequence_tar import FrameSpans, Span, write_sequence
@@ -39,7 +39,7 @@ WrittenTar: TypeAlias = tuple[PackedFile, list[FrameSpans]]
 
 def pack(
     content: Content,
-    images: Images,
+    images: ImageReaders,
     store: Store,
     progress: Progress,
     stop: threading.Event,
@@ -143,7 +143,7 @@ def remove_work(store: Store) -> None:
 
 
 def _packed_sequences(
-    content: Content, images: Images, store: Store, stop: threading.Event
+    content: Content, images: ImageReaders, store: Store, stop: threading.Event
 ) -> Iterator[tuple[str, WrittenTar]]:
     """Yield each sequence with its tar, in order; several are written at a time."""
 
@@ -155,7 +155,7 @@ def _packed_sequences(
 
 
 def _packed_sequence(
-    content: Content, sequence: str, images: Images, store: Store, stop: threading.Event
+    content: Content, sequence: str, images: ImageReaders, store: Store, stop: threading.Event
 ) -> WrittenTar:
     """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
     name, note = tar_name(sequence), f"{PACKED_SEQUENCES}/{sequence}.json"

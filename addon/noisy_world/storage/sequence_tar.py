@@ -14,7 +14,7 @@ from typing import Any
 
 from ..core.datasets.layouts import Modality
 from ..core.errors import InterruptedRunError
-from .finished import Content, FrameImages, Images, ReadImage
+from .finished import Content, FrameImages, ImageReaders, ReadImage
 from .packed_names import FRAMES_FOLDER
 from .tar_stream import Sink, TarStream
 
@@ -41,7 +41,7 @@ def member_name(sequence: str, frame: int, ending: str) -> str:
 
 
 def write_sequence(
-    content: Content, sequence: str, images: Images, sink: Sink, stop: threading.Event
+    content: Content, sequence: str, images: ImageReaders, sink: Sink, stop: threading.Event
 ) -> list[FrameSpans]:
     """Write the tar of a sequence; return where its frames lie. Raises InterruptedRunError where `stop` is set."""
     tar = TarStream(sink)

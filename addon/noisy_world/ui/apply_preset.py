@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from ..core.home import path_in
 from ..core.perturbing.reading import parse_settings
 from ..core.perturbing.steps import Setting, Step
-from ..core.presets.preset import Preset, check_document, read_preset
+from ..core.presets.preset import Preset, read_preset
 from ..core.presets.selection import OnlySpec
 from ..core.schema import unknown_name
 from ..perturbations import registry
@@ -34,11 +34,6 @@ def open_preset(panel: Any, path: Path, setting: str = "") -> None:
     """
     _apply(panel, read_preset(path), setting)
     panel.preset_path = str(path)
-
-
-def from_document(document: dict[str, Any], panel: Any, *, path: Path, setting: str = "") -> None:
-    """Load a preset's document into the panel as open_preset does, as if it were read from the file `path`."""
-    _apply(panel, check_document(document, path), setting)
 
 
 def add_perturbations(panel: Any, path: Path, setting: str = "") -> tuple[list[Step], list[Step]]:

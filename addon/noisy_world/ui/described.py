@@ -211,6 +211,13 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
     return update
 
 
+def choice(update: str, label: str, meaning: str, *items: tuple[str, str, str]) -> Any:
+    """Return an enumeration of identifiers, labels and meanings. update: what the listeners are told of a change."""
+    return bpy.props.EnumProperty(
+        options=set(), name=label, description=meaning, items=list(items), update=tell(update)
+    )
+
+
 @contextmanager
 def notify_once() -> Iterator[None]:
     """Delay the listeners to the end of the outermost such context, and call them once for each changed property."""

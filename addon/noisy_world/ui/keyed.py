@@ -18,11 +18,6 @@ STEPS = "noisy_world.steps"
 DIGITS = 3  # of a severity that a curve gives; chosen: finer than anyone sees
 
 
-def severity_path(index: int) -> str:
-    """Return the path from the scene to the severity of an entry of the list."""
-    return f"{STEPS}[{index}].severity"
-
-
 def curve_of(step: Any) -> bpy.types.FCurve | None:
     """Return the curve of an entry's severity; None where it is not keyed."""
     perturbation = registry().get(step.perturbation)

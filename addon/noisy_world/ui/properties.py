@@ -24,7 +24,7 @@ from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
-from .described import LARGEST_INT, LISTENERS, channel_flag, described, notify_once, tell
+from .described import LARGEST_INT, LISTENERS, channel_flag, choice, described, notify_once, tell
 from .source_fields import GROUPS, ITEMS, source_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
@@ -133,15 +133,13 @@ def _step_members() -> dict[str, Any]:
             ],
             update=_snap_severity,
         ),
-        "temporal": _enum(
-            name="Pattern",
-            description="How a random pattern changes from frame to frame",
-            items=[
-                ("fresh", "Fresh", "A new random pattern for each frame"),
-                ("fixed", "Fixed", "One random pattern for all frames"),
-                ("drift", "Drift", "One random pattern that moves smoothly"),
-            ],
-            update=tell("steps"),
+        "temporal": choice(
+            "steps",
+            "Pattern",
+            "How a random pattern changes from frame to frame",
+            ("fresh", "Fresh", "A new random pattern for each frame"),
+            ("fixed", "Fixed", "One random pattern for all frames"),
+            ("drift", "Drift", "One random pattern that moves smoothly"),
         ),
         "exact": _text(options={"HIDDEN"}),
     }
@@ -215,38 +213,26 @@ def _panel_members() -> dict[str, Any]:
             items=ITEMS,
             update=_take_mesh_source,
         ),
-        "lens_source": _enum(
-            name="Intrinsics",
-            description="Where the camera's intrinsics come from",
-            items=[
-                ("SCENE", "Scene Camera", "Its lens, sensor and clipping, and the scene's resolution"),
-                ("GIVEN", "As Given", "The numbers below"),
-            ],
-            update=tell("lens_source"),
+        "lens_source": choice(
+            "lens_source", "Intrinsics", "Where the camera's intrinsics come from",
+            ("SCENE", "Scene Camera", "Its lens, sensor and clipping, and the scene's resolution"),
+            ("GIVEN", "As Given", "The numbers below"),
         ),
-        "render_source": _enum(
-            name="Render",
-            description="Where engine and samples come from",
-            items=[
-                ("SCENE", "As Set Up", "The scene's own engine and samples"),
-                ("GIVEN", "As Given", "The engine and samples below"),
-            ],
-            update=tell("render_source"),
+        "render_source": choice(
+            "render_source", "Render", "Where engine and samples come from",
+            ("SCENE", "As Set Up", "The scene's own engine and samples"),
+            ("GIVEN", "As Given", "The engine and samples below"),
         ),
         **source_members(),
         "scene_name": described(
             SceneKeys, "name", label="Name", update="scene_name", default="room",
             description="The scene's folder in the dataset",
         ),
-        "trajectory_source": _enum(
-            name="Trajectory",
-            description="Where the path comes from",
-            items=[
-                ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
-                ("FILE", "File", "A file of poses, or a folder of one pose a file; its format is told by content"),
-                ("CAMERA", "Scene Camera", "The scene's own camera, with all that moves it"),
-            ],
-            update=tell("trajectory_source"),
+        "trajectory_source": choice(
+            "trajectory_source", "Trajectory", "Where the path comes from",
+            ("HANDHELD", "Hand-Held", "A seeded path of a camera held in the hand, walking through the scene"),
+            ("FILE", "File", "A file of poses, or a folder of one pose a file; its format is told by content"),
+            ("CAMERA", "Scene Camera", "The scene's own camera, with all that moves it"),
         ),
         "trajectory_path": described(
             TrajectorySpec, "file", label="File", update="trajectory_path", subtype="FILE_PATH", options=path_options,

@@ -16,7 +16,7 @@ from ..sources.blend import BlendKeys
 from ..sources.mesh import MeshKeys
 from ..sources.recording import RecordingKeys
 from ..sources.video import VideoKeys
-from .described import SCENE, TRAJECTORY, described, sentence, tell
+from .described import SCENE, TRAJECTORY, choice, described, sentence, tell
 from .typed_numbers import property_name
 
 if TYPE_CHECKING:
@@ -91,15 +91,10 @@ def source_members() -> dict[str, Any]:
             options=set(), name="Room", description="Which of the embedded rooms", min=0, max=ROOMS - 1,
             update=tell("room_seed"),
         ),
-        "compositing": bpy.props.EnumProperty(
-            options=set(),
-            name="Compositing",
-            description="What becomes of the scene's own compositing in the dataset",
-            items=[
-                ("off", "Off", "Frames are as rendered, before the compositing"),
-                ("keep", "Keep", "Frames are as the compositing makes them"),
-            ],
-            update=tell("compositing"),
+        "compositing": choice(
+            "compositing", "Compositing", "What becomes of the scene's own compositing in the dataset",
+            ("off", "Off", "Frames are as rendered, before the compositing"),
+            ("keep", "Keep", "Frames are as the compositing makes them"),
         ),
         "depth_alpha": described(
             BlendKeys, "depth_alpha", label="Depth Alpha", update="depth_alpha",
@@ -138,15 +133,10 @@ def source_members() -> dict[str, Any]:
             VideoKeys, "depth_scale_per_m", label="Depth Scale", update="video_depth_scale_per_m", precision=1,
             default=MILLIMETRES, description="Steps a meter of the depth beside the video; 1000: millimeters",
         ),
-        "recorded_camera": bpy.props.EnumProperty(
-            options=set(),
-            name="Intrinsics",
-            description="Where the camera's intrinsics come from",
-            items=[
-                ("RECORDED", "As Recorded", "Those that the recording's files say"),
-                ("GIVEN", "As Given", "The numbers below"),
-            ],
-            update=tell("recorded_camera"),
+        "recorded_camera": choice(
+            "recorded_camera", "Intrinsics", "Where the camera's intrinsics come from",
+            ("RECORDED", "As Recorded", "Those that the recording's files say"),
+            ("GIVEN", "As Given", "The numbers below"),
         ),
         **{name: bpy.props.PointerProperty(type=group) for name, group in GROUPS.items()},
     }  # fmt: skip

@@ -18,9 +18,6 @@ from .own_objects import keys_state
 from .properties import panel_of
 from .scene_copy import blend_file
 
-CLEAN_FRAMES = "noisy_world_clean_frames"
-"""A custom property of our camera: the scene frames (N,) that its clean poses belong to."""
-
 CAMERA_FIELD = "Trajectory > Scene Camera"
 
 

@@ -9,7 +9,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from noisy_world.blender.depth_scene import set_frame, without_void
-from noisy_world.blender.render_file import RenderFile
+from noisy_world.blender.render import RenderFile
 from noisy_world.blender.typed import cycles as cycles_of
 
 from .scene import CLIP_M, Street

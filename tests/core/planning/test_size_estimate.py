@@ -16,11 +16,13 @@ MADE = {
     ("perturbations/gaussian_noise.yaml", 0, 6): 48.11,
     ("perturbations/contrast.yaml", 0, 3): 6.90,
 }
+SMALLER = {"study.yaml": ["camera={width: 320, height: 240, fx: 277, fy: 277, cx: 159.5, cy: 119.5}"]}
+"""What was set anew when they were made."""
 
 
 @pytest.mark.parametrize(("name", "start", "stop"), MADE)
 def test_what_was_made_lies_in_the_range(name, start, stop):
-    plan = make_plan(read_preset(ROOT / "presets" / name), slice(start, stop))
+    plan = make_plan(read_preset(ROOT / "presets" / name, SMALLER.get(name, [])), slice(start, stop))
     guess = estimate(plan)
     assert guess.least_bytes < MADE[name, start, stop] * 1e6 < guess.most_bytes
     assert guess.least_bytes <= guess.bytes_written <= guess.most_bytes

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from calls import calls_made
 from cases import cases
+from pose_texts import kitti_text
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import (
@@ -15,7 +16,7 @@ from noisy_world.core.geometry import (
     rotation_from_euler_deg,
 )
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, subsample
-from noisy_world.core.trajectories.files import detect_format, kitti_text, read_trajectory, replica_text, tum_text
+from noisy_world.core.trajectories.files import detect_format, read_trajectory, replica_text, tum_text
 
 REAL_ROOM = Path(__file__).parents[4] / "shared/data/real_room"
 
@@ -83,7 +84,6 @@ def test_written_text():
     c2w = pose(np.diag([1.0, -1.0, -1.0]), [0.1, -0.0, 1e-7])
     trajectory = Trajectory(c2w[None], [0.05])
     assert replica_text(trajectory) == ("1.0 0.0 0.0 0.1 0.0 -1.0 0.0 0.0 0.0 0.0 -1.0 1e-07 0.0 0.0 0.0 1.0\n")
-    assert kitti_text(trajectory) == "1.0 0.0 0.0 0.1 0.0 -1.0 0.0 0.0 0.0 0.0 -1.0 1e-07\n"
     assert tum_text(trajectory) == "0.05 0.1 0.0 1e-07 1.0 0.0 0.0 0.0\n"
 
 

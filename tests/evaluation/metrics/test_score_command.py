@@ -8,11 +8,12 @@ import sys
 
 import numpy as np
 import pytest
+from pose_texts import kitti_text
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
 from noisy_world.cli import command, score_command
-from noisy_world.core.trajectories.files import kitti_text, replica_text, tum_text
+from noisy_world.core.trajectories.files import replica_text, tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.metrics import METRICS, PROTOCOLS, Alignment
 
@@ -46,7 +47,8 @@ def values(capsys, *words):
 def test_the_table(files, capsys):
     out = score(capsys, files / "estimate.txt", files / "truth.txt").out
     assert "18 of 24 frames have one of the 18 poses, within 0.01 s; SE(3)" in out
-    rows = {line.split()[-1]: line for line in out.splitlines()[3:]}
+    rows = {line.split()[-1]: line for line in out.splitlines()[4:]}
+    assert "INCOMPLETE: it tracked less than 80 % of the frames" in out
     assert set(METRICS) <= set(rows)
     assert rows["tracked_share"].split()[:3] == ["tracked", "frames", "0.75"]
     assert rows["losses"].split()[:2] == ["losses", "6"]

@@ -42,7 +42,7 @@ def test_a_line_and_a_folder_for_each_sequence(dataset, tmp_path, capfd):
     assert len(np.loadtxt(tmp_path / "out/blind/box/estimate.txt")) == 3
     # The system is told of no true pose.
     index = json.loads((tmp_path / "out/clean/box/frames.json").read_text())
-    assert set(index) == {"camera", "depth_scale_per_m", "frames"}
+    assert set(index) == {"camera", "depth_scale_per_m", "inverse_depth", "frames"}
     assert set(index["frames"][0]) == {"index", "stamp_s", "colour", "depth", "depth_stamp_s"}
 
 

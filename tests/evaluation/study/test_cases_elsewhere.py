@@ -7,7 +7,7 @@ import pytest
 from study_tools import evaluate, small_world, told, write_systems
 
 from noisy_world.executors import ray_cluster
-from noisy_world.executors.jobs import Outcome
+from noisy_world.executors.jobs import TaskOutcome
 from noisy_world.executors.node import carry_out
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -25,7 +25,7 @@ def nodes(monkeypatch):
         for task in ray_cluster._node_tasks(job, cluster.cpus):
             tasks.append(task)
             done = carry_out(task, hear)
-            ended(Outcome(task.name, done["status"], done["line"], done["machine"], done["report"]))
+            ended(TaskOutcome(task.name, done["status"], done["line"], done["machine"], done["report"]))
 
     there = contextlib.nullcontext
     monkeypatch.setattr(ray_cluster, "ray_cluster", lambda _, cpus: there(ray_cluster.RayCluster(cpus)))

@@ -72,7 +72,7 @@ def test_killed_at_random_moments(study, tmp_path):
             time.sleep(0.02)
         killed += process.poll() is None
         process.kill()
-        process.communicate()  # ends when the workers do, which have its standard error
+        process.communicate(timeout=300)  # ends when the workers do, which have its standard error
     assert killed, "each run came to its end before it was killed"
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr

@@ -87,6 +87,17 @@ def test_what_torch_saves(tmp_path):
     assert not (tmp_path / "poses.npz").exists()
 
 
+def test_lengths_of_imap_become_metres(monkeypatch):
+    monkeypatch.syspath_prepend(str(PROGRAMS))
+    import checkpoint_poses
+
+    scaled = poses()
+    scaled[:, :3, 3] *= 0.1  # as its configuration has `scale`
+    held = {"estimate_c2w_list": scaled, "idx": 4}
+    ((_, found),) = checkpoint_poses.of_imap(held).values()
+    assert np.allclose(found, poses()[:5], atol=1e-12)
+
+
 def test_what_happens_before_a_checkpoint_is_read(tmp_path):
     system = tmp_path / "system.py"
     system.write_text("import os, sys\nsys.exit(7) if sys.argv[1] == 'fails' else os.kill(os.getpid(), 9)")

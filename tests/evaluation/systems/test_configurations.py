@@ -89,13 +89,14 @@ def check_sequence(folder, *, colour_only=False):
 @pytest.mark.parametrize(("name", "inherited"), [("nice_slam", "replica.yaml"), ("imap", "replica_imap.yaml")])
 def test_nice_slam_and_imap(tmp_path, index, checkout, name, inherited):
     started = write(name, index, tmp_path)
-    program = [str(PROGRAMS / "checkpoint_poses.py"), "nice_slam", str(tmp_path / "run/result/ckpts")]
+    program = [str(PROGRAMS / "checkpoint_poses.py"), name, str(tmp_path / "run/result/ckpts")]
     system = ["run.py", str(tmp_path / "run/configuration.yaml"), *(["--imap"] if name == "imap" else [])]
     assert started == [*program, str(tmp_path / "run"), *system]
     assert yaml.full_load((tmp_path / "run/configuration.yaml").read_text())["inherit_from"].endswith(inherited)
     told = loaded(tmp_path / "run/configuration.yaml", checkout)
     assert is_camera(told["cam"])
     assert told["cam"]["crop_edge"] == 0
+    assert told.get("scale") == (0.1 if name == "imap" else None)  # iMAP's own, which its poses are divided by
     assert (told["tracking"]["ignore_edge_W"], told["tracking"]["ignore_edge_H"]) == (2, 3)  # 100 of 1200, of 680
     assert told["tracking"]["lr"] == 0.001
     assert told["mapping"]["bound"] == told["mapping"]["marching_cubes_bound"]
@@ -240,6 +241,10 @@ def test_a_system_is_started_in_its_checkout(tmp_path, index, checkout, capsys, 
     assert refused(capsys, "nice_slam", "--versions").startswith("there is no run.py in")
     (environment / "checkout").symlink_to(checkout)
     (checkout / "run.py").write_text(RUN_PY)
+    assert refused(capsys, "nice_slam", "--versions").startswith("there is no pretrained/coarse.pt in")
+    (checkout / "pretrained").mkdir()
+    for name in ("coarse.pt", "middle_fine.pt"):
+        (checkout / "pretrained" / name).touch()
     assert "No module named 'torch'" in refused(capsys, "nice_slam", "--versions")
     (checkout / "torch.py").write_text(TORCH_PY)
     main(["nice_slam", "--versions"])

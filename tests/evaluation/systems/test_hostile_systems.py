@@ -16,7 +16,7 @@ from slam_systems import script_system, write_recording
 from noisy_world.core.errors import InputError, MissingDependencyError
 from noisy_world.evaluation.systems import checking
 from noisy_world.evaluation.systems.checking import system_versions
-from noisy_world.evaluation.systems.guard import LEAST_FREE_BYTES, ResourceLimits, Processes
+from noisy_world.evaluation.systems.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
 from noisy_world.evaluation.systems.leavings import LONGEST_SENTENCE, sentence, remove_tree
 from noisy_world.evaluation.systems.readers import read_estimate
 from noisy_world.evaluation.systems.running import run_system
@@ -293,9 +293,9 @@ def test_a_full_disk_ends_the_run_that_fills_it(tmp_path, monkeypatch):
     free = [LEAST_FREE_BYTES * 4]
     monkeypatch.setattr(ResourceLimits, "_free_bytes", lambda self: free[0])
     limits = ResourceLimits({"written_bytes": 1, "files": 9, "processes": 9, "memory_bytes": None}, [str(tmp_path)])
-    assert limits.problem(Processes.__new__(Processes)) == ""
+    assert limits.problem(CommandProcesses.__new__(CommandProcesses)) == ""
     free[0] = LEAST_FREE_BYTES - 1
-    assert limits.problem(Processes.__new__(Processes)) == "left less than 537 MB of the disk free"
+    assert limits.problem(CommandProcesses.__new__(CommandProcesses)) == "left less than 537 MB of the disk free"
     free[0] = 1000  # nearly full from the start
     assert ResourceLimits({}, [str(tmp_path)])._least_free == 500
 

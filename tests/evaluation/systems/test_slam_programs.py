@@ -4,7 +4,7 @@ import json
 import shutil
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import box_room
 import cv2
@@ -61,19 +61,40 @@ def test_frames_without_a_final_pose_move_with_the_one_before(programs):
     assert np.array_equal(found[3], online[3])
 
 
+def test_misread_depth_is_what_a_colour_reader_leaves(programs, tmp_path):
+    """Against OpenCV reading the file as colour, and a row of its bytes taken as if it had one channel."""
+    from orb_slam3 import misread
+
+    steps = np.random.default_rng(3).integers(0, 65536, (4, 11), dtype=np.uint16)
+    steps[0, :4] = 0, 255, 256, 65535
+    path = str(tmp_path / "depth.png")
+    assert cv2.imwrite(path, steps)
+    assert np.array_equal(misread(steps), cv2.imread(path).reshape(4, 33)[:, :11])
+
+
 def test_settings_follow_from_camera_and_rate(programs):
+    import orb_settings
     import orb_slam3
 
     index = {
         "camera": {"width": 320, "height": 240, "fx": 300.0, "fy": 301.0, "cx": 159.5, "cy": 119.5},
         "frames": [{"stamp_s": 0.1}, {"stamp_s": 0.2}, {"stamp_s": 0.3}],
+        "inverse_depth": {"median_per_m": 0.5, "noise_per_m": 0.001},
     }
-    lines = dict(line.split(": ") for line in orb_slam3.settings_text(index).splitlines()[1:])
+    options = SimpleNamespace(mono=False, pixel_noise_px=0.9, slope=0.5, bf_px_m=None, near_m=3.1)
+    lines = dict(line.split(": ") for line in orb_settings.settings_text(index, options).splitlines()[1:])
     assert lines["Camera.fps"] == "10"
     assert float(lines["Camera1.fy"]) == 301.0
-    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(80.0)  # twice TUM1.yaml's Camera.bf
+    # A corner is .9 px off. Depth is .001 * 2 m * 2 m = 4 mm off, and .9 / 300 * 2 m * .5 = 3 mm where it is read: 5 mm
+    # together, which at 2 m are .9 px of a bf of .9 * 2 * 2 / .005 = 720 px m.
+    assert float(lines["Stereo.b"]) * 300.0 == pytest.approx(-720.0)
     assert float(lines["Stereo.b"]) * float(lines["Stereo.ThDepth"]) == pytest.approx(3.1)
-    assert orb_slam3.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
+    given = SimpleNamespace(mono=False, pixel_noise_px=None, slope=None, bf_px_m=80.0, near_m=3.1)
+    assert f"Stereo.b: {80.0 / 300.0:.9f}" in orb_settings.settings_text(index, given)
+    for wrong in ({"near_m": None}, {"bf_px_m": None}, {"pixel_noise_px": 0.9, "slope": 0.5}):
+        with pytest.raises(SystemExit, match="--near-m is needed"):
+            orb_settings.settings_text(index, SimpleNamespace(**{**vars(given), **wrong}))
+    assert orb_settings.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
     assert {orb_slam3.state_name(state) for state in states} == set(states.values())
 
@@ -151,16 +172,36 @@ def run_here(name, sequence, out):
     return run_system(system, sequence, out)
 
 
-def test_orb_slam3_moves_along_a_wall(wall, tmp_path):
-    record = run_here("orb_slam3", wall, tmp_path)
+@pytest.mark.parametrize("name", ["orb_slam3", "orb_slam2", "orb_slam3_source"])
+def test_orb_slam_moves_along_a_wall(wall, tmp_path, name):
+    record = run_here(name, wall, tmp_path)
     assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
-    assert set(record.versions) == {"opencv", "orbslam3-python", "python", "vocabulary"}
+    told = {"opencv", "orbslam3-python", "python"} if name == "orb_slam3" else {"source", "driver"}
+    assert set(record.versions) == told | {"vocabulary"}
     estimate = read_estimate_file(tmp_path / "estimate.txt")
     assert len(estimate) == FRAMES
     truth_m = np.arange(FRAMES)[:, None] * [STEP_M, 0.0, 0.0]
     assert np.linalg.norm(estimate.c2w[:, :3, 3] - truth_m, axis=1).max() < 0.02
     assert (tmp_path / "frames.csv").read_text().count(",tracked,") == FRAMES
     assert 1 <= len(read_estimate_file(tmp_path / "keyframes.txt")) <= FRAMES
+
+
+def test_kiss_icp_follows_a_path_through_a_room(tmp_path):
+    truth = box_room.path(20, turn_deg=25.0)
+    box_room.write_sequence(tmp_path / "box", truth)
+    record = run_here("kiss_icp", tmp_path / "box", tmp_path / "run")
+    assert (record.outcome, record.detail) == (Outcome.FINISHED, "")
+    estimate = read_estimate_file(tmp_path / "run/estimate.txt")
+    assert len(estimate) == len(truth)
+    assert box_room.ate_rmse_m(estimate.c2w[:, :3, 3], truth[:, :3, 3]) < 0.03
+
+
+def test_colmap_places_frames_of_a_wall_or_loses_them(wall, tmp_path):
+    record = run_here("colmap_mono", wall, tmp_path)
+    assert record.outcome is Outcome.FINISHED
+    states = [line.split(",")[2] for line in (tmp_path / "frames.csv").read_text().splitlines()[1:]]
+    assert len(states) == FRAMES
+    assert len(read_estimate_file(tmp_path / "estimate.txt")) == states.count("tracked")
 
 
 def test_open3d_runs(wall, tmp_path):

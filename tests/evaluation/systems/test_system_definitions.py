@@ -3,13 +3,14 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 import yaml
 
 from noisy_world.core.errors import InputError, MissingDependencyError
 from noisy_world.evaluation.systems.checking import PACKAGE_FOLDER, check_system
-from noisy_world.evaluation.systems.definition import filled, read_system
+from noisy_world.evaluation.systems.definition import ExpectedClean, filled, read_system
 from noisy_world.evaluation.systems.registry import SHIPPED, find_system, find_systems, shipped_names
 
 LEAST = {"name": "mine", "command": ["run", "{frames}"], "writes": {"file": "poses.txt"}}
@@ -67,8 +68,8 @@ def test_what_is_wrong_is_one_line_with_file_and_key(tmp_path, keys, message):
 def test_a_definition_that_is_not_there(tmp_path):
     with pytest.raises(InputError, match=r"none\.yaml: cannot be read: No such file"):
         find_system(str(tmp_path / "none.yaml"))
-    with pytest.raises(InputError, match=r"--systems: unknown system 'orb_slam2'; did you mean 'orb_slam3'"):
-        find_system("orb_slam2")
+    with pytest.raises(InputError, match=r"--systems: unknown system 'orb_slam4'; did you mean 'orb_slam"):
+        find_system("orb_slam4")
 
 
 def test_lists_of_systems(tmp_path):
@@ -83,6 +84,7 @@ def test_lists_of_systems(tmp_path):
 def test_the_digest_is_of_what_counts(tmp_path):
     digest = read_system(written(tmp_path)).digest
     assert read_system(written(tmp_path, about="words", remedy="more words", versions=["true"])).digest == digest
+    assert read_system(written(tmp_path, expects_clean={"ate_m": 0.01})).digest == digest
     assert read_system(written(tmp_path, threads=2)).digest != digest
     assert read_system(written(tmp_path, command=["run", "{frames}", "-v"])).digest != digest
     assert read_system(written(tmp_path, repeatable=True, gpu=False)).digest == digest
@@ -99,6 +101,10 @@ def test_the_shipped_systems_are_named_like_their_files():
         assert system.file == SHIPPED / f"{name}.yaml"
     assert find_system("orb_slam3_mono").reads.monocular
     assert not find_system("orb_slam3").repeatable
+    orb_slam3 = find_system("orb_slam3")
+    assert orb_slam3.expects_clean == ExpectedClean(ate_m=0.01, scale_off=0.01)
+    other_slope = tuple("0.6" if word == "0.5" else word for word in orb_slam3.command)
+    assert replace(orb_slam3, command=other_slope).digest != orb_slam3.digest  # the rule of depth's weight is in it
 
 
 def test_placeholders_are_filled_in_and_other_braces_stay():

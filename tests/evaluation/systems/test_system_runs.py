@@ -64,7 +64,7 @@ def test_neither_the_index_nor_the_sequence_tells_a_true_pose(tmp_path, recordin
     run_system(system, recording, tmp_path / "out", keep=True)
     kept = tmp_path / "out" / ".work" / "out"
     index, files = json.loads((kept / "given.json").read_text())
-    assert set(index) == {"camera", "depth_scale_per_m", "frames"}
+    assert set(index) == {"camera", "depth_scale_per_m", "inverse_depth", "frames"}
     assert index["camera"] == {"width": 8, "height": 6, "fx": 10.0, "fy": 11.0, "cx": 3.5, "cy": 2.5}
     assert index["frames"][1] == {
         "index": 1,

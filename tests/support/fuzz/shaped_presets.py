@@ -14,7 +14,7 @@ from worlds import write_box_ply, write_replica, path_poses
 
 from noisy_world.core.datasets.layouts import LAYOUTS
 from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS, PairingPerturbation
-from noisy_world.core.presets.preset import WORKBENCH_SAMPLES, CameraSpec, RenderSpec
+from noisy_world.core.presets.preset import EMBREE_SAMPLES, WORKBENCH_SAMPLES, CameraSpec, RenderSpec
 from noisy_world.core.presets.scene_keys import HandheldSpec
 from noisy_world.core.trajectories.pose_text import FORMATS
 from noisy_world.perturbations import registry
@@ -126,7 +126,8 @@ def _document(rng):
     camera |= {"width": int(rng.integers(1, 5000)), "height": int(rng.integers(1, 5000))}
     layout = LAYOUTS[pick(rng, tuple(LAYOUTS))]
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}
-    render["samples"] = pick(rng, WORKBENCH_SAMPLES) if render.get("engine") == "workbench" else 1
+    offered = {"workbench": WORKBENCH_SAMPLES, "embree": EMBREE_SAMPLES}
+    render["samples"] = pick(rng, offered.get(str(render.get("engine")), (1,)))
     scenes = [_scene(rng, k) for k in range(int(rng.integers(1, 4)))]
     recorded = any("sequence" in scene for scene in scenes)
     known = {name: each for name, each in registry().items() if not (recorded and name == DEVIATES)}

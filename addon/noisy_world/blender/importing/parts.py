@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The meshes of the file that is open, as they are evaluated, and where they stand."""
 
-from typing import TypeAlias
-
 import bpy
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +13,6 @@ MOST_COPIES, MOST_CORNERS = 2**20, 2**28
 
 class TooManyError(Exception):
     """A file holds more with all its copies than is read; the message says what."""
-
-
-_Colours: TypeAlias = bpy.types.FloatColorAttribute | bpy.types.ByteColorAttribute
 
 
 def imported_parts(materials: dict[str, int]) -> tuple[ImportedPart, ...]:

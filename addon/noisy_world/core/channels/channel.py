@@ -137,8 +137,8 @@ class Channel(ABC):
                 return encode_png(self.steps_of(pixels))
 
     def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
-        """Return an image as 16-bit values, as a PNG holds them, where it may be one."""
-        raise NotImplementedError
+        """Return an image as 16-bit values, as a PNG holds them: by default these themselves, where it is uint16."""
+        return pixels.astype(np.uint16, casting="equiv", copy=False)
 
     def pixels_of(self, steps: NDArray[np.uint16]) -> NDArray[Any]:
         """Return the image of 16-bit values: by default these themselves."""

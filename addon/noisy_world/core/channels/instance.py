@@ -73,10 +73,6 @@ class Instance(SurfaceChannel):
         lines = [{"id": item.number, "name": item.name, "pass_index": item.pass_index} for item in objects]
         return {"void": 0, "objects": lines}
 
-    def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
-        """Return the ids as they are."""
-        return pixels
-
 
 def _objects(surface: Surface) -> NDArray[Any]:
     assert surface.objects is not None, "they are needed"

@@ -76,7 +76,3 @@ class SurfaceChannel(Channel):
         What it keeps of the mesh stays in memory while that is rendered. Raises ValueError, saying why, where the mesh
         cannot give it.
         """
-
-    @abstractmethod
-    def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
-        """Return an image as 16-bit values, as its file holds them."""

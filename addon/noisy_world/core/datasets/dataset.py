@@ -8,16 +8,16 @@ again. So a killed run, a torn line, a truncated image or a power cut costs time
 """
 
 import contextlib
-import os
-import time
-from collections.abc import Callable, Iterable, Iterator
+import json
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
-from ..errors import CannotJoinError, StorageError
+from ..errors import StorageError
 from ..presets.preset import canonical
 from .dataset_state import (
     IDENTITY,
@@ -33,8 +33,7 @@ from .dataset_state import (
 )
 from .differences import other_dataset
 from .hashing import Hasher
-from .identity_mismatch import identity_mismatch
-from .journal import Journal
+from .journal import Journal, append_line
 from .layouts import FrameNames, OutputFormat
 from .merging import kept_notes, merged_identity, merged_manifest
 from .place import check_no_links, check_place
@@ -76,7 +75,7 @@ class Dataset:
         self._there = NOTHING
         self._kept: list[str] = []
         self._opened: dict[str, Any] = {}
-        self._fresh = f"merged-{os.getpid()}-{time.time_ns()}"
+        self._fresh = f"merged-{uuid4().hex}"  # in a name: many processes, on many machines, merge what they have made
         self._hasher = Hasher()
         self.identity: dict[str, Any] = {}
         self.shards_left: list[Path] = []
@@ -108,14 +107,15 @@ class Dataset:
             self._lock = None
             raise
 
-    def check(self, why_not: Callable[[dict[str, Any]], str | None]) -> None:
+    def check(self, why_not: Callable[[dict[str, Any]], str | None], sequences: Collection[str], shard: Path) -> None:
         """See whether the folder could be opened, as far as that can be told while others may be writing to it.
 
-        Raises StorageError where it could not, because it holds something else.
+        sequences: the only ones that matter, and shard the folder of the only shard: each of thousands of processes may
+        ask. Raises StorageError where it could not, because it holds something else.
         """
         check_place(self.out)
-        there = read_dataset_state(self.out) or NOTHING
-        check_no_links(self.out, there.sequences)
+        there = read_dataset_state(self.out, sequences) or NOTHING
+        check_no_links(self.out, sequences, shard=shard)
         problem = there.problem or (why_not(there.identity) if there.identity is not None else "")
         if problem and there.holds_frames:
             raise other_dataset(self.out, problem)
@@ -202,7 +202,7 @@ class Dataset:
     @cached_property
     def _seen(self) -> DatasetState:
         """What the folder holds, for a process that does not open it."""
-        return read_dataset_state(self.out) or NOTHING
+        return read_dataset_state(self.out, ()) or NOTHING
 
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
@@ -210,22 +210,6 @@ class Dataset:
             recorded = {(record.frame, *record.files.items()) for record in read_records(self.out / folder / FRAMES)}
             if {(record.frame, *record.files.items()) for record in self.records(folder).values()} <= recorded:
                 remove_journals(self._work, folder)
-
-    def join(self, identity: dict[str, Any], *, any_processor: bool = False) -> None:
-        """Take part in a run that another process has opened with the same `identity`, or with more than that.
-
-        any_processor: whether frames of another kind of processor are good enough. Raises CannotJoinError where no run
-        is open, or where this process has another identity and would write other bytes.
-        """
-        there = read_dataset_state(self.out) if self.scratch.is_dir() else None
-        if there is None or there.identity is None or there.problem:
-            raise CannotJoinError("no run is open here", file=self.out)
-        if difference := identity_mismatch(there.identity, identity, any_processor=any_processor):
-            raise CannotJoinError(
-                f"the run was opened with another identity ({difference})",
-                file=self.out,
-                remedy="do not change its inputs while it runs, and start it again",
-            )
 
     def close(self) -> None:
         """Unlock the folder. Finished frames stay for the next run; without any, the folder is removed."""
@@ -333,6 +317,10 @@ class Dataset:
         finally:
             journal.close()
 
+    def append_summary(self, summary: dict[str, Any]) -> None:
+        """Record a shard that was merged."""
+        append_line(self._work / f"{self._fresh}.jsonl", json.dumps(summary) + "\n")
+
     def _journal_path(self, folder: str, name: str) -> Path:
         return self._work / folder / f"journal-{name}.jsonl"
 
@@ -386,9 +374,8 @@ class Dataset:
 
     def seal(self) -> None:
         """End a run that has finished everything: remove the working folder, unless other sequences are unfinished."""
-        for folder in self.identity["sequences"]:
-            if folder not in self._kept:
-                remove_journals(self._work, folder)
+        for folder in self.identity["sequences"].keys() - set(self._kept):
+            remove_journals(self._work, folder)
         if not journal_folders(self._work):
             remove_work_folder(self._work, self.scratch)
         self.close()

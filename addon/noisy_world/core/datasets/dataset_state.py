@@ -3,8 +3,9 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import cached_property
 from glob import iglob
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from .storage import sha256_of_regular_file
 
 WORK_FOLDER = ".noisy_world"
 IDENTITY = "identity.json"
-MERGED = "merged.jsonl"  # in the working folder: a line for each shard that was merged
+MERGED = "merged*.jsonl"  # in the working folder: a line for each shard that was merged, a file of each process
 MANIFEST = "manifest.json"
 RUN = "run.json"
 MANIFEST_SHA256 = "manifest_sha256"  # in run.json
@@ -51,7 +52,7 @@ class DatasetState:
         """The files of the manifest: SHA-256 by name, and a level deeper those of each sequence."""
         return self.manifest["files"] if self.manifest and self.manifest["identity"]["format"] == FORMAT else {}
 
-    @property
+    @cached_property
     def finished(self) -> frozenset[str]:
         """The sequences in the manifest."""
         return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
@@ -60,12 +61,15 @@ class DatasetState:
 NOTHING = DatasetState(None, None, frozenset(), holds_frames=False)
 
 
-def read_dataset_state(out: Path) -> DatasetState | None:
-    """Return what a folder holds of a dataset; None where it holds none of ours."""
+def read_dataset_state(out: Path, only: Collection[str] | None = None) -> DatasetState | None:
+    """Return what a folder holds of a dataset; None where it holds none of ours.
+
+    only: the sequences whose frames are looked for, by default all: a dataset may have 100,000, each with folders.
+    """
     opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
     manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
-    begun = journal_folders(out / WORK_FOLDER)
-    recorded = frozenset[str]() if manifest else _recorded_folders(out)
+    begun = journal_folders(out / WORK_FOLDER, only)
+    recorded = frozenset[str]() if manifest else _recorded_folders(out, only)
     if opened is None and manifest is None and not (begun or recorded or why_not_opened):
         return None  # a manifest.json that is not ours is somebody else's
     identity = opened or (manifest["identity"] if manifest else None)
@@ -119,16 +123,21 @@ def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manife
     return version_problem(identity)
 
 
-def journal_folders(work: Path) -> frozenset[str]:
-    """Return the sequences of which a run has finished a frame, by the journals in its working folder."""
+def journal_folders(work: Path, only: Collection[str] | None = None) -> frozenset[str]:
+    """Return the sequences of which a run has finished a frame, by the journals in its working folder.
+
+    only: those that are looked for, if not all.
+    """
     # Path.glob of Python 3.11 and 3.12 fails where another process has just removed a folder.
-    names = iglob(f"*/*/{JOURNALS}", root_dir=work, include_hidden=True)  # noqa: PTH207
+    patterns = [f"{folder}/{JOURNALS}" for folder in (("*/*",) if only is None else only)]
+    names = (name for pattern in patterns for name in iglob(pattern, root_dir=work, include_hidden=True))  # noqa: PTH207
     return _folders(path for path in map(work.joinpath, names) if path.is_file() and path.stat().st_size)
 
 
-def _recorded_folders(out: Path) -> frozenset[str]:
+def _recorded_folders(out: Path, only: Collection[str] | None) -> frozenset[str]:
     """Return the sequences that a run has completed, by their frames.jsonl."""
-    return _folders(path for path in out.glob(f"*/*/{FRAMES}") if next(read_records(path), None))
+    paths = out.glob(f"*/*/{FRAMES}") if only is None else (out / folder / FRAMES for folder in only)
+    return _folders(path for path in paths if next(read_records(path), None))
 
 
 def _folders(paths: Any) -> frozenset[str]:
@@ -136,10 +145,12 @@ def _folders(paths: Any) -> frozenset[str]:
     return frozenset(name for name in names if _is_sequence(name))
 
 
+_SEQUENCE = re.compile("[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
 def _is_sequence(name: Any) -> bool:
     """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
-    plain = "[A-Za-z0-9][A-Za-z0-9._-]*"
-    return isinstance(name, str) and re.fullmatch(f"{plain}/{plain}", name) is not None
+    return isinstance(name, str) and _SEQUENCE.fullmatch(name) is not None
 
 
 # --- what may be in the files ---

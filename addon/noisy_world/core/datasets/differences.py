@@ -275,8 +275,10 @@ def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorP
 
 
 def _made_with(there: dict[str, Any], here: dict[str, Any], *, any_processor: bool) -> str | None:
-    if "isal" not in there["versions"]:
-        return Message("made before isal compressed PNG files, so bytes of equal images would differ", ANOTHER_FOLDER)
+    if "deflate" not in there["versions"]:
+        return Message(
+            "made before deflate compressed PNG files, so bytes of equal images would differ", ANOTHER_FOLDER
+        )
     for name in sorted({*there["versions"]} & {*here["versions"]}):
         before, now = there["versions"][name], here["versions"][name]
         if before != now:

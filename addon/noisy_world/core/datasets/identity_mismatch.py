@@ -46,7 +46,7 @@ def identity_mismatch(there: dict[str, Any], here: dict[str, Any], *, any_proces
 
     any_processor: whether another kind of processor is none.
     """
-    if difference := first_difference(_narrowed(decisive(there), decisive(here)), decisive(here)):
+    if difference := first_difference(decisive(_narrowed(there, here)), decisive(here)):
         return difference
     if not any_processor and (difference := first_difference(there["processor"], here["processor"], "processor")):
         return Message("made on another processor: ", difference, either(PROCESSORS))
@@ -57,4 +57,5 @@ def _narrowed(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:
     """Return an identity without the scenes, settings, sequences and versions that another one does not name."""
     parts = ("scenes", "settings", "sequences", "versions")
     undecided = {key: None for key in ("near_m", "far_m", "rig", "render") if here[key] is None}
-    return {**there, **undecided, **{key: {k: v for k, v in there[key].items() if k in here[key]} for key in parts}}
+    # Asked by the names of the other: a shard has one scene of a dataset's hundreds.
+    return {**there, **undecided, **{key: {k: there[key][k] for k in here[key] if k in there[key]} for key in parts}}

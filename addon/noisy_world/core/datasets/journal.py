@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, ClassVar, cast
 
 from ..batches import batched
-from ..regular_files import read_bytes, read_text
+from ..regular_files import open_regular, read_bytes, read_text
 from .json_text import parse_json
 from .records import FrameRecord
 from .storage import storage_errors
@@ -71,10 +71,17 @@ class Journal:
 def _cut_torn_line(path: Path) -> None:
     """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
     with contextlib.suppress(FileNotFoundError):
-        data = read_bytes(path)
-        if data and not data.endswith(b"\n"):
-            with path.open("r+b") as file:
-                file.truncate(data.rfind(b"\n") + 1)
+        with open_regular(path, buffering=0) as file:
+            if not file.seek(0, os.SEEK_END) or _last_byte(file) == b"\n":
+                return  # nearly always: what a journal of megabytes says is not read each time it is opened
+        data = read_bytes(path, largest_bytes=None)
+        with path.open("r+b") as torn:
+            torn.truncate(data.rfind(b"\n") + 1)
+
+
+def _last_byte(file: BinaryIO) -> bytes:
+    file.seek(-1, os.SEEK_END)
+    return file.read(1)
 
 
 def append_line(path: Path, text: str) -> None:

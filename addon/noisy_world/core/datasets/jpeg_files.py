@@ -14,8 +14,9 @@ from .image_header import (
 )
 
 SIGNATURE = b"\xff\xd8"
-_START_OF_SCAN, _END_OF_IMAGE, _APP1 = 0xDA, 0xD9, 0xE1
-_TABLES = (0xC4, 0xC8, 0xCC)  # Huffman tables, reserved, arithmetic conditioning: among the numbers of frames' starts
+START_OF_SCAN, END_OF_IMAGE, _APP1 = 0xDA, 0xD9, 0xE1
+RESTARTS = range(0xD0, 0xD8)
+FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # less Huffman tables, reserved, arithmetic conditioning
 _PROGRESSIVE = 0xC2
 _EXIF = b"Exif\0\0"
 _APART = "its parts do not follow one another"
@@ -27,14 +28,16 @@ def jpeg_header(stream: BinaryIO) -> ImageHeader:
     frame: tuple[int, bytes] | None = None
     orientation = UPRIGHT
     while True:
-        marker, length = _segment(stream)
-        if marker == _START_OF_SCAN:
+        marker, length = next_segment(stream)
+        if marker == START_OF_SCAN:
             break
+        if marker == END_OF_IMAGE:
+            raise DamagedImageError(_APART)
         if marker == _APP1:
             content = read_exactly(stream, length)
             if content.startswith(_EXIF):
                 orientation = exif_orientation(content[len(_EXIF) :])
-        elif 0xC0 <= marker <= 0xCF and marker not in _TABLES:
+        elif marker in FRAMES:
             if frame is not None:
                 raise DamagedImageError(_APART)
             frame = marker, read_exactly(stream, length)
@@ -46,15 +49,23 @@ def jpeg_header(stream: BinaryIO) -> ImageHeader:
     return _header(*frame, orientation, scanned[0], stream.tell())
 
 
-def _segment(stream: BinaryIO) -> tuple[int, int]:
-    """Return the marker of the next segment and the length of its content, where the stream then is."""
+def next_segment(stream: BinaryIO) -> tuple[int, int]:
+    """Return the marker of the next segment and the length of its content, where the stream then is.
+
+    The end of the image has no content. Raises DamagedImageError where no segment follows.
+    """
     start = read_exactly(stream, 2)
     while start == b"\xff\xff":  # fill bytes may stand before a marker
         start = b"\xff" + read_exactly(stream, 1)
-    length = int.from_bytes(read_exactly(stream, 2), "big") if start[0] == 0xFF and start[1] else 0
-    if length < 2 or start[1] == _END_OF_IMAGE:
+    marker = start[1]
+    if start[0] != 0xFF or not marker or marker in RESTARTS:
         raise DamagedImageError(_APART)
-    return start[1], length - 2
+    if marker == END_OF_IMAGE:
+        return marker, 0
+    length = int.from_bytes(read_exactly(stream, 2), "big")
+    if length < 2:
+        raise DamagedImageError(_APART)
+    return marker, length - 2
 
 
 def _header(marker: int, content: bytes, orientation: int, scanned: int, at: int) -> ImageHeader:

@@ -6,20 +6,20 @@ that any encoder could have chosen are taken as they are: steps of quantisation,
 not depend on (APPn, comments).
 """
 
+import io
 import re
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
 
-from .image_header import DamagedImageError, UnfitImageError
+from .image_header import DamagedImageError, UnfitImageError, read_exactly
+from .jpeg_files import END_OF_IMAGE, FRAMES, RESTARTS, SIGNATURE, START_OF_SCAN, next_segment
 
 # Chosen: libjpeg's own progressive files have 10, and each takes as long as the size in the header asks for.
 MOST_SCANS = 100
 
-_SOS, _EOI, _DQT, _DHT, _DRI, _ADOBE = 0xDA, 0xD9, 0xDB, 0xC4, 0xDD, 0xEE
+_DQT, _DHT, _DRI, _ADOBE = 0xDB, 0xC4, 0xDD, 0xEE
 _BASELINE, _EXTENDED, _PROGRESSIVE = 0xC0, 0xC1, 0xC2
-_RESTARTS = range(0xD0, 0xD8)
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {_DHT, 0xC8, 0xCC}
 _IN_BLOCKS = (_BASELINE, _EXTENDED, _PROGRESSIVE, 0xC9, 0xCA)  # with Huffman's codes or arithmetic ones, not lossless
 _LAST = 63  # of a block's coefficients
 _RUNS = (0x00, 0xF0)  # AC values without bits behind them: the end of a block, and 16 zeros
@@ -86,44 +86,23 @@ class _JpegState:
 def check_structure(data: bytes) -> None:
     """Raise DamagedImageError where a whole JPEG's file contradicts the standard, UnfitImageError where it has many
     scans. data: with the signature."""
-    image, at, scans = _JpegState(), 2, 0
+    image, scans, stream = _JpegState(), 0, io.BytesIO(data)
+    stream.seek(len(SIGNATURE))
     while True:
-        marker, at = _marker(data, at)
-        if marker == _EOI:
+        marker, length = next_segment(stream)
+        if marker == END_OF_IMAGE:
             break
-        content, at = _content(data, at)
-        if marker == _SOS:
+        content = read_exactly(stream, length)
+        if marker == START_OF_SCAN:
             scans += 1
             if scans > MOST_SCANS:
                 raise UnfitImageError(f"has more than {MOST_SCANS} scans", "write it anew")
             chosen = _read_scan(image, content)
-            at = _read_entropy_coded(image, chosen, data, at)
+            stream.seek(_read_entropy_coded(image, chosen, data, stream.tell()))
         else:
             _read_segment(image, marker, content)
     if not scans or set(image.components) != image.scanned:
         raise DamagedImageError(_CUT)
-
-
-def _marker(data: bytes, at: int) -> tuple[int, int]:
-    """Return the marker at a place, before which fill bytes may stand, and where it ends."""
-    start = at
-    while data[at : at + 1] == b"\xff":
-        at += 1
-    if at >= len(data):
-        raise DamagedImageError(_CUT)
-    if at == start or data[at] == 0 or data[at] in _RESTARTS:
-        raise DamagedImageError(_APART)
-    return data[at], at + 1
-
-
-def _content(data: bytes, at: int) -> tuple[bytes, int]:
-    """Return the content of a segment, whose length is at a place, and where it ends."""
-    length = int.from_bytes(data[at : at + 2], "big")
-    if at + max(length, 2) > len(data):
-        raise DamagedImageError(_CUT)
-    if length < 2:
-        raise DamagedImageError(_APART)
-    return data[at + 2 : at + length], at + length
 
 
 def _read_segment(image: _JpegState, marker: int, content: bytes) -> None:
@@ -136,7 +115,7 @@ def _read_segment(image: _JpegState, marker: int, content: bytes) -> None:
         if len(content) != 2:
             raise DamagedImageError(_APART)
         image.interval = int.from_bytes(content, "big")
-    elif marker in _FRAMES:
+    elif marker in FRAMES:
         _read_frame(image, marker, content)
     elif marker == _ADOBE and content.startswith(b"Adobe") and len(content) >= 12:
         image.adobe = content[11]
@@ -271,11 +250,11 @@ def _read_entropy_coded(image: _JpegState, chosen: dict[int, tuple[int, int]], d
     restarts = []
     end = len(data)
     for found in _MARKER.finditer(data, start):
-        if found[1][0] not in _RESTARTS:
+        if found[1][0] not in RESTARTS:
             end = found.start()
             break
         restarts.append(found.span())
-        if found[1][0] != _RESTARTS[(len(restarts) - 1) % len(_RESTARTS)]:
+        if found[1][0] != RESTARTS[(len(restarts) - 1) % len(RESTARTS)]:
             raise DamagedImageError("its restarts are not in their order")
     if end == len(data):
         raise DamagedImageError(_CUT)

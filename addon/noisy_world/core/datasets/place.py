@@ -2,15 +2,16 @@
 """Checks that a folder can hold a dataset: it has no other owner, and nothing in it is a link."""
 
 import os
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
 from ..errors import StorageError
 from ..messages import Action
-from .dataset_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
+from .dataset_state import IDENTITY, MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .layouts import LAYOUTS
 from .records import FRAMES
+from .storage import link_on_the_way
 
 
 def check_place(out: Path) -> None:
@@ -21,28 +22,39 @@ def check_place(out: Path) -> None:
     if work.is_symlink() or (work.exists() and not work.is_dir()):
         raise StorageError("is not the folder that a run works in", file=work, remedy="remove it")
     others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())
-    if others and read_dataset_state(out) is None:
+    if others and not os.path.lexists(work / IDENTITY) and read_dataset_state(out) is None:
         problem = "is not empty and holds no dataset of Noisy World"
         raise StorageError(problem, file=out, remedy=Action.OTHER_FOLDER)
 
 
-def check_no_links(out: Path, sequences: Collection[str], *, folders_alone: bool = False) -> None:
+def check_no_links(
+    out: Path, sequences: Collection[str], *, folders_alone: bool = False, shard: Path | None = None
+) -> None:
     """Refuse a link in place of any folder or file of a dataset: what is read, written or removed is the dataset's own.
 
     The folder itself may be reached through links, and other things in it may be links. sequences: the sequences'
-    folders. folders_alone: links in place of files are to be removed, so they do not matter. Raises StorageError.
+    folders. folders_alone: links in place of files are to be removed, so they do not matter. shard: the folder of the
+    only shard that matters; by default all that the working folder holds is looked at. Raises StorageError.
     """
-    for link in _links(out, sequences):
+    work = [out / WORK_FOLDER]
+    if shard is not None:
+        work = [shard, *(out / WORK_FOLDER / folder for folder in sequences)]
+    for link in _links(out, sequences, work):
         if not folders_alone or link.is_dir():
             remedy = "remove it, or put what it leads to in its place"
             raise StorageError("is a link, but what is in a dataset has to be its own", file=link, remedy=remedy)
 
 
-def _links(out: Path, sequences: Collection[str]) -> Iterator[Path]:
-    """Yield the links that stand for folders or files of a dataset, a folder before what is in it."""
+def _links(out: Path, sequences: Collection[str], work: Iterable[Path]) -> Iterator[Path]:
+    """Yield the links that stand for folders or files of a dataset, a folder before what is in it.
+
+    work: the working folder, or those in it that matter.
+    """
     top = (WORK_FOLDER, MANIFEST, RUN, OVERVIEW, *sorted({folder.split("/")[0] for folder in sequences}))
     yield from (path for path in (out / name for name in top) if path.is_symlink())
-    yield from _links_below(out / WORK_FOLDER)
+    for folder in work:
+        yield from (link for link in (link_on_the_way(out, folder),) if link is not None)
+        yield from _links_below(folder)
     beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
     for folder in sequences:
         yield from (

@@ -226,7 +226,7 @@ def plain_values(value: Any) -> Any:
 def base_versions() -> dict[str, str]:
     """Return the versions of what every dataset is made with, by name."""
     import cv2
-    import isal
+    import deflate
     import OpenEXR
 
     return {
@@ -235,7 +235,7 @@ def base_versions() -> dict[str, str]:
         "numpy": np.__version__,
         "opencv": cv2.__version__,
         "openexr": OpenEXR.__version__,
-        "isal": isal.__version__,
+        "deflate": deflate.__version__,
     }
 
 

@@ -2,6 +2,7 @@
 """Removing a dataset's files from a folder, and no others."""
 
 import contextlib
+import os
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
@@ -14,13 +15,11 @@ from .storage import UNFINISHED, link_on_the_way, storage_errors
 def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
     """Remove the sequences, the dataset's own files and the journals of a folder. Raises StorageError."""
     with storage_errors(out):
-        for folder in sequences:
-            sequence = out / folder
-            for layout in LAYOUTS.values():  # the dataset in the folder may have another layout than this run's
-                _remove_sequence(out, sequence, layout)
-            for empty in (sequence, sequence.parent):
-                with contextlib.suppress(OSError):
-                    empty.rmdir()
+        named = sorted(sequences)
+        for folder in named:
+            _remove_sequence(out, out / folder)
+        for setting in sorted({folder.split("/")[0] for folder in named}):
+            _remove_setting(out, out / setting)
         for name in (MANIFEST, RUN, OVERVIEW):
             (out / name).unlink(missing_ok=True)
         for journal in work.glob(f"*/*/{JOURNALS}"):
@@ -28,20 +27,39 @@ def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
                 journal.unlink()
 
 
-def _remove_sequence(out: Path, folder: Path, layout: Layout) -> None:
-    """Remove the files that a sequence in this layout may have, and the folders inside it that are empty then.
+def _remove_sequence(out: Path, folder: Path) -> None:
+    """Remove the files that a sequence in any layout may have, and then its folders that are empty.
 
-    A link that stands for a folder is not followed.
+    The dataset in the folder may have another layout than this run's. A link that stands for a folder is not followed.
+    What is there is listed once: a shard that is merged has empty folders alone, and there are many.
     """
-    files = [path for pattern in (*layout.all_patterns, FRAMES) for path in folder.glob(pattern)]
-    for path in (*files, *(folder.parent / name for name in layout.setting_files)):
-        if not link_on_the_way(out, path.parent):
-            path.unlink(missing_ok=True)
-    inside = {parent for pattern in layout.all_patterns for parent in PurePosixPath(pattern).parents}
-    for name in sorted(inside, key=lambda path: len(path.parts), reverse=True):
-        if name.parts:
+    if link_on_the_way(out, folder):
+        return
+    there = list(os.walk(folder, topdown=False))
+    if any(files for _, _, files in there):
+        patterns = dict.fromkeys(pattern for layout in LAYOUTS.values() for pattern in layout.all_patterns)
+        for path in [path for pattern in (*patterns, FRAMES) for path in folder.glob(pattern)]:
+            if not link_on_the_way(out, path.parent):
+                path.unlink(missing_ok=True)
+    ours = {str(folder / inside) for layout in LAYOUTS.values() for inside in _folders_of(layout)}
+    for place, _, _ in there:
+        if place in ours:
             with contextlib.suppress(OSError):
-                (folder / name).rmdir()
+                Path(place).rmdir()
+
+
+def _folders_of(layout: Layout) -> set[str]:
+    """Return the folders of a sequence in a layout, from its own on."""
+    return {str(parent) for pattern in layout.all_patterns for parent in PurePosixPath(pattern).parents}
+
+
+def _remove_setting(out: Path, folder: Path) -> None:
+    """Remove the files of a setting, and its folder where it is empty then."""
+    for name in {name for layout in LAYOUTS.values() for name in layout.setting_files}:
+        if not link_on_the_way(out, folder):
+            (folder / name).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
 
 
 def empty_scratch(scratch: Path) -> None:
@@ -82,7 +100,8 @@ def remove_work_folder(work: Path, scratch: Path) -> None:
             if path.is_dir() and not path.is_symlink():
                 with contextlib.suppress(OSError):
                     path.rmdir()
-        (work / MERGED).unlink(missing_ok=True)
+        for path in work.glob(MERGED):
+            path.unlink(missing_ok=True)
         (work / IDENTITY).unlink(missing_ok=True)
         (work / "lock").unlink(missing_ok=True)
         with contextlib.suppress(OSError):

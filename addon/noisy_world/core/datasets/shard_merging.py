@@ -6,7 +6,6 @@ again, and a file that is in its place already, as the record says, counts.
 """
 
 import contextlib
-import json
 import time
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from ..presets.preset import canonical
 from .dataset_state import IDENTITY, JOURNALS, MERGED, WORK_FOLDER, journal_folders, read_dataset_state
 from .hashing import Hasher
 from .identity_mismatch import identity_mismatch
-from .journal import append_line, read_lines
+from .journal import read_lines
 from .layouts import OutputFormat
 from .records import FrameRecord, joined_records, read_records
 from .removal import remove_dataset, remove_journals, remove_work_folder
@@ -44,6 +43,10 @@ class Receiver(Protocol):
 
     def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
         """Record frames of a sequence whose files were moved here from a shard."""
+        ...
+
+    def append_summary(self, summary: dict[str, Any]) -> None:
+        """Record a shard that was merged."""
         ...
 
 
@@ -101,7 +104,7 @@ def merge_shard(dataset: Receiver, folder: Path, record: ShardRecord | None = No
         for sequence, records in merged.items():
             dataset.append_merged(sequence, records)
         if record is not None:
-            append_line(dataset.out / WORK_FOLDER / MERGED, json.dumps(record.summary()) + "\n")
+            dataset.append_summary(record.summary())
         _remove(folder)
     finally:
         lock.release()
@@ -181,7 +184,9 @@ def drop_unfinished(folders: Iterable[Path]) -> None:
 
 def merged_shards(out: Path) -> list[dict[str, Any]]:
     """Return the summaries of the shards that were merged since the dataset was last complete, each shard's once."""
-    return list({summary["shard"]: summary for summary in read_lines(out / WORK_FOLDER / MERGED)}.values())
+    summaries = (summary for path in sorted((out / WORK_FOLDER).glob(MERGED)) for summary in read_lines(path))
+    by_shard = {summary["shard"]: summary for summary in summaries}
+    return [by_shard[name] for name in sorted(by_shard)]
 
 
 def remove_shard(folder: Path) -> None:

@@ -15,7 +15,7 @@ from .estimate import (
     SECONDS_PER_COMPOSITED_PIXEL,
     SECONDS_PER_PERTURBED_PIXEL,
     SECONDS_PER_PIXEL,
-    SECONDS_PER_SAMPLE,
+    rendering_seconds,
 )
 from .numbers import Numbers
 from .sequence import lay_out
@@ -118,8 +118,7 @@ def _render_s(identity: Mapping[str, Any], scene: str) -> float:
     render = identity["render"]
     if render is None or not RENDERED & identity["scenes"][scene]["inputs"].keys():
         return _pixels(identity, scene) * SECONDS_PER_PIXEL
-    samples = render["samples"]
-    return _pixels(identity, scene) * (samples * SECONDS_PER_SAMPLE + SECONDS_PER_PIXEL)
+    return _pixels(identity, scene) * (rendering_seconds(render["engine"], render["samples"]) + SECONDS_PER_PIXEL)
 
 
 def _images_s(identity: Mapping[str, Any], scene: str, way: _Way) -> float:

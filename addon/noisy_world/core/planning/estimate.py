@@ -18,6 +18,7 @@ from .plan import Plan, Render
 SECONDS_PER_SAMPLE = 3.3e-7  # a ray in Cycles: 0.27 s for a frame of one sample
 SECONDS_PER_PIXEL = 3e-8  # reading or encoding and writing a frame's two images: 0.02 s
 SECONDS_PER_RAY = 6.5e-8  # engine embree: 0.05 s a frame
+AVERAGED_SHARE = 0.1  # of pixels get all their samples with it: 0.02 of a scanned room's, 0.2 of the embedded rooms'
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.8e-8  # perturbing, encoding and writing an image: 0.015 s, the mean of the benchmark's
@@ -69,8 +70,9 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
     each_s = pixels * SECONDS_PER_PIXEL
     if render.scene.source.capabilities.rendered:
         render_spec, own = plan.preset.spec.render, render.scene.source.capabilities.own
-        in_blender, samples = (render_spec.in_blender, render_spec.samples) if own is None else (True, own.samples)
-        each_s = each_s + pixels * samples * SECONDS_PER_SAMPLE if in_blender else pixels * SECONDS_PER_RAY
+        engine, samples = (render_spec.engine, render_spec.samples) if own is None else (own.engine, own.samples)
+        rays_s = pixels * rendering_seconds(engine, samples)
+        each_s = rays_s if engine == "embree" else each_s + rays_s
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
         made = plan.parts_made.of(render.name, render.sequences, modality)
@@ -88,6 +90,13 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         else:
             seconds += image_s * np.bincount(sources.values, minlength=len(seconds))
     return seconds[array_of(frames)]
+
+
+def rendering_seconds(engine: str, samples: int) -> float:
+    """Estimate the seconds that a pixel takes, without writing it."""
+    if engine == "embree":
+        return SECONDS_PER_RAY * (1 if samples == 1 else 1 + AVERAGED_SHARE * samples)
+    return SECONDS_PER_SAMPLE * samples
 
 
 def _seconds_of(plan: Plan, render: Render) -> float:

@@ -4,7 +4,7 @@
 A preset's scene has one key that is the name of a source, and otherwise the keys of that source alone.
 """
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
@@ -96,19 +96,24 @@ class SourceKind(ABC, Generic[K]):
         """Return the key of a scene that says its path."""
         return "trajectory" if getattr(keys, "trajectory", None) is not None else self.name
 
+    @abstractmethod
     def scenes(self, entry: SceneEntry[K]) -> Iterable[FoundScene]:
-        """Return the scenes that an entry stands for: one, unless it has wildcards. Opens none of them.
-
-        Raises InputError.
-        """
-        return [FoundScene(entry, entry.keys.name or self.name, partial(self.open, entry))]
+        """Return the scenes that an entry stands for. Opens none of them. Raises InputError."""
 
     def check_found(self, chosen: Sequence[FoundScene]) -> None:
         """Check the scenes of this kind that are wanted, all at once, before any is opened. Raises InputError."""
 
+
+class SingleSceneKind(SourceKind[K]):
+    """A kind of source whose entries stand for one scene each: they have no wildcards."""
+
+    def scenes(self, entry: SceneEntry[K]) -> Iterable[FoundScene]:
+        """Return the scene; it is not opened yet."""
+        return [FoundScene(entry, entry.keys.name or self.name, partial(self.open, entry))]
+
+    @abstractmethod
     def open(self, entry: SceneEntry[K]) -> Source:
-        """Return the source of an entry that stands for one scene. Raises InputError for files missing or wrong."""
-        raise NotImplementedError
+        """Return the source of an entry. Raises InputError for files missing or wrong."""
 
 
 @dataclass(frozen=True)

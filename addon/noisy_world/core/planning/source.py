@@ -77,12 +77,14 @@ class RenderedFrame(ColourAndDepth):
 
     rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
     depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
-    others: those of other channels that were asked for, by name, as the channels describe them.
+    others: those of other channels that were asked for, by name, as the channels describe them. colour_rays: how many
+    rays the pixels of colour took together; None where that does not follow from what is seen.
     """
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
     others: Mapping[Modality, NDArray[Any]] = field(default_factory=dict)
+    colour_rays: int | None = None
 
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel; None if it was not asked for."""

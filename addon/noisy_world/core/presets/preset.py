@@ -24,6 +24,7 @@ from .settings import SettingSpec
 EngineName = Literal["cycles", "eevee", "workbench", "embree"]
 
 WORKBENCH_SAMPLES = (1, 5, 8, 11, 16, 32)  # the numbers that Blender's Workbench offers
+EMBREE_SAMPLES = (1, 4, 9, 16, 25, 36, 49, 64)  # of square grids; the last is chosen
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,8 @@ class RenderSpec:
     """How frames are rendered."""
 
     engine: EngineName = key(
-        "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts one "
-        "ray a pixel without Blender, and needs the extra embree",
+        "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts "
+        "rays without Blender, and needs the extra embree",
         default="cycles",
         identity="meaning",
     )
@@ -103,7 +104,8 @@ class RenderSpec:
         "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu", identity="meaning"
     )
     samples: int = key(
-        "rays a pixel; depth is the pixel centre's at any number",
+        "rays a pixel, with embree at most: it casts more than one where colours differ; depth is the pixel centre's "
+        "at any number",
         default=1,
         minimum=1,
         maximum=65536,
@@ -274,12 +276,10 @@ def _check_render(spec: RenderSpec, place: ConfigPath) -> None:
     if spec.device == "gpu" and spec.engine != "cycles":
         how = "casts its rays on the processor" if spec.engine == "embree" else "renders with GL, on whatever GL finds"
         raise place.at("device").error(f"is gpu, but {spec.engine} {how}", "leave it out, or use cycles")
-    if spec.engine == "workbench" and spec.samples not in WORKBENCH_SAMPLES:
-        known = ", ".join(map(str, WORKBENCH_SAMPLES))
-        raise place.at("samples").error(f"is {spec.samples}; Workbench knows {known}")
-    if spec.engine == "embree" and spec.samples != 1:
-        problem = f"is {spec.samples}, but embree casts one ray through each pixel's centre"
-        raise place.at("samples").error(problem, "leave it out, or use cycles")
+    offered = {"workbench": WORKBENCH_SAMPLES, "embree": EMBREE_SAMPLES}.get(spec.engine)
+    if offered is not None and spec.samples not in offered:
+        name = "embree" if spec.engine == "embree" else "Workbench"
+        raise place.at("samples").error(f"is {spec.samples}; {name} knows {', '.join(map(str, offered))}")
 
 
 def _check_sensor(spec: SensorSpec, place: ConfigPath) -> None:

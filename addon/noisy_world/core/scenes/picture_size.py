@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The size of an image in pixels by its file's header, before memory is taken for it."""
 
+import io
 import struct
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 
+from ..datasets.image_header import DamagedImageError, read_exactly
+from ..datasets.jpeg_files import END_OF_IMAGE, FRAMES, SIGNATURE, START_OF_SCAN, next_segment
 from ..errors import InputError
 
 LARGEST_PIXELS = 2**28  # 16384 x 16384, the largest texture that graphics cards are sure to take: 0.8 GB as RGB
@@ -25,6 +28,8 @@ def header_size_px(data: bytes) -> SizePx | None:
                 return size(data)
             except (struct.error, IndexError) as error:
                 raise ValueError("cut short: its header has no end") from error
+            except DamagedImageError as error:
+                raise ValueError(f"damaged: {error.what}") from error
     return None
 
 
@@ -42,22 +47,17 @@ def _png(data: bytes) -> SizePx:
 
 
 def _jpeg(data: bytes) -> SizePx:
-    """Walk the segments (ITU-T T.81, B.1) to the frame's start, which has bits (1), height (2) and width (2)."""
-    at = 2
+    """Walk the segments to the frame's start, which has bits (1), height (2) and width (2)."""
+    stream = io.BytesIO(data)
+    stream.seek(len(SIGNATURE))
     while True:
-        if data[at] != 0xFF:
-            raise ValueError("damaged: its parts do not follow one another")
-        marker = data[at + 1]
-        if marker == 0xFF:  # fill bytes
-            at += 1
-            continue
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height_px, width_px = struct.unpack_from(">HH", data, at + 5)
+        marker, length = next_segment(stream)
+        if marker in FRAMES:
+            height_px, width_px = struct.unpack(">xHH", read_exactly(stream, 5))
             return width_px, height_px
-        if marker in (0xD9, 0xDA):
-            raise ValueError("damaged: its size is missing")
-        alone = marker == 0x01 or 0xD0 <= marker <= 0xD8
-        at += 2 if alone else 2 + struct.unpack_from(">H", data, at + 2)[0]
+        if marker in (START_OF_SCAN, END_OF_IMAGE):
+            raise DamagedImageError("its size is missing")
+        stream.seek(length, io.SEEK_CUR)
 
 
 def _bmp(data: bytes) -> SizePx:

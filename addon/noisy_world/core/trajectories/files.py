@@ -161,11 +161,6 @@ def replica_text(trajectory: Trajectory) -> str:
     return _text(trajectory.c2w.reshape(-1, 16))
 
 
-def kitti_text(trajectory: Trajectory) -> str:
-    """One line a frame: 12 row-major numbers of c2w without its last row, OpenCV axes; stamps are not kept."""
-    return _text(trajectory.c2w[:, :3, :].reshape(-1, 12))
-
-
 def tum_text(trajectory: Trajectory) -> str:
     """One line a frame: `t tx ty tz qx qy qz qw` of c2w, OpenCV axes; signs of q are chosen so that it never jumps."""
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(trajectory.c2w[:, :3, :3]))

@@ -40,11 +40,6 @@ class Shutter:
         """Return a shutter whose middle line is in the middle of its exposure at the frame's time stamp."""
         return cls(-(exposure_s + readout_s) / 2.0, exposure_s, readout_s, direction)
 
-    @property
-    def closes_s(self) -> float:
-        """When the exposure of the last line ends."""
-        return self.opens_s + self.exposure_s + self.readout_s
-
     def line_times_s(self, count: int) -> NDArray[np.float64]:
         """Return (count,) the middle of the exposure of each row or column, in the image's order from top or left."""
         places = (np.arange(count) + 0.5) / count

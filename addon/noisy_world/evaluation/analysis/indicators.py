@@ -28,26 +28,6 @@ IMAGES = (
 AGAINST_CLEAN = ("image_rmse", "psnr_db", "ssim", "depth_error_m")
 INDICATORS = (*IMAGES, *AGAINST_CLEAN, *MOTION)
 
-MEANING = {
-    "brightness": "mean of the grey image, of 255",
-    "contrast": "standard deviation of the grey image, of 255",
-    "laplacian_variance": "variance of the Laplacian of the grey image: small where it is blurred, large in noise",
-    "image_noise": "standard deviation of the noise of the grey image, of 255, estimated without a clean one",
-    "orb_found": f"ORB features found, at most {picture.FEATURES}",
-    "orb_tracked": f"ORB features of the frame before found again: nearest pairs, at most {picture.NEAR_BITS} bits off",
-    "depth_missing": "share of pixels without depth",
-    "depth_median_m": "median of the depth, metres",
-    "depth_noise_m": "standard deviation of the noise of depth, metres, estimated without a clean one",
-    "image_rmse": "root mean square difference from the clean grey image, of 255",
-    "psnr_db": "peak signal-to-noise ratio against the clean grey image, dB; none where they are equal",
-    "ssim": "structural similarity to the clean grey image",
-    "depth_error_m": "mean absolute difference from the clean depth, metres",
-    "speed_mps": "speed, m/s, from the true poses",
-    "acceleration_mps2": "acceleration, m/s^2, from the true poses",
-    "rotation_speed_degps": "speed of rotation, degrees/s, from the true poses",
-    "rotation_acceleration_degps2": "acceleration of rotation, degrees/s^2, from the true poses",
-}
-
 Column: TypeAlias = NDArray[np.float64]
 
 

@@ -6,11 +6,12 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, TextIO, get_args
 
 from ...core.errors import NoisyWorldError
 from ...core.exit_statuses import INTERRUPTED
 from ...core.requirements import missing_packages, missing_sentence
+from .alignment import By
 
 if TYPE_CHECKING:
     from .frames import FrameIndex
@@ -35,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     try:
-        wanted = Options(options.smooth, options.loops, options.widest)
+        wanted = Options(options.smooth, options.loops, options.widest, options.by)
         progress = PlainProgress(sys.stderr)
         index = read_index(options.frames)
         result = run(index, wanted, progress=progress, stopped=stop.is_set)
@@ -72,6 +73,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--no-loops", dest="loops", action="store_false", help="do not close loops, which needs gtsam")
     parser.add_argument("--map", action="store_true", help="fuse the keyframes into map.ply, too")
+    parser.add_argument(
+        "--by",
+        choices=get_args(By),
+        default="both",
+        help="what brings views over each other: colour and depth (both, the default), depth alone, which needs no "
+        "colour, or colour alone, where depth only says how far points are",
+    )
     parser.add_argument(
         "--widest", metavar="PX", type=_pixels, default=640, help="make images smaller that are wider (default: 640)"
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics, invert_pose
-from .alignment import View
+from .alignment import RgbdView
 
 Float64: TypeAlias = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ NONE = Agreement(0.0, 0.0, 0.0, 0.0, 1.0, np.inf)
 WHOLE = Agreement(1.0, 1.0, 1.0, 1.0, 0.0, 0.0)  # of a view with itself
 
 
-def agreement(camera: Intrinsics, source: View, target: View, target_from_source: Float64) -> Agreement:
+def agreement(camera: Intrinsics, source: RgbdView, target: RgbdView, target_from_source: Float64) -> Agreement:
     """Compare the target with what the source shows at the same places."""
     step = max(1, camera.width_px // ACROSS)
     rows = np.arange(step // 2, camera.height_px, step)

@@ -6,7 +6,7 @@ square matrix; frames have to be prepared; no first guess can be given.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import cv2
 
 Float64: TypeAlias = NDArray[np.float64]
+By: TypeAlias = Literal["both", "depth", "colour"]
+"""What brings two views over each other; by colour alone, depth still says where its points are."""
 
 # Finest level first; chosen: half the time of OpenCV's own counts (7, 7, 7, 10), and found from twice as far, as it is
 # the coarsest levels that bring views together. In a textured box of 160 x 120 pixels 1 of 27 motions over three frames
@@ -34,7 +36,7 @@ TEXTURE = 10.0  # OpenCV's own: least gradient of grey, a pixel
 
 
 @dataclass(frozen=True)
-class View:
+class RgbdView:
     """What is seen at one moment: grey (H, W), depth (H, W) in metres with NaN for void, and both as OpenCV needs."""
 
     grey: Grey
@@ -45,7 +47,7 @@ class View:
 class Aligner:
     """Finds the motion between two views of one camera."""
 
-    def __init__(self, camera: Intrinsics) -> None:
+    def __init__(self, camera: Intrinsics, by: By = "both") -> None:
         import cv2
 
         self.camera = camera
@@ -61,24 +63,25 @@ class Aligner:
         settings.setMaxTranslation(LARGEST_STEP_M)
         settings.setMaxRotation(LARGEST_TURN_DEG)
         settings.setNormalMethod(cv2.RgbdNormals_RGBD_NORMALS_METHOD_CROSS_PRODUCT)
-        self._odometry = cv2.Odometry(cv2.OdometryType_RGB_DEPTH, settings, cv2.OdometryAlgoType_COMMON)
+        kinds = {"both": cv2.OdometryType_RGB_DEPTH, "depth": cv2.OdometryType_DEPTH, "colour": cv2.OdometryType_RGB}
+        self._odometry = cv2.Odometry(kinds[by], settings, cv2.OdometryAlgoType_COMMON)
 
-    def view(self, grey: Grey, depth_m: Depth) -> View:
+    def view(self, grey: Grey, depth_m: Depth) -> RgbdView:
         """Prepare a view: its pyramids, gradients and normals."""
         import cv2
 
         frame = cv2.OdometryFrame(depth_m, grey)
         self._odometry.prepareFrame(frame)
-        return View(grey, depth_m, frame)
+        return RgbdView(grey, depth_m, frame)
 
-    def align(self, source: View, target: View) -> Float64 | None:
+    def align(self, source: RgbdView, target: RgbdView) -> Float64 | None:
         """Return target_from_source (4, 4); None where OpenCV finds none."""
         found, motion = self._odometry.compute(source.prepared, target.prepared)
         if not found or not np.isfinite(motion).all():
             return None
         return np.asarray(motion, np.float64)
 
-    def refined(self, source: View, target: View, guess: Float64) -> Float64 | None:
+    def refined(self, source: RgbdView, target: RgbdView, guess: Float64) -> Float64 | None:
         """Return target_from_source near a guess of it, from however far apart the two were taken."""
         motion = guess
         for _ in range(REFINEMENTS):
@@ -90,7 +93,7 @@ class Aligner:
                 break
         return motion
 
-    def seen_from(self, source: View, target: View, target_from_source: Float64) -> View:
+    def seen_from(self, source: RgbdView, target: RgbdView, target_from_source: Float64) -> RgbdView:
         """Return the source as the target's camera would see it; void where the target is, or what it sees is outside.
 
         Each pixel of the target is looked up in the source by its own depth, between the source's pixels, so there are

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics, pose
-from .alignment import View
+from .alignment import RgbdView
 
 if TYPE_CHECKING:
     import cv2
@@ -43,7 +43,7 @@ class Recogniser:
         self._orb = cv2.ORB.create(FEATURES, fastThreshold=FAST_THRESHOLD)
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
 
-    def landmarks(self, view: View) -> Landmarks:
+    def landmarks(self, view: RgbdView) -> Landmarks:
         """Find the features of a view."""
         found, descriptors = self._orb.detectAndCompute(view.grey, None)
         if not found or descriptors is None:

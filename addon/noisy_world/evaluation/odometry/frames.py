@@ -15,6 +15,7 @@ from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.regular_files import read_bytes, read_text
 from ...core.schema import ConfigPath, key, parse
+from ..systems.depth_noise import InverseDepth
 
 Grey: TypeAlias = NDArray[np.uint8]
 Depth: TypeAlias = NDArray[np.float32]
@@ -38,7 +39,7 @@ class FrameEntry:
 
     index: int = key("the frame's number", minimum=0)
     stamp_s: float = key("when its colour was taken", unit="s")
-    colour: str = key("its colour image")
+    colour: str | None = key("its colour image")
     depth: str | None = key("its depth image", default=None)
     depth_stamp_s: float | None = key("when its depth was taken", unit="s", default=None)
 
@@ -50,6 +51,7 @@ class FrameIndex:
     camera: CameraEntry = key("the camera")
     depth_scale_per_m: float = key("steps of the depth images a metre", unit="steps/m", above=0.0)
     frames: tuple[FrameEntry, ...] = key("the frames, in order of time")
+    inverse_depth: InverseDepth | None = key("what the depth is like, which this system does not go by", default=None)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -79,8 +81,14 @@ def read_index(path: Path) -> FrameIndex:
 
 
 def read_colour(entry: FrameEntry, camera: Intrinsics) -> NDArray[np.uint8]:
-    """Read a frame's colour (H, W, 3), BGR as OpenCV has it; grey is in three equal channels."""
+    """Read a frame's colour (H, W, 3), BGR as OpenCV has it; grey is in three equal channels.
+
+    Raises InputError for an image that cannot be read, or where there is none.
+    """
     import cv2
+
+    if entry.colour is None:
+        raise InputError(f"frame {entry.index}", "has no colour image", remedy="align by depth alone: --by depth")
 
     image = _read(Path(entry.colour), cv2.IMREAD_COLOR)
     _check_size(entry.colour, image, camera)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.geometry import invert_pose
 from .agreement import Agreement, agreement
-from .alignment import Aligner, View
+from .alignment import Aligner, RgbdView
 from .features import Landmarks, Recogniser
 from .frames import FrameEntry
 from .pictures import Pictures
@@ -35,17 +35,17 @@ class Places:
         """Begin anew."""
         self.entries, self.landmarks, self._thumbnails = [], [], []
 
-    def remember(self, entry: FrameEntry, view: View) -> None:
+    def remember(self, entry: FrameEntry, view: RgbdView) -> None:
         """Take in the next keyframe."""
         self.entries.append(entry)
         self.landmarks.append(self._recogniser.landmarks(view))
         self._thumbnails.append(_thumbnail(view))
 
-    def view(self, number: int) -> View:
+    def view(self, number: int) -> RgbdView:
         """Read a keyframe's images again."""
         return self.aligner.view(*self._pictures.read(self.entries[number]))
 
-    def found(self, view: View, fits: Callable[[Agreement], bool]) -> tuple[int, Float64, Agreement] | None:
+    def found(self, view: RgbdView, fits: Callable[[Agreement], bool]) -> tuple[int, Float64, Agreement] | None:
         """Return a keyframe that a lost view fits, the view's place in it (4, 4), and how well they agree."""
         landmarks = self._recogniser.landmarks(view)
         for number in self._alike(view):
@@ -62,7 +62,7 @@ class Places:
         return self._recogniser.motion(self.landmarks[source], self.landmarks[target])
 
     def placed(
-        self, source: View, target: View, guess: Float64, fits: Callable[[Agreement], bool]
+        self, source: RgbdView, target: RgbdView, guess: Float64, fits: Callable[[Agreement], bool]
     ) -> tuple[Float64, Agreement] | None:
         """Return source_from_target (4, 4), found from a guess of its inverse, if the two views fit."""
         motion = self.aligner.refined(source, target, guess)
@@ -71,7 +71,7 @@ class Places:
         seen = agreement(self.aligner.camera, source, target, motion)
         return (invert_pose(motion), seen) if fits(seen) else None
 
-    def _alike(self, view: View) -> Iterable[int]:
+    def _alike(self, view: RgbdView) -> Iterable[int]:
         """Return the keyframes that look most like a view, by the correlation of their thumbnails, the best first."""
         if not self._thumbnails:
             return []
@@ -79,7 +79,7 @@ class Places:
         return np.argsort(-likeness, kind="stable")[:ALIKE].tolist()
 
 
-def _thumbnail(view: View) -> Float64:
+def _thumbnail(view: RgbdView) -> Float64:
     """Return a small picture as a vector of mean 0 and length 1 (0 if it is uniform)."""
     import cv2
 

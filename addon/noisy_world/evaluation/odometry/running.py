@@ -10,7 +10,7 @@ import numpy as np
 from ...core.extras import install_command
 from ...core.progress import Progress
 from .agreement import Agreement
-from .alignment import Aligner
+from .alignment import Aligner, By
 from .frames import FrameIndex
 from .loops import find_loops
 from .pictures import Pictures
@@ -28,12 +28,13 @@ NO_LOOPS = "loops are not closed, as gtsam is missing, a Python package of the e
 class Options:
     """How to run. smooth: whether noisy depth is smoothed. loops: whether loops are closed, which needs gtsam.
 
-    widest_px: wider images are thinned out.
+    widest_px: wider images are thinned out. by: what brings views over each other.
     """
 
     smooth: bool = True
     loops: bool = True
     widest_px: int = WIDEST_PX
+    by: By = "both"
 
 
 def run(
@@ -50,8 +51,8 @@ def run(
     """
     options = options or Options()
     with _repeatable():
-        pictures = Pictures(index, widest_px=options.widest_px, smooth=options.smooth)
-        places = Places(Aligner(pictures.camera), pictures)
+        pictures = Pictures(index, widest_px=options.widest_px, smooth=options.smooth, by=options.by)
+        places = Places(Aligner(pictures.camera, options.by), pictures)
         history = _followed(index, pictures, places, progress, stopped)
         ended = len(history.frames) == len(index.frames)
         if not (ended and options.loops and history.keyframes):

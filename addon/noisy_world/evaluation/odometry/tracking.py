@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...core.geometry import invert_pose, rotation_angle_rad
 from .agreement import NONE, WHOLE, Agreement, agreement
-from .alignment import Aligner, View
+from .alignment import Aligner, RgbdView
 
 Float64: TypeAlias = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Tracked:
 class _Anchor:
     """A view whose place is known: of a frame, in coordinates of the keyframe."""
 
-    view: View
+    view: RgbdView
     keyframe_from_camera: Float64
     stamp_s: float
 
@@ -98,7 +98,7 @@ class Tracker:
         self._usual = ANYTHING
         self._step = np.eye(4)  # from the frame before the last to the last
 
-    def track(self, view: View, stamp_s: float) -> Tracked:
+    def track(self, view: RgbdView, stamp_s: float) -> Tracked:
         """Find the place of the next view."""
         if self._keyframe is None or self._last is None:
             return self._begin(view, stamp_s)
@@ -110,7 +110,7 @@ class Tracker:
             return self._miss(view, stamp_s)
         return self._accept(view, stamp_s, *found, renew=renew)
 
-    def _second_opinion(self, direct: _Found | None, view: View, stamp_s: float) -> tuple[_Found | None, bool]:
+    def _second_opinion(self, direct: _Found | None, view: RgbdView, stamp_s: float) -> tuple[_Found | None, bool]:
         """Return where a view is that does not fit as usual, and whether it had better be the new keyframe.
 
         Asked are the alignment with the keyframe, that with the last frame, and where neither does, one that begins
@@ -131,7 +131,7 @@ class Tracker:
                 return guessed, True
         return best, renew
 
-    def _from_guess(self, view: View, stamp_s: float) -> _Found | None:
+    def _from_guess(self, view: RgbdView, stamp_s: float) -> _Found | None:
         """Return where a view is, from where it would be at the speed of the last frame."""
         assert self._keyframe is not None
         assert self._last is not None
@@ -143,13 +143,13 @@ class Tracker:
         seen = agreement(self.aligner.camera, self._keyframe.view, view, motion)
         return (invert_pose(motion), seen) if believed(seen, self.bounds) else None
 
-    def resume(self, view: View, stamp_s: float, keyframe: int, place: Float64, seen: Agreement) -> Tracked:
+    def resume(self, view: RgbdView, stamp_s: float, keyframe: int, place: Float64, seen: Agreement) -> Tracked:
         """Go on from a view that was found again at a place in an earlier keyframe; it is the keyframe from now on."""
         self._renew(view, stamp_s)
         self._lost, self._usual, self._step = False, seen, np.eye(4)
         return Tracked(State.RELOCALISED, keyframe, place, seen, new_keyframe=True)
 
-    def _begin(self, view: View, stamp_s: float) -> Tracked:
+    def _begin(self, view: RgbdView, stamp_s: float) -> Tracked:
         if float(np.isfinite(view.depth_m).mean()) < self.bounds.seen:
             return Tracked(State.NOT_INITIALISED, -1, None, NONE)
         self.keyframes = 0
@@ -157,13 +157,15 @@ class Tracker:
         self._usual = ANYTHING
         return Tracked(State.TRACKED, 0, np.eye(4), WHOLE, new_keyframe=True, begins=True)
 
-    def _miss(self, view: View, stamp_s: float) -> Tracked:
+    def _miss(self, view: RgbdView, stamp_s: float) -> Tracked:
         if self.keyframes == 1 and self._last is self._keyframe:  # nothing could ever be aligned with the first view
             return self._begin(view, stamp_s)
         self._lost = True
         return Tracked(State.LOST, self.keyframes - 1, None, NONE)
 
-    def _accept(self, view: View, stamp_s: float, place: Float64, seen: Agreement, *, renew: bool = False) -> Tracked:
+    def _accept(
+        self, view: RgbdView, stamp_s: float, place: Float64, seen: Agreement, *, renew: bool = False
+    ) -> Tracked:
         state = State.RELOCALISED if self._lost else State.TRACKED
         self._lost = False
         number = self.keyframes - 1
@@ -177,11 +179,11 @@ class Tracker:
         self._usual = seen
         return Tracked(state, number, place, seen, renew)
 
-    def _renew(self, view: View, stamp_s: float) -> None:
+    def _renew(self, view: RgbdView, stamp_s: float) -> None:
         self._keyframe = self._last = _Anchor(view, np.eye(4), stamp_s)
         self.keyframes += 1
 
-    def _aligned(self, anchor: _Anchor, view: View, stamp_s: float) -> _Found | None:
+    def _aligned(self, anchor: _Anchor, view: RgbdView, stamp_s: float) -> _Found | None:
         """Return the view's place in the keyframe's coordinates, by way of an anchor, if it can be believed."""
         motion = self.aligner.align(anchor.view, view)
         if motion is None or self._too_fast(motion, stamp_s - anchor.stamp_s):
@@ -211,7 +213,7 @@ class Tracker:
         as_deep = direct.depth >= usual.depth - bounds.slip
         return within and as_deep and direct.grey >= usual.grey - bounds.worse_grey
 
-    def _compared(self, place: Float64, view: View) -> Agreement:
+    def _compared(self, place: Float64, view: RgbdView) -> Agreement:
         assert self._keyframe is not None
         return agreement(self.aligner.camera, self._keyframe.view, view, invert_pose(place))
 

@@ -18,6 +18,7 @@ _LATEX = {
     "\u00a0": "~",
     "…": r"\ldots{}",
     "±": r"$\pm$",
+    "\u2020": r"$\dagger$",
     "\u00d7": r"$\times$",
     "↑": r"$\uparrow$",
     "↓": r"$\downarrow$",
@@ -28,10 +29,15 @@ _MARKDOWN_LETTERS = re.compile(r"[\\`*_{}\[\]<>#|~!&$]")
 
 def latex(text: str) -> str:
     """Return a text as LaTeX shows it, in a document of UTF-8."""
-    shown = _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], one_line(text))
+    shown = _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], _line(text))
     return f"{{}}{shown}" if shown.startswith(("[", "*")) else shown  # which would belong to the \\ of the row before
 
 
 def markdown(text: str) -> str:
     """Return a text as Markdown shows it, in a cell of a table too."""
-    return _MARKDOWN_LETTERS.sub(lambda found: f"\\{found[0]}", one_line(text))
+    return _MARKDOWN_LETTERS.sub(lambda found: f"\\{found[0]}", _line(text))
+
+
+def _line(text: str) -> str:
+    """Return a text of one line that keeps its no-break spaces, which Python does not count as printable."""
+    return "\u00a0".join(map(one_line, text.split("\u00a0")))

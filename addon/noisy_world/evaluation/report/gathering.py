@@ -2,12 +2,14 @@
 """The report's contents, from what a results folder holds."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import analysed
 from .analysed import Analyses, curves_of
+from .clean_gate import CleanGate, clean_gate
 from .contents import Contents, Section
 from .evaluated import again, command, facts, opening
 from .figures.heat_map import Scale, heat_map
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
 SCORE = "success_auc"
 RUN_COLUMNS = (
-    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure"),
+    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure", "result"),
     *("frames", "seconds", "processor_s", "peak_memory_bytes"),
 )
 
@@ -38,21 +40,30 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     paper = published()
     beside = paper_comparison(results, paper)
     found = found_of(results, analyses["over_clean"])
-    pictures, said = curves_of(analyses)
+    gate = clean_gate(results)
+    named = [replace(item, system=gate.name(item.system)) for item in found]
+    pictures, said = curves_of(gate.of_frames(analyses))
+    short = [headline_table(results, analyses, found), *([gate.table] if gate.scenes else [])]
     sections = [
-        Section("short", "In short", tables=[headline_table(results, analyses, found)]),
+        Section("short", "In short", tables=short),
         Section("severity", "Over severity", said, pictures),
-        Section("settings", "Settings", pictures=_some(_heat_map(results, found)), tables=[settings_table(results)]),
+        Section(
+            "settings",
+            "Settings",
+            pictures=_some(_heat_map(results, found, gate)),
+            tables=[settings_table(results, analyses["spread"])],
+        ),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
     ]
     if beside is not None:
         sections.append(Section("paper", "Beside the paper", notes(beside, paper), tables=[beside]))
     sections += analysed.sections(analyses)
+    sections = [replace(part, tables=[gate.of_table(table) for table in part.tables]) for part in sections]
     return Contents(
         "What noise did to SLAM",
-        sentences(found),
-        ranking_picture(found),
+        [*gate.sentences, *sentences(named)],
+        ranking_picture(named),
         opening(results),
         facts(results),
         [
@@ -67,8 +78,8 @@ def gather(results: Results, analyses: Analyses) -> Contents:
 
 
 _RUNS = (
-    "Of each system a clean run, the median and the worst of the others that were scored, and one that failed. All are "
-    "in the results folder, under runs/.",
+    "Of each system a clean run, the median and the worst of the others that are complete, one that is incomplete, and "
+    "one that failed. All are in the results folder, under runs/.",
 )
 _FRAMES = (
     "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
@@ -76,11 +87,11 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results, found: Sequence[SystemFound]) -> "Picture | None":
+def _heat_map(results: Results, found: Sequence[SystemFound], gate: CleanGate) -> "Picture | None":
     """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
     runs = in_order(results.runs)
     settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
-    values = np.full((len(settings), len(systems)), np.nan)
+    values, names = np.full((len(settings), len(systems)), np.nan), [gate.name(system) for system in systems]
     texts = [[NOTHING for _ in systems] for _ in settings]
     if any(item.compared for item in found):
         for item in found:
@@ -91,15 +102,15 @@ def _heat_map(results: Results, found: Sequence[SystemFound]) -> "Picture | None
         for row in [row for row, setting in enumerate(settings) if np.isnan(values[row]).all() and setting == CLEAN]:
             del settings[row], texts[row]
             values = np.delete(values, row, axis=0)
-        return heat_map(settings, systems, values, texts, Scale.OVER_CLEAN) if settings else None
+        return heat_map(settings, names, values, texts, Scale.OVER_CLEAN) if settings else None
     if SCORE not in results.runs:
         return None
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
         row, column = settings.index(str(setting)), systems.index(str(system))
         values[row, column] = group[SCORE].mean()
-        failed = int(group["failed"].sum())
-        texts[row][column] = shown(group[SCORE].mean(), 2) + (f"  {failed}/{len(group)} failed" if failed else "")
-    return heat_map(settings, systems, values, texts, Scale.SCORE)
+        said = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
+        texts[row][column] = shown(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
+    return heat_map(settings, names, values, texts, Scale.SCORE)
 
 
 def _cell(ranked: Ranked) -> tuple[float, str]:

@@ -12,6 +12,8 @@ BY_NAME = ("scenes", "settings", "sequences", "found")
 """Parts of what the sequences are made from that hold something for each name: others are added."""
 FOR_PEOPLE = ("preset", "preset_sha256")
 """Parts that decide nothing which other parts do not tell."""
+EXPECTED = "expects_clean"
+"""What a system's runs are held against, which may be said anew of runs that are there."""
 
 
 def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, seeds: list[int], repeats: int) -> None:
@@ -33,8 +35,8 @@ def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, se
 
 def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     """Return the first difference of two studies in what both name, or ""."""
-    for name in sorted({*there["systems"], *here["systems"]}):
-        if name in there["systems"] and name in here["systems"] and there["systems"][name] != here["systems"][name]:
+    for name in sorted(there["systems"].keys() & here["systems"].keys()):
+        if _deciding(there["systems"][name]) != _deciding(here["systems"][name]):
             return f"the definition of {name} is another"
     before, now = there.get("metrics", {}), here.get("metrics", {})
     for name in sorted(before):
@@ -52,6 +54,13 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
         if found := first_difference(left, right, key):
             return found
     return ""
+
+
+def _deciding(definition: Any) -> Any:
+    """Return what is said of a system's definition without what its runs are held against."""
+    if not isinstance(definition, dict):
+        return definition
+    return {key: value for key, value in definition.items() if key != EXPECTED}
 
 
 def merged(there: dict[str, Any], here: dict[str, Any]) -> dict[str, Any]:

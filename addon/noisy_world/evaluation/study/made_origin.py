@@ -106,15 +106,16 @@ class MadeOrigin:
 
     @property
     def frames(self) -> Mapping[Case, int]:
-        """The cases, scene by scene: settings that no seed changes have the first one only."""
+        """The cases, scene by scene, clean frames first: settings that no seed changes have the first seed only."""
         return self._frames
 
     @cached_property
     def _frames(self) -> Mapping[Case, int]:
         found: dict[Case, int] = {}
+        clean_first = sorted(self._settings.values(), key=lambda setting: bool(setting.steps))
         for scene in self._scenes.values():
             for seed in self.seeds:
-                for setting in self._settings.values():
+                for setting in clean_first:
                     if seed == self.seeds[0] or self._varies(setting, scene, seed):
                         laid = lay_out(setting, scene.name, scene.frame_count, (seed, scene.name, setting.name))
                         found[Case(scene.name, setting.name, seed)] = len(laid.frames)

@@ -2,6 +2,8 @@
 """A study: systems, the sequences that they are run on, and the folder of results, which it fills case by case."""
 
 import threading
+from collections.abc import Mapping
+from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,19 +14,19 @@ from ..maps.names import MAP_METRICS
 from ..metrics import METRICS
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
-from ..systems.definition import System
+from ..systems.definition import ExpectedClean, System
 from ..systems.registry import find_systems, isolating
 from ..systems.running import run_system
 from .cases import Case, SystemRun
 from .describing import describe, show, worst_frames
-from .found_origin import FoundOrigin
+from .found_origin import CLEAN, FoundOrigin
 from .made_origin import MadeOrigin
 from .mapping import MapsOfCase, maps_of
 from .order import StudyOrder
 from .origin import CaseSequence, Origin
 from .results import ERRORS, SCORES, ResultsFolder
 from .run_files import read_run_record
-from .scoring import MAP, score_run
+from .scoring import MAP, STRICT, score_run
 
 
 class Study:
@@ -98,10 +100,14 @@ class Study:
         scored = score_run(
             folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
         )
+        for note in scored.notes:
+            progress.note(f"{run.system} on {run.case.name}: {note}", f"{run.system} rotations")
         self.results.write(folder / ERRORS, frame_errors_text(scored.errors))
         show(self.results, run.case, sequence, worst_frames(scored.errors))
         of_map = {} if maps is None else maps.score(folder, scored, progress)
         self.results.write_json(folder / SCORES, {**scored.content, MAP: of_map})
+        if self.origin.condition(run.case.setting).perturbation == CLEAN:
+            _tell_clean(run, system.expects_clean, scored.content[STRICT], progress)
         progress.advance(len(sequence.truth))
 
     @cached_property
@@ -120,7 +126,8 @@ class Study:
 
 
 def _described(system: System) -> dict[str, Any]:
-    return {"digest": system.digest, "repeatable": system.repeatable}
+    expected = {} if system.expects_clean is None else {"expects_clean": asdict(system.expects_clean)}
+    return {"digest": system.digest, "repeatable": system.repeatable, **expected}
 
 
 def _tell(run: SystemRun, record: RunRecord, progress: Progress) -> None:
@@ -128,3 +135,10 @@ def _tell(run: SystemRun, record: RunRecord, progress: Progress) -> None:
     if record.outcome is not Outcome.FINISHED:
         where = f"{run.system} on {run.case.name}"
         progress.note(f"{where}: {record.outcome.replace('_', ' ')}: {record.detail}", f"{run.system} {record.outcome}")
+
+
+def _tell_clean(run: SystemRun, expected: ExpectedClean | None, scores: Mapping[str, Any], progress: Progress) -> None:
+    """Say that a clean run is not as expected, before hours go into ratios to it; once for a system and scene."""
+    if expected and (unmet := expected.unmet(scores.get("ate_rmse_m"), scores.get("scale"))):
+        said = f"{run.system} on {run.case.name}: {', '.join(unmet)} on clean frames; expected: {expected.text}"
+        progress.note(f"{said}. The report will mark its ratios", f"{run.system} {run.case.scene} {CLEAN}")

@@ -43,7 +43,7 @@ PLACEHOLDERS = {
 STUDY_NAMES = ("scene", "setting", "seed", "repeat")
 """The placeholders that only a study fills in."""
 
-UNDECISIVE = ("about", "remedy", "file", "versions", "limits", "isolate", "reaches")
+UNDECISIVE = ("about", "remedy", "file", "versions", "limits", "isolate", "reaches", "expects_clean")
 """What of a definition does not decide what a system estimates."""
 
 FORMAT_CHOICES: dict[str, Choice] = {
@@ -161,6 +161,33 @@ class Limits:
         }
 
 
+def _length(value_m: float) -> str:
+    return f"{value_m:.3g} m" if value_m >= 1.0 else f"{1e3 * value_m:.3g} mm"
+
+
+@dataclass(frozen=True)
+class ExpectedClean:
+    """What a system reaches on clean frames where it works as it should; a ratio to a worse error says little."""
+
+    ate_m: float = key("largest ATE RMSE, by protocol strict", unit="m", above=0.0, maximum=1e6)
+    scale_off: float | None = key(
+        "how far the scale of the path may be from 1; left out where it is the system's own", default=None, above=0.0
+    )
+
+    @property
+    def text(self) -> str:
+        """It, in words."""
+        scale = "" if self.scale_off is None else f", scale within {100.0 * self.scale_off:.3g} %"
+        return f"ATE at most {_length(self.ate_m)}{scale}"
+
+    def unmet(self, ate_m: float | None, scale: float | None) -> list[str]:
+        """Return what of a clean run is not as expected, in words. ate_m, scale: None where it has none."""
+        found = [f"ATE {_length(ate_m)}"] if ate_m is not None and ate_m > self.ate_m else []
+        if self.scale_off is not None and scale is not None and abs(scale - 1.0) > self.scale_off:
+            found.append(f"scale {scale:.3f}")
+        return found
+
+
 @dataclass(frozen=True)
 class System:
     """A SLAM system. file: its definition, for messages."""
@@ -197,6 +224,7 @@ class System:
         pattern=_no_word,
     )
     remedy: str = key("what to do where it cannot be run", default="")
+    expects_clean: ExpectedClean | None = key("what is expected of it on clean frames", default=None)
     file: Path = field(default=Path(), metadata={"key": None})
 
     @cached_property

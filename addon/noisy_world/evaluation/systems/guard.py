@@ -102,7 +102,7 @@ class ResourceLimits:
         # A disk that is nearly full from the start is not the system's doing.
         self._least_free = min(LEAST_FREE_BYTES, self._free_bytes() // 2)
 
-    def problem(self, processes: "Processes", *, now: bool = False) -> str:
+    def problem(self, processes: "CommandProcesses", *, now: bool = False) -> str:
         """Return which limit is passed; "" for none. now: look at all files, though it was just done."""
         if self._free_bytes() < self._least_free:
             return f"left less than {self._least_free / 1e6:.0f} MB of the disk free"
@@ -134,7 +134,7 @@ class ResourceLimits:
                 return f"made more than {DEEPEST} folders in each other"
         return ""
 
-    def _of_processes(self, processes: "Processes") -> str:
+    def _of_processes(self, processes: "CommandProcesses") -> str:
         most, most_bytes = self._limits["processes"], self._limits["memory_bytes"]
         found = processes.below()
         if len(found) > most:
@@ -161,7 +161,7 @@ def files_below(folders: list[str]) -> Iterator[tuple[os.stat_result, int]]:
                 yield os.lstat("/"), DEEPEST + 1
 
 
-class Processes:
+class CommandProcesses:
     """The processes of a command: those below this one and, where there is one, those in its cgroup."""
 
     def __init__(self) -> None:
@@ -281,7 +281,7 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
     started = time.monotonic()
     logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
     limits = ResourceLimits(order["limits"], order["counted"])
-    processes = Processes()
+    processes = CommandProcesses()
     largest = order["limits"]["written_bytes"]
 
     def enter() -> None:
@@ -330,7 +330,11 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
 
 
 def attend(
-    process: subprocess.Popen, outputs: dict[int, Log], until: float, limits: ResourceLimits, processes: Processes
+    process: subprocess.Popen,
+    outputs: dict[int, Log],
+    until: float,
+    limits: ResourceLimits,
+    processes: CommandProcesses,
 ) -> tuple[str, str]:
     """Write what a process says to logs until it ends or has to; return which, and which limit it went over."""
     asked = sys.stdin.fileno()

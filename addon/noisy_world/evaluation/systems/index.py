@@ -8,7 +8,7 @@ isolated, they are links.
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from ...core.regular_files import read_bytes
 from ...core.trajectories.sensor_paths import SensorPaths
 from ...core.trajectories.trajectory import Trajectory
 from .definition import Modality
+from .depth_noise import measured_inverse_depth
 
 _KINDS: tuple[tuple[bytes, Image], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "jpg"))
 
@@ -50,11 +51,14 @@ class GivenSequence:
         """Return the index as plain JSON values: camera, steps of depth a metre, and the frames in order of time.
 
         Files are absolute: those in the folder of images, which `write_index` writes; without one, the sequence's own.
-        A modality that the system does not read is null.
+        A modality that the system does not read is null, and so is what its depth is like.
         """
         camera, stored = self.camera, self.stored
         colour = [self._named(images, file, "colour") for file in stored.rgb_files]
         depth = [self._named(images, file, "depth") for file in stored.depth_files]
+        inverse = None
+        if "depth" in self.modalities:
+            inverse = measured_inverse_depth(stored.depth_files, stored.depth_scale_per_m)
         rows = zip(self.stamps_s, colour, depth, stored.stamps.depth.seconds.tolist(), strict=True)
         return {
             "camera": {
@@ -66,6 +70,7 @@ class GivenSequence:
                 "cy": camera.cy_px,
             },
             "depth_scale_per_m": float(stored.depth_scale_per_m),
+            "inverse_depth": None if inverse is None else asdict(inverse),
             "frames": [
                 {"index": index, "stamp_s": stamp_s, "colour": rgb, "depth": depth, "depth_stamp_s": depth_s}
                 for index, (stamp_s, rgb, depth, depth_s) in enumerate(rows)

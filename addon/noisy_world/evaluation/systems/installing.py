@@ -105,18 +105,20 @@ def _make_environment(folder: Path, python: str, digest: str, tell: Callable[[st
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         (folder / _UNFINISHED).touch()
-    _run([python, "-m", "venv", str(folder)], folder, f"{python} cannot make it; on Debian, its package ends in -venv")
-    tell("installing its packages, some 630 MB on disk")
+    run_step(
+        [python, "-m", "venv", str(folder)], folder, f"{python} cannot make it; on Debian, its package ends in -venv"
+    )
+    tell("installing its packages, some 770 MB on disk")
     pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     pinned = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(shipped(LOCK))]
-    _run([*pip, *pinned], folder, "its packages cannot be installed; the same command again begins anew")
+    run_step([*pip, *pinned], folder, "its packages cannot be installed; the same command again begins anew")
     with storage_errors(folder):
         (folder / _INSTALLED).write_text(digest + "\n")
         (folder / _UNFINISHED).unlink()
 
 
-def _run(command: list[str], folder: Path, problem: str) -> None:
-    """Run a command. Raises StorageError with its last line where it fails."""
+def run_step(command: list[str], folder: Path, problem: str) -> None:
+    """Run a command of an installation. Raises StorageError with its last line where it fails."""
     own = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
     done = subprocess.run(  # noqa: S603 - our own
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace", env=own, check=False

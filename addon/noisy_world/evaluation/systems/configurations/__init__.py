@@ -37,7 +37,8 @@ CONFIGURATIONS: dict[str, Configuration] = {
         "nice-slam", "https://github.com/cvg/nice-slam", imap, ("run.py", "configs/Replica/replica_imap.yaml")
     ),
     "nice_slam": Configuration(
-        "nice-slam", "https://github.com/cvg/nice-slam", nice_slam, ("run.py", "configs/Replica/replica.yaml")
+        "nice-slam", "https://github.com/cvg/nice-slam", nice_slam,
+        ("run.py", "configs/Replica/replica.yaml", "pretrained/coarse.pt", "pretrained/middle_fine.pt"),
     ),
     "co_slam": Configuration(
         "co-slam", "https://github.com/HengyiWang/Co-SLAM", co_slam, ("coslam.py", "configs/Replica/replica.yaml")

@@ -12,27 +12,30 @@ from ....core.yaml_reading import yaml_text
 from ..readers.frames import Index
 from .given import RESULT, bound_m, camera_keys, scaled_edges, then_poses, write_sequence, write_text
 
+_IMAP_SCALE = 0.1  # configs/imap.yaml, as programs/checkpoint_poses.py undoes it
 _EDGE_PX = 100  # configs/Replica/replica.yaml: tracking.ignore_edge_W and _H
 
 
 def nice_slam(index: Index, folder: Path) -> list[str]:
     """Write sequence and configuration into a run's folder; return the arguments of Python."""
-    return _started(folder, "run.py", str(_write(index, folder, "configs/Replica/replica.yaml")))
+    return _started("nice_slam", folder, str(_write(index, folder, "configs/Replica/replica.yaml", {})))
 
 
 def imap(index: Index, folder: Path) -> list[str]:
     """Write sequence and configuration into a run's folder; return the arguments of Python."""
-    return _started(folder, "run.py", str(_write(index, folder, "configs/Replica/replica_imap.yaml")), "--imap")
+    own = {"scale": _IMAP_SCALE}
+    return _started("imap", folder, str(_write(index, folder, "configs/Replica/replica_imap.yaml", own)), "--imap")
 
 
-def _started(folder: Path, *words: str) -> list[str]:
-    return then_poses("nice_slam", folder / RESULT / "ckpts", folder, *words)
+def _started(kind: str, folder: Path, *words: str) -> list[str]:
+    return then_poses(kind, folder / RESULT / "ckpts", folder, "run.py", *words)
 
 
-def _write(index: Index, folder: Path, inherited: str) -> Path:
+def _write(index: Index, folder: Path, inherited: str, own: dict[str, Any]) -> Path:
     sequence, bound = write_sequence(index, folder), bound_m(index)
     document: dict[str, Any] = {
         "inherit_from": inherited,
+        **own,
         "tracking": scaled_edges(index, _EDGE_PX),
         "mapping": {"bound": bound, "marching_cubes_bound": bound},
         "meshing": {"eval_rec": False},

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Poses of a checkpoint that torch saved; a program of its own, for the Python of the system that saved it.
 
-    PYTHON checkpoint_poses.py nice_slam|co_slam CHECKPOINTS OUT [PROGRAM ARGUMENTS ...]
+    PYTHON checkpoint_poses.py nice_slam|imap|co_slam CHECKPOINTS OUT [PROGRAM ARGUMENTS ...]
 
 A PROGRAM is run first, by the same Python. CHECKPOINTS is a checkpoint, or a folder, of whose checkpoints the one with
 the highest number is read. Writes OUT/poses.npz: `poses`, (N, 4, 4) float64, camera-to-world with OpenGL's axes, and
@@ -9,10 +9,10 @@ the highest number is read. Writes OUT/poses.npz: `poses`, (N, 4, 4) float64, ca
 
 NICE-SLAM and its iMAP (src/utils/Logger.py and src/tools/eval_ate.py of https://github.com/cvg/nice-slam):
 ckpts/00000.tar, where `estimate_c2w_list` has a matrix for each frame, zeros where the tracker has not come to, and
-`idx` is the last frame of the estimate. Co-SLAM (save_ckpt and convert_relative_pose in coslam.py of
-https://github.com/HengyiWang/Co-SLAM): checkpointN.pt, where `pose` maps a frame's number to a matrix as it was
-tracked; `pose_rel` maps the first frame, and those that are no keyframes, to their pose relative to the keyframe before
-them, which was optimised further after the frame was tracked.
+`idx` is the last frame of the estimate; lengths are `scale` times metres, a tenth in configs/imap.yaml. Co-SLAM
+(save_ckpt and convert_relative_pose in coslam.py of https://github.com/HengyiWang/Co-SLAM): checkpointN.pt, where
+`pose` maps a frame's number to a matrix as it was tracked; `pose_rel` maps the first frame, and those that are no
+keyframes, to their pose relative to the keyframe before them, which was optimised further after the frame was tracked.
 
 Its language is that of Python 3.7, which these systems are installed with.
 """
@@ -30,7 +30,8 @@ from typing import Any
 
 import numpy as np
 
-NAMES = {"nice_slam": r"(\d+)\.tar", "co_slam": r"checkpoint(\d+)\.pt"}
+NAMES = {"nice_slam": r"(\d+)\.tar", "imap": r"(\d+)\.tar", "co_slam": r"checkpoint(\d+)\.pt"}
+IMAP_SCALE = 0.1  # of configs/imap.yaml: its lengths are so many times metres
 
 
 def main(arguments: list[str]) -> None:
@@ -45,7 +46,7 @@ def main(arguments: list[str]) -> None:
     path = last_checkpoint(kind, Path(checkpoints))
     held = loaded(path, trusted=bool(program))
     try:
-        found = {"nice_slam": of_nice_slam, "co_slam": of_co_slam}[kind](held)
+        found = {"nice_slam": of_nice_slam, "imap": of_imap, "co_slam": of_co_slam}[kind](held)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         sys.exit(f"{path}: holds no poses as {kind} saves them: {in_a_line(error)}")
     for name, (frames, poses) in found.items():
@@ -93,6 +94,14 @@ def of_nice_slam(held: Any) -> dict[str, tuple[Any, np.ndarray]]:
     if not 0 <= last < len(poses):
         raise ValueError(f"idx is {last}, of {len(poses)} frames")
     return {"poses.npz": (range(last + 1), poses[: last + 1])}
+
+
+def of_imap(held: Any) -> dict[str, tuple[Any, np.ndarray]]:
+    """Return the poses of iMAP by the file's name, in metres, as src/tools/eval_ate.py has them."""
+    found = of_nice_slam(held)
+    for _, poses in found.values():
+        poses[:, :3, 3] /= IMAP_SCALE
+    return found
 
 
 def of_co_slam(held: Any) -> dict[str, tuple[Any, np.ndarray]]:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """ORB-SLAM3 on a sequence, by orbslam3-python; a program of its own, in an environment of systems.
 
-    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY [--mono]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --near-m M --pixel-noise-px PX --slope S
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --near-m M --bf-px-m BF [--misread]
+    .venv-slam/bin/python orb_slam3.py FRAMES OUT VOCABULARY --mono
     .venv-slam/bin/python orb_slam3.py --versions VOCABULARY
 
 Writes trajectory.txt (TUM, camera-to-world, the tracked frames), keyframes.txt and frames.csv. Poses are those at the
@@ -23,52 +25,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from frame_files import inverse, read_image, rigid, tum_text
+from orb_settings import add_options, gap_of, settings_text
 
 try:
     import orbslam3  # pyright: ignore[reportMissingImports] - of the other environment
 except ImportError as error:  # of several lines, the last of which names nothing
     sys.exit(f"orbslam3 cannot be imported: {' '.join(str(error).split())}")
 
-# As TUM1.yaml of ORB-SLAM3 has them, but for what follows from camera and rate. The baseline of a virtual right camera
-# says how much depth counts against pixels. TUM1.yaml has 40 pixels of disparity at a metre, for a Kinect; with depth
-# as exact as a renderer's, 80 nearly halve the error of two clean embedded rooms at 320 x 240.
-BASELINE_PX_M = 80.0
-NEAR_M = 3.1  # points that are farther are triangulated from several frames: 40 px / 517 px * 40, of TUM1.yaml
-FEATURES = 1000
-SETTINGS = """%YAML:1.0
-File.version: "1.0"
-Camera.type: "PinHole"
-Camera1.fx: {fx:.9f}
-Camera1.fy: {fy:.9f}
-Camera1.cx: {cx:.9f}
-Camera1.cy: {cy:.9f}
-Camera1.k1: 0.0
-Camera1.k2: 0.0
-Camera1.p1: 0.0
-Camera1.p2: 0.0
-Camera.width: {width:d}
-Camera.height: {height:d}
-Camera.fps: {fps:d}
-Camera.RGB: 1
-Stereo.b: {baseline_m:.9f}
-Stereo.ThDepth: {near_baselines:.9f}
-RGBD.DepthMapFactor: 1.0
-ORBextractor.nFeatures: {features:d}
-ORBextractor.scaleFactor: 1.2
-ORBextractor.nLevels: 8
-ORBextractor.iniThFAST: 20
-ORBextractor.minThFAST: 7
-Viewer.KeyFrameSize: 0.05
-Viewer.KeyFrameLineWidth: 1.0
-Viewer.GraphLineWidth: 0.9
-Viewer.PointSize: 2.0
-Viewer.CameraSize: 0.08
-Viewer.CameraLineWidth: 3.0
-Viewer.ViewpointX: 0.0
-Viewer.ViewpointY: -0.7
-Viewer.ViewpointZ: -1.8
-Viewer.ViewpointF: 500.0
-"""
 THREADS = Path("/proc/self/task")
 BUSY = ("R", "D")  # states of a thread that has something to do
 QUIET_S, QUIET_TIMES = 0.002, 3  # chosen: the map's threads look for work every 3 and every 5 ms
@@ -85,13 +48,16 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("frames", type=Path, help="the index of the frames")
     parser.add_argument("out", type=Path, help="the folder to write into")
     parser.add_argument("vocabulary", type=Path, help="a vocabulary in DBoW2's text format")
-    parser.add_argument("--mono", action="store_true", help="without depth")
+    add_options(parser)
+    parser.add_argument(
+        "--misread", action="store_true", help="depth as the paper's published code reads it: as a colour image"
+    )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     index = json.loads(options.frames.read_text(encoding="utf-8"))
     settings = options.out / "orb_slam3.yaml"
-    settings.write_text(settings_text(index), encoding="utf-8")
-    run(index, options.out, options.vocabulary, settings, mono=options.mono)
+    settings.write_text(settings_text(index, options), encoding="utf-8")
+    run(index, options.out, options.vocabulary, settings, mono=options.mono, misreading=options.misread)
     return 0
 
 
@@ -106,26 +72,7 @@ def versions(vocabulary: Path) -> dict[str, str]:
     }
 
 
-def settings_text(index: dict) -> str:
-    """Return ORB-SLAM3's settings for a camera and its rate."""
-    camera = index["camera"]
-    baseline_m = BASELINE_PX_M / camera["fx"]
-    return SETTINGS.format(
-        **camera,
-        fps=max(1, round(1.0 / gap_of(index))),
-        baseline_m=baseline_m,
-        near_baselines=NEAR_M / baseline_m,
-        features=FEATURES,
-    )
-
-
-def gap_of(index: dict) -> float:
-    """Return the seconds between frames; those of 20 Hz for a single frame."""
-    stamps_s = [frame["stamp_s"] for frame in index["frames"]]
-    return float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else 0.05
-
-
-def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool) -> None:
+def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool, misreading: bool) -> None:
     """Show all frames to the system, then write what it estimated."""
     sensor = orbslam3.Sensor.MONOCULAR if mono else orbslam3.Sensor.RGBD
     system = orbslam3.System(str(vocabulary), str(settings), sensor)
@@ -144,6 +91,7 @@ def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool)
             system.process_image_mono(colour, stamp_s)
         else:
             steps = read_image(frame["depth"], cv2.IMREAD_UNCHANGED)
+            steps = misread(steps) if misreading else steps
             system.process_image_rgbd(colour, (steps / index["depth_scale_per_m"]).astype(np.float32), stamp_s)
         tracking_s = time.thread_time() - begun_s
         settle(others_s, gap_s)
@@ -168,6 +116,15 @@ def run(index: dict, out: Path, vocabulary: Path, settings: Path, *, mono: bool)
     }
     (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
     (out / "keyframes.txt").write_text(tum_text(stamps_s, keyframes), encoding="utf-8")
+
+
+def misread(steps: np.ndarray) -> np.ndarray:
+    """Return depth (H, W) uint16 as ORB-SLAM3 gets it where a program reads its file as a colour image.
+
+    OpenCV keeps the upper 8 bits, three times beside each other; ORB-SLAM3 takes the row as if it had one channel, so
+    that column u holds what column u // 3 should, 256 times too small (perturb_image.py, line 59, of the paper's code).
+    """
+    return (steps >> 8)[:, np.arange(steps.shape[1]) // 3]
 
 
 def settle(begun_s: float, period_s: float) -> None:
